@@ -1,0 +1,2 @@
+//! The `gpsindy` program.
+fn main() {}

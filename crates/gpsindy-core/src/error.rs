@@ -1,0 +1,153 @@
+//! The one error type: variants by what the caller can do about them.
+
+/// Result with the crate's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, in the words of the user.
+///
+/// The first group says that the input is wrong, the second that the numbers refuse, the third
+/// that somebody else's code failed or asked to stop. A weak but usable result is never an error:
+/// it is data in the result (`converged`, `equivalent`, ...).
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Two sizes that must agree do not.
+    #[error("{what}: expected {expected}, found {found}")]
+    Shape {
+        /// The argument, as the caller names it.
+        what: String,
+        /// The size that was needed.
+        expected: String,
+        /// The size that came.
+        found: String,
+    },
+    /// A setting lies outside its range.
+    #[error("`{name}` must be {expected}, found {found}")]
+    Range {
+        /// The setting, as the caller names it.
+        name: String,
+        /// The range in words.
+        expected: String,
+        /// The value that came.
+        found: String,
+    },
+    /// A value is infinite or not a number where that can't be.
+    #[error("{what}: not a finite number; remove the sample or leave the cell empty")]
+    NotFinite {
+        /// Where the value stands.
+        what: String,
+    },
+    /// There are fewer samples than the step can work with.
+    #[error("{what}: needs at least {needed} samples, found {found}")]
+    TooFewSamples {
+        /// The run, channel or step.
+        what: String,
+        /// The smallest number that works.
+        needed: usize,
+        /// The number that came.
+        found: usize,
+    },
+    /// An expression or a setting written as text can't be read.
+    #[error("`{text}`, at character {position}: {message}")]
+    Parse {
+        /// The whole text.
+        text: String,
+        /// Counted from 1, in characters.
+        position: usize,
+        /// What was found, and what was expected there.
+        message: String,
+    },
+    /// A name that nothing carries.
+    #[error("{kind} `{name}` is unknown{}", known_names(.known))]
+    UnknownName {
+        /// What the name was taken for: "state", "column", "term", ...
+        kind: String,
+        /// The name.
+        name: String,
+        /// The names that would have been understood.
+        known: Vec<String>,
+    },
+    /// A name that stands twice where it may stand once.
+    #[error("{kind} `{name}` stands twice; rename one of them")]
+    Duplicate {
+        /// What carries the name.
+        kind: String,
+        /// The name.
+        name: String,
+    },
+    /// Any other contradiction in what the user handed in; the text says what to do.
+    #[error("{message}")]
+    Invalid {
+        /// What is wrong and what to do.
+        message: String,
+    },
+    /// A matrix that must be positive definite is not, whatever small jitter is added.
+    #[error("{what} of {size} points stays indefinite with jitter {jitter:.0e}; raise the noise floor or thin the data")]
+    NotPositiveDefinite {
+        /// The matrix.
+        what: String,
+        /// Its size.
+        size: usize,
+        /// The largest jitter tried, relative to the diagonal.
+        jitter: f64,
+    },
+    /// A trajectory left all bounds.
+    #[error("{what} diverged at t = {time} s: {state} is {value:e}")]
+    Diverged {
+        /// The model or run.
+        what: String,
+        /// Time of the first value out of bounds, s.
+        time: f64,
+        /// The state that left.
+        state: String,
+        /// Its value there.
+        value: f64,
+    },
+    /// A search found nothing usable.
+    #[error("{what} found no usable solution: {why}")]
+    NotConverged {
+        /// The step.
+        what: String,
+        /// Why, and what to try.
+        why: String,
+    },
+    /// The user's own function failed; its error is passed on unchanged.
+    #[error(transparent)]
+    Callback(Box<dyn std::error::Error + Send + Sync>),
+    /// The progress callback asked to stop.
+    #[error("stopped on request")]
+    Cancelled,
+}
+
+fn known_names(known: &[String]) -> String {
+    if known.is_empty() {
+        return String::new();
+    }
+    format!("; known: {}", known.join(", "))
+}
+
+impl Error {
+    /// An [`Error::Invalid`] with this message.
+    pub fn invalid(message: impl Into<String>) -> Self {
+        Self::Invalid { message: message.into() }
+    }
+
+    /// An [`Error::UnknownName`] that lists what would have been understood.
+    pub fn unknown<S: AsRef<str>>(kind: &str, name: &str, known: impl IntoIterator<Item = S>) -> Self {
+        Self::UnknownName {
+            kind: kind.into(),
+            name: name.into(),
+            known: known.into_iter().map(|k| k.as_ref().to_string()).collect(),
+        }
+    }
+
+    /// An [`Error::Range`] for the setting `name`.
+    pub fn range(name: &str, expected: &str, found: impl std::fmt::Display) -> Self {
+        Self::Range { name: name.into(), expected: expected.into(), found: found.to_string() }
+    }
+
+    /// An [`Error::Shape`] for the argument `what`.
+    pub fn shape(what: impl Into<String>, expected: impl std::fmt::Display, found: impl std::fmt::Display) -> Self {
+        Self::Shape { what: what.into(), expected: expected.to_string(), found: found.to_string() }
+    }
+}

@@ -1,0 +1,14 @@
+//! Sparse, noisy logs of a real machine to equations, and a diagnosis of where a simulator is wrong.
+//!
+//! Few nouns: [`Dataset`] (runs of samples), `Library` (candidate terms), `Model` (a named ODE),
+//! `Effect` (a physical hypothesis), `Diagnosis`. Verbs: smooth, identify, simulate, score, diagnose.
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod data;
+mod error;
+mod progress;
+
+pub use data::{Channel, Dataset, Run};
+pub use error::{Error, Result};
+pub use progress::{Progress, Silent};

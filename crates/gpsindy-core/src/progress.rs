@@ -1,0 +1,26 @@
+//! How a long computation tells where it is, and is asked to stop.
+
+use crate::error::{Error, Result};
+
+/// Receives progress; the answer `false` asks the computation to stop with [`Error::Cancelled`].
+///
+/// Called from the thread that started the computation and from workers, so it must be `Sync`.
+pub trait Progress: Sync {
+    /// `done` of `total` parts of `stage` are finished. Returns whether to go on.
+    fn report(&self, stage: &str, done: usize, total: usize) -> bool;
+}
+
+/// Says nothing and never stops.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn report(&self, _stage: &str, _done: usize, _total: usize) -> bool {
+        true
+    }
+}
+
+/// Reports and turns a request to stop into the error.
+pub(crate) fn step(progress: &dyn Progress, stage: &str, done: usize, total: usize) -> Result<()> {
+    if progress.report(stage, done, total) { Ok(()) } else { Err(Error::Cancelled) }
+}
