@@ -234,7 +234,9 @@ fn check_run(channels: &[Channel], run: &Run) -> Result<()> {
     }
     for (j, channel) in channels.iter().enumerate() {
         if let Some(i) = run.column(j).iter().position(|v| v.is_infinite()) {
-            return Err(Error::NotFinite { what: format!("run `{}`, channel `{}`, sample {}", run.name, channel.name, i + 1) });
+            return Err(Error::NotFinite {
+                what: format!("run `{}`, channel `{}`, sample {}", run.name, channel.name, i + 1),
+            });
         }
     }
     Ok(())
@@ -262,7 +264,9 @@ mod tests {
 
     #[test]
     fn unwrapping_crosses_missing_samples() {
-        let mut data = Dataset::new(vec![Channel::new("x")], vec![run(&[0.0, 1.0, 2.0, 3.0], &[3.0, f64::NAN, -3.0, -2.5])]).unwrap();
+        let mut data =
+            Dataset::new(vec![Channel::new("x")], vec![run(&[0.0, 1.0, 2.0, 3.0], &[3.0, f64::NAN, -3.0, -2.5])])
+                .unwrap();
         data.unwrap_angle("x").unwrap();
         let turn = std::f64::consts::TAU;
         let values = data.runs()[0].column(0);
@@ -276,8 +280,12 @@ mod tests {
     fn concat_follows_names_and_not_positions() {
         let channels = |a: &str, b: &str| vec![Channel::new(a), Channel::new(b)];
         let values = |x: f64, y: f64| Mat::from_fn(1, 2, |_, j| if j == 0 { x } else { y });
-        let one = Dataset::new(channels("a", "b"), vec![Run { name: "1".into(), time: vec![0.0], values: values(1.0, 2.0) }]).unwrap();
-        let two = Dataset::new(channels("b", "a"), vec![Run { name: "2".into(), time: vec![0.0], values: values(4.0, 3.0) }]).unwrap();
+        let one =
+            Dataset::new(channels("a", "b"), vec![Run { name: "1".into(), time: vec![0.0], values: values(1.0, 2.0) }])
+                .unwrap();
+        let two =
+            Dataset::new(channels("b", "a"), vec![Run { name: "2".into(), time: vec![0.0], values: values(4.0, 3.0) }])
+                .unwrap();
         let both = Dataset::concat(vec![one, two]).unwrap();
         assert_eq!(both.runs()[1].values[(0, 0)], 3.0);
     }

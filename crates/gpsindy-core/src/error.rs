@@ -82,7 +82,9 @@ pub enum Error {
         message: String,
     },
     /// A matrix that must be positive definite is not, whatever small jitter is added.
-    #[error("{what} of {size} points stays indefinite with jitter {jitter:.0e}; raise the noise floor or thin the data")]
+    #[error(
+        "{what} of {size} points stays indefinite with jitter {jitter:.0e}; raise the noise floor or thin the data"
+    )]
     NotPositiveDefinite {
         /// The matrix.
         what: String,

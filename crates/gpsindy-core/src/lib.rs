@@ -7,8 +7,10 @@
 
 mod data;
 mod error;
+mod expression;
 mod progress;
 
 pub use data::{Channel, Dataset, Run};
 pub use error::{Error, Result};
+pub use expression::{Expression, Function, Operator, Tape};
 pub use progress::{Progress, Silent};

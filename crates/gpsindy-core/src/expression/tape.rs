@@ -1,0 +1,374 @@
+//! Expressions compiled to a straight-line program over registers, evaluated for several lanes at once.
+//!
+//! Equal parts are computed once (also across equations). A lane is one set of values: a batch of
+//! perturbed parameters, of initial states or of samples runs through the same instructions together.
+
+use super::{Expression, Function, Operator};
+use crate::error::{Error, Result};
+use std::collections::HashMap;
+
+type Register = u32;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Operation {
+    Negate,
+    Binary(Operator),
+    Square,
+    Cube,
+    Call(Function),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Instruction {
+    operation: Operation,
+    /// Unused operands repeat the first.
+    operands: [Register; 3],
+}
+
+/// One call of the user's own simulator: its arguments, and where its outputs go.
+#[derive(Debug, Clone, PartialEq)]
+struct SimulatorCall {
+    arguments: Vec<Register>,
+    first_output: Register,
+    n_outputs: usize,
+}
+
+/// A compiled list of expressions.
+///
+/// Registers hold, in this order: the variables, the time, the constants, the results.
+#[derive(Debug, Clone)]
+pub struct Tape {
+    n_variables: usize,
+    constants: Vec<f64>,
+    instructions: Vec<Step>,
+    n_registers: usize,
+    outputs: Vec<Register>,
+}
+
+#[derive(Debug, Clone)]
+enum Step {
+    Compute(Instruction, Register),
+    Simulate(SimulatorCall),
+}
+
+/// The user's own simulator as a tape sees it: arguments to outputs, for one lane.
+pub(crate) type SimulatorFunction<'a> = &'a dyn Fn(&[f64], &mut [f64]);
+
+struct Compiler<'a> {
+    variables: &'a [String],
+    constants: Vec<f64>,
+    known: HashMap<Instruction, Register>,
+    simulators: HashMap<Vec<Register>, Register>,
+    n_simulator_outputs: usize,
+    steps: Vec<Step>,
+    next: Register,
+}
+
+impl Tape {
+    /// Compiles `expressions` of the variables `variables` (and of time).
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for a name that is not among the variables; `delay` and `play`,
+    /// which need a history, are refused here: a compiled model replaces them by inputs first.
+    pub fn new(expressions: &[Expression], variables: &[String]) -> Result<Self> {
+        Self::with_simulator(expressions, variables, 0)
+    }
+
+    /// As [`Tape::new`], for expressions that call a simulator with `n_simulator_outputs` outputs.
+    pub(crate) fn with_simulator(
+        expressions: &[Expression],
+        variables: &[String],
+        n_simulator_outputs: usize,
+    ) -> Result<Self> {
+        let mut constants = Vec::new();
+        for expression in expressions {
+            expression.visit(&mut |part| {
+                let value = match part {
+                    Expression::Number(value) => *value,
+                    Expression::Pi => std::f64::consts::PI,
+                    _ => return,
+                };
+                if !constants.iter().any(|c: &f64| c.to_bits() == value.to_bits()) {
+                    constants.push(value);
+                }
+            });
+        }
+        let next = (variables.len() + 1 + constants.len()) as Register;
+        let mut compiler = Compiler {
+            variables,
+            constants,
+            known: HashMap::new(),
+            simulators: HashMap::new(),
+            n_simulator_outputs,
+            steps: Vec::new(),
+            next,
+        };
+        let outputs = expressions.iter().map(|e| compiler.compile(e)).collect::<Result<_>>()?;
+        Ok(Self {
+            n_variables: variables.len(),
+            constants: compiler.constants,
+            instructions: compiler.steps,
+            n_registers: compiler.next as usize,
+            outputs,
+        })
+    }
+
+    /// Number of variables it reads.
+    pub fn n_variables(&self) -> usize {
+        self.n_variables
+    }
+
+    /// Number of expressions.
+    pub fn n_outputs(&self) -> usize {
+        self.outputs.len()
+    }
+
+    /// Registers for [`Tape::evaluate`], with the constants in place.
+    pub fn registers<const L: usize>(&self) -> Vec<[f64; L]> {
+        let mut registers = vec![[0.0; L]; self.n_registers];
+        for (i, &value) in self.constants.iter().enumerate() {
+            registers[self.n_variables + 1 + i] = [value; L];
+        }
+        registers
+    }
+
+    /// Runs the program. The caller has put the variables into the first registers and the time behind them.
+    pub fn evaluate<const L: usize>(&self, registers: &mut [[f64; L]]) {
+        self.evaluate_with(registers, &|_, outputs| outputs.fill(f64::NAN));
+    }
+
+    /// As [`Tape::evaluate`], with the user's own simulator.
+    pub(crate) fn evaluate_with<const L: usize>(&self, registers: &mut [[f64; L]], simulator: SimulatorFunction<'_>) {
+        for step in &self.instructions {
+            match step {
+                Step::Compute(instruction, out) => {
+                    let [a, b, c] = instruction.operands.map(|r| r as usize);
+                    registers[*out as usize] =
+                        compute(instruction.operation, &registers[a], &registers[b], &registers[c]);
+                }
+                Step::Simulate(call) => simulate(call, registers, simulator),
+            }
+        }
+    }
+
+    /// Result number `output` after [`Tape::evaluate`].
+    pub fn output<const L: usize>(&self, registers: &[[f64; L]], output: usize) -> [f64; L] {
+        registers[self.outputs[output] as usize]
+    }
+
+    /// All results for one set of values: `variables` in the order of compilation, `time` in s.
+    pub fn evaluate_once(&self, variables: &[f64], time: f64) -> Vec<f64> {
+        let mut registers = self.registers::<1>();
+        for (register, &value) in registers.iter_mut().zip(&variables[..self.n_variables]) {
+            *register = [value];
+        }
+        registers[self.n_variables] = [time];
+        self.evaluate(&mut registers);
+        (0..self.n_outputs()).map(|i| self.output(&registers, i)[0]).collect()
+    }
+}
+
+impl Compiler<'_> {
+    fn constant(&self, value: f64) -> Register {
+        let place = self.constants.iter().position(|c| c.to_bits() == value.to_bits()).unwrap_or(0);
+        (self.variables.len() + 1 + place) as Register
+    }
+
+    fn compile(&mut self, expression: &Expression) -> Result<Register> {
+        match expression {
+            Expression::Number(value) => Ok(self.constant(*value)),
+            Expression::Pi => Ok(self.constant(std::f64::consts::PI)),
+            Expression::Time => Ok(self.variables.len() as Register),
+            Expression::Variable(name) => self
+                .variables
+                .iter()
+                .position(|v| v == name)
+                .map(|i| i as Register)
+                .ok_or_else(|| Error::unknown("name", name, self.variables)),
+            Expression::Negate(a) => {
+                let a = self.compile(a)?;
+                Ok(self.emit(Operation::Negate, [a, a, a]))
+            }
+            Expression::Binary(Operator::Power, a, b) => {
+                let a = self.compile(a)?;
+                match **b {
+                    Expression::Number(2.0) => Ok(self.emit(Operation::Square, [a, a, a])),
+                    Expression::Number(3.0) => Ok(self.emit(Operation::Cube, [a, a, a])),
+                    ref b => {
+                        let b = self.compile(b)?;
+                        Ok(self.emit(Operation::Binary(Operator::Power), [a, b, a]))
+                    }
+                }
+            }
+            Expression::Binary(operator, a, b) => {
+                let (a, b) = (self.compile(a)?, self.compile(b)?);
+                Ok(self.emit(Operation::Binary(*operator), [a, b, a]))
+            }
+            Expression::Call(function @ (Function::Delay | Function::Play), _) => Err(Error::invalid(format!(
+                "`{}` may only be used in a model's equations and measured outputs: `{expression}`",
+                function.name()
+            ))),
+            Expression::Call(function, arguments) => {
+                let registers = arguments.iter().map(|a| self.compile(a)).collect::<Result<Vec<_>>>()?;
+                let operand = |i: usize| registers.get(i).copied().unwrap_or(registers[0]);
+                Ok(self.emit(Operation::Call(*function), [operand(0), operand(1), operand(2)]))
+            }
+            Expression::Simulator(output, arguments) => self.simulator(*output, arguments),
+        }
+    }
+
+    fn simulator(&mut self, output: usize, arguments: &[Expression]) -> Result<Register> {
+        if output >= self.n_simulator_outputs {
+            return Err(Error::range("simulator output", &format!("below {}", self.n_simulator_outputs), output));
+        }
+        let arguments = arguments.iter().map(|a| self.compile(a)).collect::<Result<Vec<_>>>()?;
+        if let Some(first) = self.simulators.get(&arguments) {
+            return Ok(first + output as Register);
+        }
+        let first_output = self.next;
+        self.next += self.n_simulator_outputs as Register;
+        self.simulators.insert(arguments.clone(), first_output);
+        let n_outputs = self.n_simulator_outputs;
+        self.steps.push(Step::Simulate(SimulatorCall { arguments, first_output, n_outputs }));
+        Ok(first_output + output as Register)
+    }
+
+    fn emit(&mut self, operation: Operation, operands: [Register; 3]) -> Register {
+        let instruction = Instruction { operation, operands };
+        if let Some(&register) = self.known.get(&instruction) {
+            return register;
+        }
+        let register = self.next;
+        self.next += 1;
+        self.known.insert(instruction, register);
+        self.steps.push(Step::Compute(instruction, register));
+        register
+    }
+}
+
+fn simulate<const L: usize>(call: &SimulatorCall, registers: &mut [[f64; L]], simulator: SimulatorFunction<'_>) {
+    let mut arguments = vec![0.0; call.arguments.len()];
+    let mut outputs = vec![0.0; call.n_outputs];
+    for lane in 0..L {
+        for (value, &register) in arguments.iter_mut().zip(&call.arguments) {
+            *value = registers[register as usize][lane];
+        }
+        simulator(&arguments, &mut outputs);
+        for (i, &value) in outputs.iter().enumerate() {
+            registers[call.first_output as usize + i][lane] = value;
+        }
+    }
+}
+
+#[inline(always)]
+fn compute<const L: usize>(operation: Operation, a: &[f64; L], b: &[f64; L], c: &[f64; L]) -> [f64; L] {
+    let one = |f: fn(f64) -> f64| std::array::from_fn(|i| f(a[i]));
+    match operation {
+        Operation::Negate => std::array::from_fn(|i| -a[i]),
+        Operation::Square => std::array::from_fn(|i| a[i] * a[i]),
+        Operation::Cube => std::array::from_fn(|i| a[i] * a[i] * a[i]),
+        Operation::Binary(Operator::Add) => std::array::from_fn(|i| a[i] + b[i]),
+        Operation::Binary(Operator::Subtract) => std::array::from_fn(|i| a[i] - b[i]),
+        Operation::Binary(Operator::Multiply) => std::array::from_fn(|i| a[i] * b[i]),
+        Operation::Binary(Operator::Divide) => std::array::from_fn(|i| a[i] / b[i]),
+        Operation::Binary(Operator::Power) => std::array::from_fn(|i| a[i].powf(b[i])),
+        Operation::Call(function) => match function {
+            Function::Sin => one(f64::sin),
+            Function::Cos => one(f64::cos),
+            Function::Tan => one(f64::tan),
+            Function::Asin => one(f64::asin),
+            Function::Acos => one(f64::acos),
+            Function::Atan => one(f64::atan),
+            Function::Atan2 => std::array::from_fn(|i| a[i].atan2(b[i])),
+            Function::Sinh => one(f64::sinh),
+            Function::Cosh => one(f64::cosh),
+            Function::Tanh => one(f64::tanh),
+            Function::Exp => one(f64::exp),
+            Function::Log => one(f64::ln),
+            Function::Sqrt => one(f64::sqrt),
+            Function::Abs => one(f64::abs),
+            Function::Sign => one(sign),
+            Function::Min => std::array::from_fn(|i| a[i].min(b[i])),
+            Function::Max => std::array::from_fn(|i| a[i].max(b[i])),
+            Function::Step => one(|z| f64::from(z > 0.0)),
+            Function::Clamp => std::array::from_fn(|i| a[i].max(b[i]).min(c[i])),
+            Function::DeadZone => std::array::from_fn(|i| a[i] - a[i].max(-b[i]).min(b[i])),
+            Function::Delay | Function::Play => [f64::NAN; L],
+        },
+    }
+}
+
+/// -1, 0 or 1; `f64::signum` has no zero.
+fn sign(z: f64) -> f64 {
+    if z > 0.0 {
+        1.0
+    } else if z < 0.0 {
+        -1.0
+    } else {
+        z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_agree_with_single_evaluations() {
+        let expression = Expression::parse("-k*x^3 + clamp(u, -1, 1)*sin(x) - dead_zone(x, 0.3) + 2^x + t").unwrap();
+        let names: Vec<String> = ["k", "x", "u"].map(String::from).into();
+        let tape = Tape::new(&[expression], &names).unwrap();
+        let mut registers = tape.registers::<4>();
+        for lane in 0..4 {
+            let shift = lane as f64;
+            registers[0][lane] = 1.0 + shift;
+            registers[1][lane] = -1.0 + 0.7 * shift;
+            registers[2][lane] = -2.0 + 1.5 * shift;
+            registers[3][lane] = 0.25;
+        }
+        let inputs = registers.clone();
+        tape.evaluate(&mut registers);
+        for lane in 0..4 {
+            let alone = tape.evaluate_once(&[inputs[0][lane], inputs[1][lane], inputs[2][lane]], 0.25)[0];
+            assert_eq!(tape.output(&registers, 0)[lane], alone);
+        }
+    }
+
+    #[test]
+    fn known_values() {
+        for (source, wanted) in [
+            ("dead_zone(0.5, 0.2)", 0.3),
+            ("dead_zone(-0.5, 0.2)", -0.3),
+            ("dead_zone(0.1, 0.2)", 0.0),
+            ("step(0)", 0.0),
+            ("step(1e-9)", 1.0),
+            ("sign(-3)", -1.0),
+            ("sign(0)", 0.0),
+            ("clamp(5, -1, 2)", 2.0),
+            ("2^3^2", 512.0),
+            ("-2^2", -4.0),
+            ("min(1, 2) + max(1, 2)", 3.0),
+            ("log(exp(2))", 2.0),
+            ("7/2/2", 1.75),
+            ("1e3", 1000.0),
+            ("abs(-pi)", std::f64::consts::PI),
+        ] {
+            let tape = Tape::new(&[Expression::parse(source).unwrap()], &[]).unwrap();
+            let found = tape.evaluate_once(&[], 0.0)[0];
+            assert!((found - wanted).abs() < 1e-12, "{source} = {found}, not {wanted}");
+        }
+    }
+
+    #[test]
+    fn equal_parts_are_computed_once() {
+        let expressions = [Expression::parse("sin(x*y) + 1").unwrap(), Expression::parse("2*sin(x*y)").unwrap()];
+        let tape = Tape::new(&expressions, &["x".into(), "y".into()]).unwrap();
+        assert_eq!(tape.instructions.len(), 4);
+    }
+
+    #[test]
+    fn an_unknown_name_is_told_with_the_known_ones() {
+        let error = Tape::new(&[Expression::parse("a*x").unwrap()], &["x".into()]).unwrap_err();
+        assert_eq!(error.to_string(), "name `a` is unknown; known: x");
+    }
+}
