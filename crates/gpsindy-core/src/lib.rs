@@ -6,6 +6,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod data;
+pub mod diagnose;
 mod error;
 mod expression;
 mod progress;

@@ -1,0 +1,391 @@
+//! The report of a diagnosis, schema `gpsindy.diagnosis/1`: plain data, the same names as in the JSON.
+//!
+//! JSON has no infinity and no NaN. Whatever may be either (a rollout that diverged, a missing
+//! sample, an interval without end) is an `Option` here and `null` there; [`finite`] converts.
+//! All other numbers must be finite. Everything but [`Figures`] is public interface.
+
+use serde::{Deserialize, Serialize};
+
+/// The schema that [`Diagnosis::schema`] names.
+pub const SCHEMA: &str = "gpsindy.diagnosis/1";
+
+/// Most points that one curve of [`Figures`] carries.
+pub const FIGURE_POINTS: usize = 400;
+
+/// What a diagnosis found: is there a gap, where, what causes it, how far does the cause close it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// Always [`SCHEMA`].
+    pub schema: String,
+    /// Name of the nominal model.
+    pub model: String,
+    /// The logs, by the part that they played.
+    pub runs: Runs,
+    /// The finding in one word.
+    pub verdict: Verdict,
+    /// Is there a gap, and where.
+    pub gap: Gap,
+    /// Ranked, best first; those with `included` make up the augmented model.
+    pub causes: Vec<Cause>,
+    /// Effects that are not there above a size.
+    pub excluded: Vec<Excluded>,
+    /// What remains after the included causes.
+    pub unexplained: Unexplained,
+    /// How far the included causes close the gap, on held-out runs only.
+    pub closure: Closure,
+    /// File of the nominal model with the included causes added; `None` where there is no such file.
+    pub augmented_model: Option<String>,
+    /// What a reader must know beside the numbers, one sentence or two each.
+    pub notes: Vec<String>,
+    /// Curves for the HTML page; not part of the promise of the schema.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub figures: Option<Figures>,
+}
+
+impl Diagnosis {
+    /// The included causes, best first.
+    pub fn included(&self) -> impl Iterator<Item = &Cause> {
+        self.causes.iter().filter(|cause| cause.included)
+    }
+}
+
+/// The finding in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The nominal model and noise explain the logs.
+    NoGap,
+    /// The included causes explain the gap.
+    Explained,
+    /// The included causes explain a part, and structure is left.
+    PartlyExplained,
+    /// No effect of the catalogue explains the gap.
+    Unexplained,
+}
+
+impl Verdict {
+    /// The word as in the JSON.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::NoGap => "no_gap",
+            Self::Explained => "explained",
+            Self::PartlyExplained => "partly_explained",
+            Self::Unexplained => "unexplained",
+        }
+    }
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+/// Names of the logs that fitted and of those that judged.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Runs {
+    /// Seen by fits and choices.
+    pub train: Vec<String>,
+    /// Never seen by any fit or choice. Of a single run that was cut in time, its name stands in both.
+    pub holdout: Vec<String>,
+}
+
+/// Is there a gap, and where. Shares are of the summed squared, noise-scaled gap.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// The nominal model plus measurement noise does not explain the logs, at 5 %.
+    pub detected: bool,
+    /// Of the hypothesis that it does, in 0..1.
+    pub p_value: f64,
+    /// Largest share first.
+    pub by_state: Vec<GapState>,
+    /// Largest share first.
+    pub by_region: Vec<GapRegion>,
+    /// Largest share first.
+    pub by_window: Vec<GapWindow>,
+}
+
+/// The gap in one equation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GapState {
+    /// The state whose equation it is.
+    pub state: String,
+    /// In 0..1.
+    pub share: f64,
+    /// Of the hypothesis that this equation is right, in 0..1.
+    pub p_value: f64,
+    /// Root mean square of what the equation lacks, in `unit`.
+    pub residual_rms: f64,
+    /// Root mean square that noise alone would give there, in `unit`.
+    pub noise_rms: f64,
+    /// Unit of the equation's right side; empty where unknown.
+    pub unit: String,
+}
+
+/// The gap in one band of one variable.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GapRegion {
+    /// The state whose equation it is.
+    pub state: String,
+    /// State or control that the band is of.
+    pub variable: String,
+    /// Lower end, in the variable's unit.
+    pub from: f64,
+    /// Upper end, in the variable's unit.
+    pub to: f64,
+    /// In 0..1.
+    pub share: f64,
+}
+
+/// The gap in one stretch of time of one run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GapWindow {
+    /// Name of the run.
+    pub run: String,
+    /// Begin, s.
+    pub from: f64,
+    /// End, s.
+    pub to: f64,
+    /// In 0..1.
+    pub share: f64,
+}
+
+/// One candidate cause.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Cause {
+    /// Id of the catalogue.
+    pub effect: String,
+    /// The state in whose equation (or whose column) it acts.
+    pub state: String,
+    /// What it depends on: states, controls, or the name of the parameter that is wrong.
+    pub variables: Vec<String>,
+    /// It is part of the augmented model.
+    pub included: bool,
+    /// Calibrated, in 0..1.
+    pub probability: f64,
+    /// What it adds to the equation, or becomes, with the names of `parameters`.
+    pub form: String,
+    /// Fitted sizes.
+    pub parameters: Vec<Parameter>,
+    /// Ids of effects that these logs cannot tell from this one.
+    pub equivalent: Vec<String>,
+    /// The experiment that would tell them apart; `None` where `equivalent` is empty.
+    pub next_experiment: Option<String>,
+}
+
+/// A fitted size with its 95 % interval.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// Name in the form.
+    pub name: String,
+    /// In `unit`.
+    pub value: f64,
+    /// Lower end; `None` where the logs set no lower end.
+    pub low: Option<f64>,
+    /// Upper end; `None` where the logs set no upper end.
+    pub high: Option<f64>,
+    /// Empty where unknown or without dimension.
+    pub unit: String,
+}
+
+/// An effect that would have been found, with 95 % power, had it been larger than `above`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Excluded {
+    /// Id of the catalogue.
+    pub effect: String,
+    /// The state in whose equation it would act.
+    pub state: String,
+    /// Size of the effect's first parameter, in `unit`.
+    pub above: f64,
+    /// Empty where unknown or without dimension.
+    pub unit: String,
+}
+
+/// What remains after the included causes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unexplained {
+    /// That it is structure and not noise, in 0..1.
+    pub probability: f64,
+    /// Of the gap, in 0..1.
+    pub share: f64,
+    /// Variables that it depends on; empty where none shows.
+    pub depends_on: Vec<String>,
+}
+
+/// How far the included causes close the gap, on held-out runs only.
+///
+/// `before`, `after`, `floor`: root mean square, over samples and logged columns, of the rollout
+/// error divided by that column's standard deviation in the held-out logs. `None` is a rollout
+/// that diverged, or a number that follows from one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Closure {
+    /// Always `rollout_rmse` in this version.
+    pub metric: String,
+    /// Of the nominal model.
+    pub before: Option<f64>,
+    /// Of the augmented model.
+    pub after: Option<f64>,
+    /// What noise alone leaves.
+    pub floor: Option<f64>,
+    /// How the floor was got: `repeated runs`, `parametric simulation` or `sensor noise`.
+    pub floor_source: String,
+    /// `(before - after) / (before - floor)`; may be negative; `None` without a gap to close.
+    pub closed: Option<f64>,
+    /// Lower end of its 95 % interval.
+    pub low: Option<f64>,
+    /// Upper end of its 95 % interval.
+    pub high: Option<f64>,
+    /// By logged column, in its unit.
+    pub by_state: Vec<ClosureState>,
+}
+
+/// Rollout error of one logged column.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClosureState {
+    /// The column.
+    pub state: String,
+    /// Of the nominal model, in `unit`.
+    pub before: Option<f64>,
+    /// Of the augmented model, in `unit`.
+    pub after: Option<f64>,
+    /// What noise alone leaves, in `unit`.
+    pub floor: Option<f64>,
+    /// Empty where unknown.
+    pub unit: String,
+}
+
+/// Curves for the HTML page. They may change in any version; a script should not read them.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Figures {
+    /// Per held-out run and logged column.
+    pub rollouts: Vec<RolloutFigure>,
+    /// Per state whose equation may be wrong.
+    pub residuals: Vec<ResidualFigure>,
+}
+
+/// A held-out rollout beside its log, at most [`FIGURE_POINTS`] samples; all lists are equally long.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RolloutFigure {
+    /// Name of the run.
+    pub run: String,
+    /// The logged column.
+    pub column: String,
+    /// Empty where unknown.
+    pub unit: String,
+    /// s.
+    pub time: Vec<f64>,
+    /// `None` is a missing sample.
+    pub measured: Vec<Option<f64>>,
+    /// Rollout of the nominal model; `None` from where it diverged.
+    pub before: Vec<Option<f64>>,
+    /// Rollout of the augmented model; `None` from where it diverged. Empty without included causes.
+    pub after: Vec<Option<f64>>,
+}
+
+/// What one equation lacks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResidualFigure {
+    /// The state whose equation it is.
+    pub state: String,
+    /// Unit of the right side; empty where unknown.
+    pub unit: String,
+    /// Against the variable that it depends on most; `None` where it depends on none.
+    pub curve: Option<ResidualCurve>,
+    /// Over the time of each training run.
+    pub traces: Vec<ResidualTrace>,
+}
+
+/// Residual against a variable, at most [`FIGURE_POINTS`] points in rising order of `x`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResidualCurve {
+    /// State or control.
+    pub variable: String,
+    /// Unit of the variable; empty where unknown.
+    pub unit: String,
+    /// The variable.
+    pub x: Vec<f64>,
+    /// The residual, in the figure's unit.
+    pub y: Vec<f64>,
+    /// Half width of its 95 % band.
+    pub band: Vec<f64>,
+    /// What the included causes add there, same length as `x`, or empty.
+    pub explained: Vec<f64>,
+}
+
+/// Residual over the time of a run, at most [`FIGURE_POINTS`] points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResidualTrace {
+    /// Name of the run.
+    pub run: String,
+    /// s.
+    pub time: Vec<f64>,
+    /// The residual, in the figure's unit.
+    pub y: Vec<f64>,
+    /// Half width of its 95 % band.
+    pub band: Vec<f64>,
+}
+
+/// `value` where it is a finite number, else `None`.
+pub fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// Indices of at most [`FIGURE_POINTS`] of `n` samples, evenly spread, with the first and the last.
+pub fn thinned(n: usize) -> Vec<usize> {
+    if n <= FIGURE_POINTS {
+        return (0..n).collect();
+    }
+    (0..FIGURE_POINTS).map(|i| i * (n - 1) / (FIGURE_POINTS - 1)).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_verdict_is_written_in_snake_case() {
+        for verdict in [Verdict::NoGap, Verdict::Explained, Verdict::PartlyExplained, Verdict::Unexplained] {
+            assert_eq!(serde_json::to_value(verdict).unwrap(), verdict.as_str());
+        }
+    }
+
+    #[test]
+    fn thinning_keeps_short_lists_and_the_ends_of_long_ones() {
+        assert_eq!(thinned(3), [0, 1, 2]);
+        assert!(thinned(0).is_empty());
+        let kept = thinned(100_000);
+        assert_eq!((kept.len(), kept[0], kept[FIGURE_POINTS - 1]), (FIGURE_POINTS, 0, 99_999));
+        assert!(kept.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+
+    #[test]
+    fn infinity_and_nan_are_absent_numbers() {
+        assert_eq!(finite(f64::INFINITY), None);
+        assert_eq!(finite(f64::NAN), None);
+        assert_eq!(finite(-1.5), Some(-1.5));
+    }
+
+    #[test]
+    fn absent_numbers_are_null_and_may_be_missing_when_read() {
+        let parameter = Parameter { name: "c".into(), value: 1.0, low: None, high: Some(2.0), unit: String::new() };
+        let json = serde_json::to_value(&parameter).unwrap();
+        assert!(json["low"].is_null());
+        let read: Parameter = serde_json::from_str(r#"{"name": "c", "value": 1.0, "high": 2.0, "unit": ""}"#).unwrap();
+        assert_eq!(read, parameter);
+    }
+
+    /// The contract's example, where the contract lies beside the repository.
+    #[test]
+    fn the_contract_s_example_reads_and_writes_back_unchanged() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/CONTRACT.md");
+        let Ok(contract) = std::fs::read_to_string(path) else { return };
+        let begin = contract.find("```json\n").unwrap() + 8;
+        let text = &contract[begin..][..contract[begin..].find("```").unwrap()];
+        let json: serde_json::Value = serde_json::from_str(text).unwrap();
+        let report: Diagnosis = serde_json::from_str(text).unwrap();
+        assert_eq!(report.schema, SCHEMA);
+        assert_eq!(report.included().count(), 1);
+        assert_eq!(serde_json::to_value(&report).unwrap(), json);
+    }
+}
