@@ -1,2 +1,51 @@
-//! Project tasks, run as `cargo xtask TASK`.
-fn main() {}
+//! What a developer runs: `cargo xtask test` checks everything, `cargo xtask data` writes `data/` again.
+#![forbid(unsafe_code)]
+
+mod data;
+mod python;
+mod shell;
+
+use std::process::ExitCode;
+
+const HELP: &str = "\
+cargo xtask test     formatting, clippy as errors, Rust tests, documentation, wheel, Python tests, stub check
+cargo xtask rust     the Rust part of it
+cargo xtask python   the Python part of it
+cargo xtask data     write the generated logs of data/ again (same seed, same files)
+";
+
+fn main() -> ExitCode {
+    let task = std::env::args().nth(1).unwrap_or_default();
+    let done = match task.as_str() {
+        "test" => rust().and_then(|()| python::test()),
+        "rust" => rust(),
+        "python" => python::test(),
+        "data" => data::write(&shell::root().join("data")),
+        "" | "help" | "-h" | "--help" => {
+            shell::say(HELP);
+            Ok(())
+        }
+        other => Err(format!("unknown task `{other}`\n\n{HELP}")),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            shell::complain(&format!("xtask: {message}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Formatting, clippy, tests with documentation tests, documentation: one profile, so that dependencies are built once.
+fn rust() -> Result<(), String> {
+    let cargo = |arguments: &str| shell::run("cargo", arguments.split(' '), &[]);
+    cargo("fmt --all --check")?;
+    cargo("clippy --release --workspace --all-targets -- -D warnings")?;
+    // The extension module is tested from Python: linking it into a test binary would need libpython.
+    if python::present() {
+        cargo("test --release --workspace --exclude gpsindy-py")?;
+    } else {
+        cargo("test --release --workspace")?;
+    }
+    shell::run("cargo", "doc --release --workspace --no-deps".split(' '), &[("RUSTDOCFLAGS", "-D warnings")])
+}

@@ -1,0 +1,49 @@
+//! The Python part of the check: a virtual environment of its own, the wheel, pytest, the stubs.
+
+use crate::shell::{root, run};
+use std::path::PathBuf;
+
+/// Whether the repository has the Python package yet.
+pub(crate) fn present() -> bool {
+    root().join("crates/gpsindy-py/pyproject.toml").exists()
+}
+
+/// Builds the wheel with maturin, installs it with its test requirements, runs pytest and compares the stubs with the module.
+///
+/// Everything lives under `target/`: `target/venv` is made once and used again, `target/wheels` holds the wheel.
+pub(crate) fn test() -> Result<(), String> {
+    if !present() {
+        return Ok(());
+    }
+    let environment = root().join("target/venv");
+    let program = |name: &str| -> PathBuf {
+        if cfg!(windows) { environment.join("Scripts").join(name) } else { environment.join("bin").join(name) }
+    };
+    let python = program("python");
+    if !python.exists() {
+        let system = std::env::var("PYTHON").unwrap_or_else(|_| "python3".into());
+        run(system, ["-m", "venv", &environment.to_string_lossy()], &[])?;
+    }
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    run(&python, pip.iter().chain(&["maturin>=1.9,<2"]), &[])?;
+
+    let wheels = root().join("target/wheels");
+    if wheels.exists() {
+        std::fs::remove_dir_all(&wheels).map_err(|e| format!("{}: {e}", wheels.display()))?;
+    }
+    let manifest = ["--manifest-path", "crates/gpsindy-py/Cargo.toml", "--out", "target/wheels"];
+    run(&python, ["-m", "maturin", "build", "--release"].iter().chain(&manifest), &[])?;
+    let wheel = std::fs::read_dir(&wheels)
+        .map_err(|e| format!("{}: {e}", wheels.display()))?
+        .filter_map(Result::ok)
+        .map(|entry| entry.path())
+        .find(|path| path.extension().is_some_and(|e| e == "whl"))
+        .ok_or_else(|| format!("{}: maturin left no wheel here", wheels.display()))?;
+
+    // The wheel itself first and without asking an index, so that a new build of the same version replaces the old one.
+    let wheel = wheel.to_string_lossy();
+    run(&python, pip.iter().chain(&["--force-reinstall", "--no-deps", &wheel]), &[])?;
+    run(&python, pip.iter().chain(&[&*format!("{wheel}[test]")]), &[])?;
+    run(&python, ["-m", "pytest", "-q", "crates/gpsindy-py"], &[])?;
+    run(&python, ["-m", "mypy.stubtest", "gpsindy"], &[])
+}
