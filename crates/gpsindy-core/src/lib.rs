@@ -9,9 +9,11 @@ mod data;
 pub mod diagnose;
 mod error;
 mod expression;
+mod model;
 mod progress;
 
 pub use data::{Channel, Dataset, Run};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
+pub use model::{Control, Dynamics, IdentificationRecord, Input, InputKind, Model, Parameter, State, System};
 pub use progress::{Progress, Silent};

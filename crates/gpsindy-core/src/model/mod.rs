@@ -1,0 +1,224 @@
+//! Models: ordinary differential equations with named states, controls and parameters.
+//!
+//! The nominal simulator of a user, the model that `identify` learns and the corrected simulator
+//! that `diagnose` writes are the same [`Model`]. [`System`] is a model compiled for evaluation.
+
+mod check;
+mod system;
+
+pub use system::{Dynamics, Input, InputKind, System};
+
+use crate::error::Result;
+use crate::expression::Expression;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The schema that [`Model`] follows.
+pub const SCHEMA: &str = "gpsindy.model/1";
+
+fn schema() -> String {
+    SCHEMA.into()
+}
+
+/// A named set of ordinary differential equations; the content of a model file.
+///
+/// ```
+/// use gpsindy_core::{Expression, Model, Parameter, State};
+/// let model = Model {
+///     name: "decay".into(),
+///     states: vec![State::new("x", Expression::parse("-k*x")?)],
+///     parameters: vec![Parameter::new("k", 0.5)],
+///     ..Model::default()
+/// };
+/// model.check()?;
+/// # Ok::<(), gpsindy_core::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Model {
+    /// The schema, [`SCHEMA`].
+    #[serde(default = "schema")]
+    pub schema: String,
+    /// The model's name.
+    #[serde(default)]
+    pub name: String,
+    /// The states and their equations.
+    #[serde(rename = "state")]
+    pub states: Vec<State>,
+    /// The controls: inputs that the log carries.
+    #[serde(rename = "control", default, skip_serializing_if = "Vec::is_empty")]
+    pub controls: Vec<Control>,
+    /// The parameters and their nominal values.
+    #[serde(rename = "parameter", default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<Parameter>,
+    /// Default initial state for a simulation, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub initial: BTreeMap<String, f64>,
+    /// How the model was learnt, where it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identification: Option<IdentificationRecord>,
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Self {
+            schema: schema(),
+            name: String::new(),
+            states: Vec::new(),
+            controls: Vec::new(),
+            parameters: Vec::new(),
+            initial: BTreeMap::new(),
+            identification: None,
+        }
+    }
+}
+
+/// A state: what it is called, how it changes, and what the log's column of it reads.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    /// Name: a letter, then letters, digits and `_`.
+    pub name: String,
+    /// Unit as text, empty where none is known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// The right side of its differential equation, in its unit per second.
+    pub equation: Expression,
+    /// What the log's column reads; absent: the state itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Expression>,
+}
+
+impl State {
+    /// A state without a unit, measured as it is.
+    pub fn new(name: impl Into<String>, equation: Expression) -> Self {
+        Self { name: name.into(), unit: String::new(), equation, measured: None }
+    }
+}
+
+/// A control: an input that the log carries.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Control {
+    /// Name: a letter, then letters, digits and `_`.
+    pub name: String,
+    /// Unit as text, empty where none is known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+}
+
+impl Control {
+    /// A control without a unit.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), unit: String::new() }
+    }
+}
+
+/// A parameter and what is believed of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameter {
+    /// Name: a letter, then letters, digits and `_`.
+    pub name: String,
+    /// Nominal value.
+    pub value: f64,
+    /// Unit as text, empty where none is known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// Relative 1-sigma belief; absent: taken as exact, yet still a suspect in a diagnosis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f64>,
+}
+
+impl Parameter {
+    /// A parameter that is taken as exact.
+    pub fn new(name: impl Into<String>, value: f64) -> Self {
+        Self { name: name.into(), value, unit: String::new(), tolerance: None }
+    }
+}
+
+/// How a model was learnt.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentificationRecord {
+    /// The library's terms, in order.
+    pub terms: Vec<String>,
+    /// One row a state, one column a term.
+    pub coefficients: Vec<Vec<f64>>,
+    /// Standard errors, laid out like the coefficients.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub standard_errors: Vec<Vec<f64>>,
+    /// Share of the ensemble in which a term was kept, laid out like the coefficients.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub inclusion_probabilities: Vec<Vec<f64>>,
+    /// The weight of the 1-norm, one a state.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lambda: Vec<f64>,
+}
+
+impl Model {
+    /// Checks names, expressions and references.
+    ///
+    /// # Errors
+    /// The first contradiction, with the equation and the place.
+    pub fn check(&self) -> Result<()> {
+        check::check(self)
+    }
+
+    /// Checks the model and compiles it.
+    ///
+    /// # Errors
+    /// As [`Model::check`].
+    pub fn compile(&self) -> Result<System> {
+        System::new(self)
+    }
+
+    /// Position of the state `name`.
+    pub fn state_index(&self, name: &str) -> Option<usize> {
+        self.states.iter().position(|s| s.name == name)
+    }
+
+    /// Position of the control `name`.
+    pub fn control_index(&self, name: &str) -> Option<usize> {
+        self.controls.iter().position(|c| c.name == name)
+    }
+
+    /// Position of the parameter `name`.
+    pub fn parameter_index(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|p| p.name == name)
+    }
+
+    /// The state of which state `index` is the time derivative (an equation that is just its name).
+    pub fn integral_of(&self, index: usize) -> Option<usize> {
+        let name = &self.states[index].name;
+        self.states.iter().position(|s| s.equation == Expression::Variable(name.clone()))
+    }
+
+    /// Whether the equation of state `index` is just the name of another state (`x = "v"`).
+    pub fn is_kinematic(&self, index: usize) -> bool {
+        matches!(&self.states[index].equation, Expression::Variable(name) if self.state_index(name).is_some())
+    }
+
+    /// Every name in use.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let states = self.states.iter().map(|s| s.name.as_str());
+        let controls = self.controls.iter().map(|c| c.name.as_str());
+        states.chain(controls).chain(self.parameters.iter().map(|p| p.name.as_str()))
+    }
+
+    /// A name that nothing carries yet: `wanted`, or `wanted_2`, `wanted_3`, ...
+    pub fn free_name(&self, wanted: &str) -> String {
+        let taken = |name: &str| self.names().any(|n| n == name);
+        if !taken(wanted) {
+            return wanted.into();
+        }
+        let mut number = 2;
+        loop {
+            let name = format!("{wanted}_{number}");
+            if !taken(&name) {
+                return name;
+            }
+            number += 1;
+        }
+    }
+}

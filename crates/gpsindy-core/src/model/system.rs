@@ -1,0 +1,314 @@
+//! A model compiled for evaluation: rates, measured outputs and the inputs with a history.
+
+use super::Model;
+use crate::error::{Error, Result};
+use crate::expression::{Expression, Function, Tape};
+use std::sync::Arc;
+
+/// Anybody's simulator: rates of the states as a function of time, states and controls.
+///
+/// A compiled model is one, and so is a wrapped Python callable.
+pub trait Dynamics: Send + Sync {
+    /// Number of states n.
+    fn n_states(&self) -> usize;
+
+    /// Number of controls m.
+    fn n_controls(&self) -> usize;
+
+    /// The rates `dx` (n) at time `t` (s), states `x` (n) and controls `u` (m).
+    ///
+    /// # Errors
+    /// [`Error::Callback`] with the user's own error.
+    fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()>;
+}
+
+/// How an input with a history is made from a signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputKind {
+    /// The signal, `amount` seconds earlier.
+    Delay,
+    /// The signal through a play of total width `amount`, starting centred.
+    Play,
+}
+
+/// An input with a history, such as `delay(u, tau)`.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// What is done with the signal.
+    pub kind: InputKind,
+    /// Two outputs, the signal and the amount, of the variables controls, earlier inputs, parameters.
+    pub tape: Tape,
+}
+
+/// A measured state that is read late: `delay(state, tau)` in `measured`.
+#[derive(Debug, Clone)]
+pub(crate) struct LateState {
+    /// Which state.
+    pub(crate) state: usize,
+    /// One output, the delay in s, of the parameters.
+    pub(crate) delay: Tape,
+}
+
+/// A model compiled for evaluation.
+///
+/// The rates are functions of the variables states (n), controls (m), inputs with a history (h)
+/// and parameters (p), in this order; the measured outputs also of late states behind them.
+#[derive(Clone)]
+pub struct System {
+    model: Model,
+    inputs: Vec<Input>,
+    late_states: Vec<LateState>,
+    rates: Tape,
+    outputs: Tape,
+    simulator: Option<Arc<dyn Dynamics>>,
+}
+
+impl std::fmt::Debug for System {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("System").field("model", &self.model.name).field("inputs", &self.inputs.len()).finish()
+    }
+}
+
+/// Replaces `delay` and `play` by new variables, and remembers what they stand for.
+struct Extraction<'a> {
+    model: &'a Model,
+    inputs: Vec<(InputKind, Expression, Expression)>,
+    late: Vec<(usize, Expression)>,
+}
+
+fn input_name(index: usize) -> String {
+    format!("delay or play {index}")
+}
+
+fn late_name(index: usize) -> String {
+    format!("late state {index}")
+}
+
+impl Extraction<'_> {
+    fn extract(&mut self, expression: &Expression) -> Expression {
+        match expression {
+            Expression::Call(Function::Delay, arguments) if self.late_state(&arguments[0]).is_some() => {
+                let state = self.late_state(&arguments[0]).unwrap_or(0);
+                let entry = (state, arguments[1].clone());
+                Expression::Variable(late_name(place_of(&mut self.late, entry)))
+            }
+            Expression::Call(function @ (Function::Delay | Function::Play), arguments) => {
+                let kind = if *function == Function::Delay { InputKind::Delay } else { InputKind::Play };
+                let signal = self.extract(&arguments[0]);
+                Expression::Variable(input_name(place_of(&mut self.inputs, (kind, signal, arguments[1].clone()))))
+            }
+            Expression::Number(_) | Expression::Pi | Expression::Time | Expression::Variable(_) => expression.clone(),
+            Expression::Negate(a) => Expression::Negate(self.extract(a).into()),
+            Expression::Binary(operator, a, b) => {
+                Expression::Binary(*operator, self.extract(a).into(), self.extract(b).into())
+            }
+            Expression::Call(function, arguments) => {
+                Expression::Call(*function, arguments.iter().map(|a| self.extract(a)).collect())
+            }
+            Expression::Simulator(output, arguments) => {
+                Expression::Simulator(*output, arguments.iter().map(|a| self.extract(a)).collect())
+            }
+        }
+    }
+
+    fn late_state(&self, argument: &Expression) -> Option<usize> {
+        match argument {
+            Expression::Variable(name) => self.model.state_index(name),
+            _ => None,
+        }
+    }
+}
+
+fn place_of<T: PartialEq>(list: &mut Vec<T>, entry: T) -> usize {
+    list.iter().position(|e| *e == entry).unwrap_or_else(|| {
+        list.push(entry);
+        list.len() - 1
+    })
+}
+
+impl System {
+    /// Checks and compiles a model.
+    ///
+    /// # Errors
+    /// As [`Model::check`].
+    pub fn new(model: &Model) -> Result<Self> {
+        Self::with_simulator(model, None)
+    }
+
+    /// Compiles a model whose equations call `simulator` through [`Expression::Simulator`].
+    ///
+    /// # Errors
+    /// As [`Model::check`].
+    pub fn with_simulator(model: &Model, simulator: Option<Arc<dyn Dynamics>>) -> Result<Self> {
+        model.check()?;
+        let n_outputs = simulator.as_ref().map_or(0, |s| s.n_states());
+        let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
+        let rates: Vec<Expression> = model.states.iter().map(|s| extraction.extract(&s.equation)).collect();
+        let outputs: Vec<Expression> = model
+            .states
+            .iter()
+            .map(|s| match &s.measured {
+                Some(measured) => extraction.extract(measured),
+                None => Expression::Variable(s.name.clone()),
+            })
+            .collect();
+
+        let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
+        let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
+        let mut inputs = Vec::new();
+        for (index, (kind, signal, amount)) in extraction.inputs.iter().enumerate() {
+            let earlier = (0..index).map(input_name);
+            let variables: Vec<String> = controls.iter().cloned().chain(earlier).chain(parameters.clone()).collect();
+            inputs.push(Input { kind: *kind, tape: Tape::new(&[signal.clone(), amount.clone()], &variables)? });
+        }
+        let mut late_states = Vec::new();
+        for (state, delay) in &extraction.late {
+            late_states.push(LateState { state: *state, delay: Tape::new(std::slice::from_ref(delay), &parameters)? });
+        }
+        let names = model.states.iter().map(|s| s.name.clone());
+        let variables: Vec<String> =
+            names.chain(controls).chain((0..inputs.len()).map(input_name)).chain(parameters).collect();
+        let with_late: Vec<String> = variables.iter().cloned().chain((0..late_states.len()).map(late_name)).collect();
+        Ok(Self {
+            rates: Tape::with_simulator(&rates, &variables, n_outputs)?,
+            outputs: Tape::with_simulator(&outputs, &with_late, n_outputs)?,
+            model: model.clone(),
+            inputs,
+            late_states,
+            simulator,
+        })
+    }
+
+    /// The model that was compiled.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Number of states n.
+    pub fn n_states(&self) -> usize {
+        self.model.states.len()
+    }
+
+    /// Number of controls m.
+    pub fn n_controls(&self) -> usize {
+        self.model.controls.len()
+    }
+
+    /// Number of parameters p.
+    pub fn n_parameters(&self) -> usize {
+        self.model.parameters.len()
+    }
+
+    /// The inputs with a history, in the order in which they must be computed.
+    pub fn inputs(&self) -> &[Input] {
+        &self.inputs
+    }
+
+    /// The nominal values of the parameters, p of them.
+    pub fn parameter_values(&self) -> Vec<f64> {
+        self.model.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// The rates as a tape of the variables states, controls, inputs with a history, parameters.
+    pub fn rates(&self) -> &Tape {
+        &self.rates
+    }
+
+    /// The measured outputs, one a state, as a tape of the same variables and then the late states.
+    pub fn outputs(&self) -> &Tape {
+        &self.outputs
+    }
+
+    /// The states that `measured` reads late.
+    pub(crate) fn late_states(&self) -> &[LateState] {
+        &self.late_states
+    }
+
+    /// Runs a tape of this system; a failing simulator of the user's own yields NaN.
+    pub(crate) fn evaluate<const L: usize>(&self, tape: &Tape, registers: &mut [[f64; L]]) {
+        match &self.simulator {
+            None => tape.evaluate(registers),
+            Some(simulator) => {
+                let n = self.n_states();
+                tape.evaluate_with(registers, &|arguments, outputs| {
+                    // Arguments are the time, the states, then the controls.
+                    let (t, rest) = (arguments[0], &arguments[1..]);
+                    let n_inner = simulator.n_states().min(n);
+                    if simulator.derivative(t, &rest[..n_inner], &rest[n_inner..], outputs).is_err() {
+                        outputs.fill(f64::NAN);
+                    }
+                });
+            }
+        }
+    }
+
+    /// The user's own simulator, where there is one.
+    pub(crate) fn simulator(&self) -> Option<&Arc<dyn Dynamics>> {
+        self.simulator.as_ref()
+    }
+}
+
+impl Dynamics for System {
+    fn n_states(&self) -> usize {
+        self.model.states.len()
+    }
+
+    fn n_controls(&self) -> usize {
+        self.model.controls.len()
+    }
+
+    /// Inputs with a history are taken without it here: `delay(u, tau)` and `play(u, width)` read `u`.
+    fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()> {
+        let (n, m, p) = (self.n_states(), self.n_controls(), self.n_parameters());
+        if x.len() != n || u.len() != m || dx.len() != n {
+            return Err(Error::shape(
+                "derivative",
+                format!("{n} states, {m} controls"),
+                format!("{}, {}", x.len(), u.len()),
+            ));
+        }
+        let values = self.parameter_values();
+        let mut signals: Vec<f64> = u.to_vec();
+        for input in &self.inputs {
+            let variables: Vec<f64> = signals.iter().chain(&values).copied().collect();
+            let signal = input.tape.evaluate_once(&variables, t)[0];
+            signals.push(signal);
+        }
+        let mut registers = self.rates.registers::<1>();
+        for (register, &value) in registers.iter_mut().zip(x.iter().chain(&signals).chain(&values)) {
+            *register = [value];
+        }
+        registers[n + signals.len() + p] = [t];
+        self.evaluate(&self.rates, &mut registers);
+        for (j, rate) in dx.iter_mut().enumerate() {
+            *rate = self.rates.output(&registers, j)[0];
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Control, Model, Parameter, State};
+    use super::*;
+
+    #[test]
+    fn a_compiled_model_gives_the_rates_of_its_equations() {
+        let mut angle = State::new("phi", Expression::parse("om").unwrap());
+        angle.measured = Some(Expression::parse("delay(phi, 0.1) + c").unwrap());
+        let model = Model {
+            states: vec![angle, State::new("om", Expression::parse("-g*sin(phi) + delay(play(u, 0.1), tau)").unwrap())],
+            controls: vec![Control::new("u")],
+            parameters: vec![Parameter::new("g", 9.81), Parameter::new("c", 0.2), Parameter::new("tau", 0.05)],
+            ..Model::default()
+        };
+        let system = model.compile().unwrap();
+        assert_eq!(system.inputs().len(), 2);
+        assert_eq!(system.inputs()[0].kind, InputKind::Play);
+        let mut dx = [0.0; 2];
+        system.derivative(0.0, &[0.3, -0.4], &[2.0], &mut dx).unwrap();
+        assert_eq!(dx[0], -0.4);
+        assert!((dx[1] - (2.0 - 9.81 * 0.3_f64.sin())).abs() < 1e-15);
+        assert!(system.derivative(0.0, &[0.3], &[2.0], &mut dx).is_err());
+    }
+}
