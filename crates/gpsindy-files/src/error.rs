@@ -1,0 +1,86 @@
+//! What can be wrong with a file, told with file, line and column.
+
+use std::io;
+
+/// Result with the crate's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong with a file; each displays as one line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file can't be opened or read.
+    #[error("{file}: cannot be read: {}", reason(.source))]
+    Read {
+        /// The file, as the user named it.
+        file: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A file can't be written.
+    #[error("{file}: cannot be written: {}", reason(.source))]
+    Write {
+        /// The file, as the user named it.
+        file: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A line of a file can't be understood.
+    #[error("{file}:{line}: {}{message}", in_column(.column))]
+    Line {
+        /// The file, as the user named it.
+        file: String,
+        /// Line of the file, the first is 1.
+        line: u64,
+        /// The column's name, where one is at fault.
+        column: Option<String>,
+        /// What was found and what to do.
+        message: String,
+    },
+    /// A file as a whole does not fit.
+    #[error("{file}: {message}")]
+    File {
+        /// The file, as the user named it.
+        file: String,
+        /// What was found and what to do.
+        message: String,
+    },
+    /// The content reads well but means nothing to the library.
+    #[error("{file}: {source}")]
+    Content {
+        /// The file, as the user named it.
+        file: String,
+        /// What the library says.
+        source: gpsindy_core::Error,
+    },
+    /// The logs together do not make a dataset.
+    #[error(transparent)]
+    Core(#[from] gpsindy_core::Error),
+}
+
+impl Error {
+    pub(crate) fn file(file: &str, message: impl Into<String>) -> Self {
+        Self::File { file: file.into(), message: message.into() }
+    }
+
+    pub(crate) fn line(file: &str, line: u64, column: Option<&str>, message: impl Into<String>) -> Self {
+        Self::Line { file: file.into(), line, column: column.map(Into::into), message: message.into() }
+    }
+}
+
+fn in_column(column: &Option<String>) -> String {
+    column.as_ref().map(|name| format!("column `{name}`: ")).unwrap_or_default()
+}
+
+/// The system's words without its error number.
+fn reason(source: &io::Error) -> String {
+    match source.kind() {
+        io::ErrorKind::NotFound => "there is no such file".into(),
+        io::ErrorKind::PermissionDenied => "permission denied".into(),
+        io::ErrorKind::IsADirectory => "it is a folder; name the files in it".into(),
+        _ => {
+            let text = source.to_string();
+            text.split(" (os error").next().unwrap_or_default().to_string()
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! File formats and nothing else: logs as CSV, models as TOML or JSON, results as CSV.
+//!
+//! Shared by the command line and the Python package; it prints nothing and decides nothing about the method.
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod error;
+mod header;
+mod log;
+mod logs;
+mod output;
+mod table;
+
+pub use error::{Error, Result};
+pub use header::Header;
+pub use log::{Log, LogOptions};
+pub use logs::Logs;
+pub use output::write_whole;
+pub use table::Table;

@@ -1,0 +1,163 @@
+//! Tests of the log reader: tables of input and what must come of it.
+
+use super::*;
+
+fn parse(text: &str) -> Result<Log> {
+    Log::parse("log.csv", text.as_bytes(), &LogOptions::default())
+}
+
+fn message(text: &str) -> String {
+    match parse(text) {
+        Ok(log) => match log.columns().map(|h| log.values(&h.name)).find_map(Result::err) {
+            Some(error) => error.to_string(),
+            None => panic!("accepted: {text:?}"),
+        },
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn every_kind_of_bad_input_is_one_clear_line() {
+    for (text, expected) in [
+        ("", "log.csv: the file is empty"),
+        ("# only a comment\n\n", "log.csv: the file is empty"),
+        ("t,x\n", "log.csv:1: no samples follow the header"),
+        ("t,x\n0,1\n", "log.csv:2: 1 sample; a run needs at least 2"),
+        ("0,1\n1,2\n", "log.csv:1: no header: the first row holds only numbers"),
+        ("a,x\n0,1\n", "log.csv:1: no column `t` or `time`; name the time column with --time; found: a, x"),
+        ("t;x\n0;1\n", "log.csv:1: the cells look separated by semicolons"),
+        ("t\tx\n0\t1\n", "log.csv:1: the cells look separated by tabs"),
+        (
+            "# c\nt,x\n0,1\n1,n/a?\n",
+            "log.csv:4: column `x`: not a number: \"n/a?\"; leave the cell empty for a missing value",
+        ),
+        ("t,x\r\n0,1\r\n\r\n1,bad\r\n", "log.csv:4: column `x`: not a number: \"bad\""),
+        ("t,x\n0,1\n1,inf\n", "log.csv:3: column `x`: infinite value \"inf\""),
+        ("t,x\n0,1\n1,1e999\n", "log.csv:3: column `x`: infinite value \"1e999\""),
+        (
+            "t,x\n0,1\n1,2\n0.5,3\n",
+            "log.csv:4: column `t`: time goes back, from 1 to 0.5; sort the samples, or tell the runs apart with --run",
+        ),
+        ("t,x\n0,1\n0,2\n", "log.csv:3: column `t`: time stands still, from 0 to 0"),
+        ("t,x\n0,1\n,2\n", "log.csv:3: column `t`: the time is missing"),
+        ("t,x\n0,1\nnan,2\n", "log.csv:3: column `t`: the time is missing"),
+        ("t,x\n0,1\nlater,2\n", "log.csv:3: column `t`: not a number: \"later\""),
+        (
+            "t,v [m/s],v [km/h]\n0,1,2\n1,2,3\n",
+            "log.csv:1: column `v`: column stands twice, as `v [m/s]` and as `v [km/h]`",
+        ),
+        ("t,x\n0,1\n1\n", "log.csv:3: 1 cell where the header has 2 cells"),
+        ("t,x\n0,1\n1,2,3\n", "log.csv:3: 3 cells where the header has 2 cells"),
+        ("t,x\n0,1\n# pause\n1,2\n", "log.csv:3: a comment among the samples"),
+        ("t,x\n0,\"1,5\"\n1,2\n", "log.csv:2: column `x`: not a number: \"1,5\""),
+        ("t,x\n0,1\n\n\n1,2\nx,3\n", "log.csv:6: column `t`: not a number: \"x\""),
+        ("t,x\n0,1\n1,\"2\n2,3\n", "log.csv:3: column `x`: not a number: \"2\\n2,3"),
+    ] {
+        let found = message(text);
+        assert!(found.starts_with(expected), "{text:?}\n   found: {found}\nexpected: {expected}");
+        assert!(!found.contains('\n'), "{found}");
+    }
+}
+
+#[test]
+fn a_file_that_is_not_utf8_names_its_line() {
+    let error = Log::parse("log.csv", b"t,x [\xb0C]\n0,1\n1,2\n", &LogOptions::default()).unwrap_err();
+    assert_eq!(error.to_string(), "log.csv:1: byte 0xb0 is not UTF-8; save the file as UTF-8");
+    let error = Log::parse("log.csv", b"\xff\xfet\0", &LogOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("UTF-16"), "{error}");
+}
+
+#[test]
+fn every_spelling_of_the_format_reads_the_same() {
+    for text in [
+        "t,x [m],\"heading angle (rad), from x-axis\"\n0,1,2\n0.5,,3\n",
+        "\u{feff}t,x [m],\"heading angle (rad), from x-axis\"\r\n0,1,2\r\n0.5,nan,3\r\n",
+        "# made by hand\n\n#second, with a comma\nt, x [m],\"heading angle (rad), from x-axis\"\n0, 1, 2\n0.5, NaN, 3",
+        "t,x [m],\"heading angle (rad), from x-axis\"\n\n0.0,1e0,+2.0\n\n5e-1,NA,3.\n\n",
+        "x [m],time,\"heading angle (rad), from x-axis\"\n1,0,2\n,0.5,3\n",
+    ] {
+        let log = parse(text).unwrap();
+        assert_eq!(log.times(), [0.0, 0.5], "{text}");
+        let x = log.values("x").unwrap();
+        assert!(x[0] == 1.0 && x[1].is_nan(), "{text}");
+        assert_eq!(log.values("heading_angle").unwrap(), [2.0, 3.0], "{text}");
+        assert_eq!(log.values("heading angle (rad), from x-axis").unwrap(), [2.0, 3.0], "{text}");
+        assert_eq!(log.column("heading_angle").unwrap().unit, "rad");
+    }
+}
+
+#[test]
+fn columns_that_nobody_asks_for_may_hold_text() {
+    let log = parse("t,x,remark\n0,1,start\n1,2,end\n").unwrap();
+    assert_eq!(log.values("x").unwrap(), [1.0, 2.0]);
+    assert!(log.is_numeric("x") && !log.is_numeric("remark"));
+}
+
+#[test]
+fn options_find_columns_by_name_and_by_header() {
+    let text = b"clock (s),trial,v [m/s],v [km/h]\n0,a,1,2\n1,a,1,2\n0,b,3,4\n0.5,b,5,6\n";
+    let options = LogOptions {
+        time: Some("clock".into()),
+        run: Some("trial".into()),
+        rename: vec![("v [km/h]".into(), "speed".into())],
+    };
+    let log = Log::parse("log.csv", text, &options).unwrap();
+    let names: Vec<&str> = log.columns().map(|h| h.name.as_str()).collect();
+    assert_eq!(names, ["v", "speed"]);
+    assert_eq!(log.runs(), [("a".to_string(), vec![0, 1]), ("b".to_string(), vec![2, 3])]);
+    assert_eq!(log.values("speed").unwrap(), [2.0, 2.0, 4.0, 6.0]);
+}
+
+#[test]
+fn options_that_name_no_column_are_refused() {
+    let text = b"t,x\n0,1\n1,2\n";
+    for (options, expected) in [
+        (
+            LogOptions { time: Some("clock".into()), ..LogOptions::default() },
+            "log.csv: time column `clock` is not in the file; found: t, x",
+        ),
+        (
+            LogOptions { run: Some("trial".into()), ..LogOptions::default() },
+            "log.csv: run column `trial` is not in the file; found: t, x",
+        ),
+        (
+            LogOptions { rename: vec![("y".into(), "z".into())], ..LogOptions::default() },
+            "log.csv: --rename: column `y` is not in the file; found: t, x",
+        ),
+        (
+            LogOptions { rename: vec![("x".into(), "t".into())], ..LogOptions::default() },
+            "log.csv:1: column `t`: column stands twice, as `t` and as `x`",
+        ),
+    ] {
+        let error = Log::parse("log.csv", text, &options).unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_time_that_goes_back_within_a_run_is_found_among_several() {
+    let options = LogOptions { run: Some("run".into()), ..LogOptions::default() };
+    let error =
+        Log::parse("log.csv", b"run,t,x\n1,0,1\n2,0,1\n1,1,1\n2,1,1\n1,0.5,1\n", &options).unwrap_err().to_string();
+    assert!(error.starts_with("log.csv:6: column `t`: time goes back, from 1 to 0.5"), "{error}");
+}
+
+#[test]
+fn the_real_logs_read_where_they_are_at_hand() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let Ok(folders) = std::fs::read_dir(root) else { return };
+    let mut read = 0;
+    for file in folders.flatten().filter_map(|d| std::fs::read_dir(d.path()).ok()).flatten().flatten() {
+        // balls.csv is a table of properties, not a log.
+        if file.path().extension().is_none_or(|e| e != "csv") || file.file_name() == "balls.csv" {
+            continue;
+        }
+        let bytes = std::fs::read(file.path()).unwrap();
+        let log = Log::parse(&file.path().display().to_string(), &bytes, &LogOptions::default()).unwrap();
+        for header in log.columns() {
+            log.values(&header.name).unwrap();
+        }
+        read += 1;
+    }
+    assert!(read > 50, "{read}");
+}

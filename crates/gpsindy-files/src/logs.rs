@@ -1,0 +1,214 @@
+//! Several log files as one dataset: always a list of runs.
+
+use crate::error::{Error, Result};
+use crate::log::{Log, LogOptions};
+use faer::Mat;
+use gpsindy_core::{Channel, Dataset, Run};
+use std::io::Read;
+use std::path::Path;
+
+/// Log files that were read and not yet cut down to the columns of a task.
+///
+/// ```
+/// use gpsindy_files::{LogOptions, Logs};
+/// let logs = Logs::parse("a.csv", b"t,x [m],remark\n0,1,ok\n1,2,ok\n", &LogOptions::default())?;
+/// let data = logs.dataset(&["x"], &[])?;
+/// assert_eq!(data.channels()[0].unit, "m");
+/// assert_eq!(logs.ignored(&["x"]), ["remark"]);
+/// # Ok::<(), gpsindy_files::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Logs {
+    files: Vec<Log>,
+}
+
+impl Logs {
+    /// Reads files; `-` is standard input.
+    ///
+    /// # Errors
+    /// [`Error::Read`], and everything that [`Log::parse`] refuses.
+    pub fn read<P: AsRef<Path>>(paths: &[P], options: &LogOptions) -> Result<Self> {
+        let mut files = Vec::with_capacity(paths.len());
+        for path in paths {
+            let path = path.as_ref();
+            let file = path.display().to_string();
+            let (file, bytes) = if path.as_os_str() == "-" {
+                if files.iter().any(|log: &Log| log.file == "stdin") {
+                    return Err(Error::file("stdin", "`-` stands twice; standard input can be read once"));
+                }
+                let mut bytes = Vec::new();
+                std::io::stdin()
+                    .read_to_end(&mut bytes)
+                    .map_err(|source| Error::Read { file: "stdin".into(), source })?;
+                ("stdin".into(), bytes)
+            } else {
+                let bytes = std::fs::read(path).map_err(|source| Error::Read { file: file.clone(), source })?;
+                (file, bytes)
+            };
+            files.push(Log::parse(&file, &bytes, options)?);
+        }
+        if files.is_empty() {
+            return Err(gpsindy_core::Error::invalid("no log was named; hand in at least one").into());
+        }
+        Ok(Self { files })
+    }
+
+    /// Reads one log from memory; `file` names it in messages.
+    ///
+    /// # Errors
+    /// Everything that [`Log::parse`] refuses.
+    pub fn parse(file: &str, bytes: &[u8], options: &LogOptions) -> Result<Self> {
+        Ok(Self { files: vec![Log::parse(file, bytes, options)?] })
+    }
+
+    /// The files, in the order they were named.
+    pub fn files(&self) -> &[Log] {
+        &self.files
+    }
+
+    /// Names of the columns that every file has, beside time and run, in the first file's order.
+    pub fn columns(&self) -> Vec<String> {
+        let Some((first, rest)) = self.files.split_first() else { return Vec::new() };
+        let everywhere = |name: &str| rest.iter().all(|log| log.columns().any(|h| h.name == name));
+        first.columns().map(|h| h.name.clone()).filter(|name| everywhere(name)).collect()
+    }
+
+    /// Names of the columns that every file has and that hold numbers only.
+    pub fn numeric_columns(&self) -> Vec<String> {
+        self.columns().into_iter().filter(|name| self.files.iter().all(|log| log.is_numeric(name))).collect()
+    }
+
+    /// The name of the column that an option means, which may be its whole header.
+    ///
+    /// # Errors
+    /// [`Error::File`] where a file lacks it.
+    pub fn resolve(&self, column: &str) -> Result<String> {
+        let mut name = None;
+        for log in &self.files {
+            name = Some(log.column(column).ok_or_else(|| log.lacks(column))?.name.clone());
+        }
+        Ok(name.unwrap_or_default())
+    }
+
+    /// The columns that a task needs, as a dataset; a channel has the name given here.
+    ///
+    /// `optional` columns are left out where no file has them, and missing throughout a file that lacks one of them.
+    ///
+    /// # Errors
+    /// A file that lacks a needed column, a cell that is no number or infinite.
+    pub fn dataset<S: AsRef<str>>(&self, needed: &[S], optional: &[S]) -> Result<Dataset> {
+        let needed = needed.iter().map(AsRef::as_ref);
+        let present = |name: &&str| self.files.iter().any(|log| log.column(name).is_some());
+        let names: Vec<(&str, bool)> = needed
+            .map(|name| (name, true))
+            .chain(optional.iter().map(AsRef::as_ref).filter(present).map(|name| (name, false)))
+            .collect();
+        let unit =
+            |name: &str| self.files.iter().find_map(|log| log.column(name)).map(|h| h.unit.clone()).unwrap_or_default();
+        let channels = names.iter().map(|(name, _)| Channel::new(*name).with_unit(unit(name))).collect();
+        let mut runs = Vec::new();
+        for log in &self.files {
+            let mut columns = Vec::with_capacity(names.len());
+            for (name, needed) in &names {
+                columns.push(match log.column(name) {
+                    None if !needed => vec![f64::NAN; log.times().len()],
+                    _ => log.values(name)?,
+                });
+            }
+            for (run, rows) in log.runs() {
+                runs.push(Run {
+                    name: self.run_name(log, &run),
+                    time: rows.iter().map(|&i| log.times()[i]).collect(),
+                    values: Mat::from_fn(rows.len(), columns.len(), |i, j| columns[j][rows[i]]),
+                });
+            }
+        }
+        Ok(Dataset::new(channels, runs)?)
+    }
+
+    /// Columns of any file that are not among the `used` ones, each once.
+    pub fn ignored<S: AsRef<str>>(&self, used: &[S]) -> Vec<String> {
+        let mut ignored: Vec<String> = Vec::new();
+        for header in self.files.iter().flat_map(Log::columns) {
+            if !used.iter().any(|u| header.answers_to(u.as_ref())) && !ignored.contains(&header.name) {
+                ignored.push(header.name.clone());
+            }
+        }
+        ignored
+    }
+
+    /// What is likely a mistake but can be read: a time column in another unit than seconds.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for log in &self.files {
+            let header = log.time_header();
+            if matches!(header.unit.as_str(), "ms" | "us" | "\u{b5}s" | "ns" | "min" | "h" | "d") {
+                warnings.push(format!(
+                    "{}: the time column `{}` is read as seconds, so rates are per {}",
+                    log.file, header.text, header.unit
+                ));
+            }
+        }
+        warnings
+    }
+
+    /// The file's name, without folders where that is clear, and the run's.
+    fn run_name(&self, log: &Log, run: &str) -> String {
+        let base =
+            |file: &str| Path::new(file).file_name().map_or(file.to_string(), |n| n.to_string_lossy().into_owned());
+        let short = base(&log.file);
+        let unique = self.files.iter().filter(|other| base(&other.file) == short).count() == 1;
+        let name = if unique { short } else { log.file.clone() };
+        if run.is_empty() { name } else { format!("{name}:{run}") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn logs(files: &[(&str, &str)]) -> Logs {
+        let parse = |(file, text): &(&str, &str)| Log::parse(file, text.as_bytes(), &LogOptions::default()).unwrap();
+        Logs { files: files.iter().map(parse).collect() }
+    }
+
+    #[test]
+    fn columns_follow_names_and_not_positions() {
+        let logs = logs(&[("d/a.csv", "t,x,u\n0,1,2\n1,3,4\n"), ("d/b.csv", "u,t,x\n6,0,5\n8,1,7\n")]);
+        let data = logs.dataset(&["x", "u"], &[]).unwrap();
+        assert_eq!(data.runs()[1].column(0), [5.0, 7.0]);
+        assert_eq!(data.runs()[1].column(1), [6.0, 8.0]);
+        assert_eq!(data.runs().iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["a.csv", "b.csv"]);
+    }
+
+    #[test]
+    fn a_needed_column_that_one_file_lacks_names_the_file() {
+        let logs = logs(&[("a.csv", "t,x,u\n0,1,2\n1,3,4\n"), ("b.csv", "t,x\n0,1\n1,2\n")]);
+        let error = logs.dataset(&["x", "u"], &[]).unwrap_err();
+        assert_eq!(error.to_string(), "b.csv: column `u` is not in the file; found: x");
+        let data = logs.dataset(&["x"], &["u", "w"]).unwrap();
+        assert_eq!(data.channels().len(), 2);
+        assert!(data.runs()[1].column(1).iter().all(|v| v.is_nan()));
+    }
+
+    #[test]
+    fn equal_file_names_in_two_folders_stay_apart() {
+        let logs = logs(&[("a/log.csv", "t,x\n0,1\n1,3\n"), ("b/log.csv", "t,x\n0,1\n1,2\n")]);
+        let data = logs.dataset(&["x"], &[]).unwrap();
+        assert_eq!(data.runs()[0].name, "a/log.csv");
+        assert_eq!(data.runs()[1].name, "b/log.csv");
+    }
+
+    #[test]
+    fn ignored_columns_are_listed_once() {
+        let logs = logs(&[("a.csv", "t,x,y [m],z\n0,1,2,3\n1,3,4,5\n"), ("b.csv", "t,x,z\n0,1,2\n1,2,2\n")]);
+        assert_eq!(logs.ignored(&["x", "y [m]"]), ["z"]);
+        assert_eq!(logs.columns(), ["x", "z"]);
+    }
+
+    #[test]
+    fn milliseconds_are_warned_of() {
+        assert_eq!(logs(&[("a.csv", "t [ms],x\n0,1\n1,3\n")]).warnings().len(), 1);
+        assert!(logs(&[("a.csv", "t [s],x\n0,1\n1,3\n"), ("b.csv", "t,x\n0,1\n1,3\n")]).warnings().is_empty());
+    }
+}
