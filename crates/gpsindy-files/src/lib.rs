@@ -8,6 +8,7 @@ mod error;
 mod header;
 mod log;
 mod logs;
+mod model;
 mod output;
 mod table;
 
@@ -15,5 +16,6 @@ pub use error::{Error, Result};
 pub use header::Header;
 pub use log::{Log, LogOptions};
 pub use logs::Logs;
+pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 pub use output::write_whole;
 pub use table::Table;
