@@ -11,9 +11,13 @@ mod error;
 mod expression;
 mod model;
 mod progress;
+mod refine;
 
 pub use data::{Channel, Dataset, Run};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
-pub use model::{Control, Dynamics, IdentificationRecord, Input, InputKind, Model, Parameter, State, System};
+pub use model::{
+    Control, Dynamics, IdentificationRecord, Input, InputKind, Model, Parameter, SCHEMA as MODEL_SCHEMA, State, System,
+};
 pub use progress::{Progress, Silent};
+pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};

@@ -1,0 +1,201 @@
+//! What a fit looks at: logs, the windows they are cut into, and the noise of every logged column.
+
+use crate::data::{Dataset, Run};
+use crate::error::{Error, Result};
+use crate::model::System;
+
+/// What a control does between two samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Hold {
+    /// It keeps the value of the last sample.
+    #[default]
+    Zero,
+    /// It is interpolated.
+    Linear,
+}
+
+/// One run as a fit sees it.
+#[derive(Debug, Clone)]
+pub struct Log {
+    /// Name of the run.
+    pub name: String,
+    /// Sample times, s, r of them.
+    pub time: Vec<f64>,
+    /// One row a control, r values each; a missing value holds the last known one.
+    pub controls: Vec<Vec<f64>>,
+    /// One row a logged column, r values each; NaN is a missing value.
+    pub measured: Vec<Vec<f64>>,
+}
+
+/// A stretch of a log that is rolled out from an initial state of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// Which log.
+    pub log: usize,
+    /// First sample.
+    pub first: usize,
+    /// Last sample, included.
+    pub last: usize,
+}
+
+/// Logs prepared for the fit of a system's parameters.
+#[derive(Debug, Clone)]
+pub struct Experiment {
+    /// The runs.
+    pub logs: Vec<Log>,
+    /// Which states the columns of `measured` are; the system's outputs of these numbers are compared.
+    pub columns: Vec<usize>,
+    /// Standard deviation of the noise of every logged column, in the column's unit.
+    pub noise: Vec<f64>,
+    /// The stretches that are rolled out.
+    pub windows: Vec<Window>,
+    /// Control between the samples.
+    pub hold: Hold,
+    /// Integration steps between two samples.
+    pub substeps: usize,
+    /// Typical size of every state, in its unit: sets the steps of finite differences.
+    pub scale: Vec<f64>,
+}
+
+impl Experiment {
+    /// Takes the columns that `system` names out of `data`; every run is one window.
+    ///
+    /// `noise` has one value a logged state, in the order of the system's states; where it is absent the
+    /// spread of each column serves, so that columns count alike.
+    ///
+    /// # Errors
+    /// A control that the data lack, data without any state of the system, or a control without a value.
+    pub fn new(system: &System, data: &Dataset, noise: Option<&[f64]>) -> Result<Self> {
+        let model = system.model();
+        let mut columns = Vec::new();
+        let mut channels = Vec::new();
+        for (j, state) in model.states.iter().enumerate() {
+            if let Ok(channel) = data.index_of(&state.name) {
+                columns.push(j);
+                channels.push(channel);
+            }
+        }
+        if columns.is_empty() {
+            let known = data.channels().iter().map(|c| &c.name);
+            return Err(Error::unknown("state", &model.states[0].name, known));
+        }
+        let controls = data.indices_of(&model.controls.iter().map(|c| &c.name).collect::<Vec<_>>())?;
+        let logs = data.runs().iter().map(|run| log(run, &channels, &controls, model)).collect::<Result<Vec<_>>>()?;
+        let windows =
+            logs.iter().enumerate().map(|(i, l)| Window { log: i, first: 0, last: l.time.len() - 1 }).collect();
+        let spread: Vec<f64> = (0..columns.len()).map(|c| spread(&logs, c)).collect();
+        let noise = match noise {
+            Some(noise) if noise.len() != columns.len() => {
+                return Err(Error::shape("noise", format!("{} values", columns.len()), noise.len()));
+            }
+            Some(noise) => noise.to_vec(),
+            None => spread.clone(),
+        };
+        let scale = state_scales(system, &logs, &columns, &spread);
+        Ok(Self { logs, columns, noise, windows, hold: Hold::Zero, substeps: 1, scale })
+    }
+
+    /// Position among the logged columns of state `state`, where it is logged.
+    pub fn column_of(&self, state: usize) -> Option<usize> {
+        self.columns.iter().position(|&c| c == state)
+    }
+
+    /// Cuts every log into windows of about `length` seconds that share their end samples with nobody.
+    #[must_use]
+    pub fn with_windows_of(mut self, length: f64) -> Self {
+        self.windows.clear();
+        for (i, log) in self.logs.iter().enumerate() {
+            let total = log.time[log.time.len() - 1] - log.time[0];
+            let count = ((total / length).round() as usize).clamp(1, (log.time.len() / 4).max(1));
+            let mut first = 0;
+            for part in 0..count {
+                let end = log.time[0] + total * (part + 1) as f64 / count as f64;
+                let last =
+                    if part + 1 == count { log.time.len() - 1 } else { log.time.partition_point(|&t| t <= end) - 1 };
+                if last > first {
+                    self.windows.push(Window { log: i, first, last });
+                    first = last + 1;
+                }
+            }
+        }
+        self
+    }
+
+    /// Number of values that are compared, missing ones left out.
+    pub fn n_values(&self) -> usize {
+        self.windows
+            .iter()
+            .map(|w| {
+                let log = &self.logs[w.log];
+                log.measured.iter().map(|c| c[w.first..=w.last].iter().filter(|v| v.is_finite()).count()).sum::<usize>()
+            })
+            .sum()
+    }
+}
+
+fn log(run: &Run, channels: &[usize], controls: &[usize], model: &crate::model::Model) -> Result<Log> {
+    let mut filled = Vec::with_capacity(controls.len());
+    for (&column, control) in controls.iter().zip(&model.controls) {
+        let values = run.column(column);
+        let Some(&first) = values.iter().find(|v| v.is_finite()) else {
+            return Err(Error::invalid(format!("run `{}`: control `{}` has no value at all", run.name, control.name)));
+        };
+        let mut last = first;
+        filled.push(
+            values
+                .iter()
+                .map(|&v| {
+                    if v.is_finite() {
+                        last = v;
+                    }
+                    last
+                })
+                .collect(),
+        );
+    }
+    Ok(Log {
+        name: run.name.clone(),
+        time: run.time.clone(),
+        controls: filled,
+        measured: channels.iter().map(|&c| run.column(c).to_vec()).collect(),
+    })
+}
+
+/// Standard deviation of a logged column over all runs.
+fn spread(logs: &[Log], column: usize) -> f64 {
+    let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
+    let count = values().count().max(1) as f64;
+    let mean = values().sum::<f64>() / count;
+    let variance = values().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
+    let largest = values().fold(0.0, |a: f64, v| a.max(v.abs()));
+    // A constant column has no spread; its size, or one, then sets the scale.
+    if variance > 1e-24 * largest * largest {
+        variance.sqrt()
+    } else if largest > 0.0 {
+        largest
+    } else {
+        1.0
+    }
+}
+
+/// Typical sizes: of a logged state its spread; of an unlogged velocity what its position does in a tenth
+/// of the log; of any other state one.
+fn state_scales(system: &System, logs: &[Log], columns: &[usize], spreads: &[f64]) -> Vec<f64> {
+    let model = system.model();
+    (0..model.states.len())
+        .map(|j| {
+            if let Some(c) = columns.iter().position(|&c| c == j) {
+                return spreads[c];
+            }
+            let position = model.integral_of(j).and_then(|i| columns.iter().position(|&c| c == i));
+            let Some(c) = position else { return 1.0 };
+            let mut total = 0.0;
+            let mut duration = 0.0;
+            for log in logs {
+                total += log.measured[c].windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| d.is_finite()).sum::<f64>();
+                duration += log.time[log.time.len() - 1] - log.time[0];
+            }
+            (total / duration.max(f64::MIN_POSITIVE)).max(f64::MIN_POSITIVE)
+        })
+        .collect()
+}

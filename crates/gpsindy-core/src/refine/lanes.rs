@@ -1,0 +1,291 @@
+//! Rollouts of several lanes at once with a fixed step: what a fit needs, and fast.
+//!
+//! A lane is one set of parameters and initial states. Classical Runge-Kutta of order 4; a held
+//! control enters by its mean over the step, so that outputs are smooth in a delay.
+
+use super::experiment::{Hold, Log};
+use crate::model::{InputKind, System};
+
+/// An input with a history, sampled, for every lane.
+struct History<const L: usize> {
+    /// Value at each sample, and how much later than its time stamp it acts, s.
+    values: Vec<[f64; L]>,
+    shift: [f64; L],
+    shifted: bool,
+    /// Integral of the held signal up to each sample.
+    integral: Vec<[f64; L]>,
+    /// Last sample at or before the current time, one a lane.
+    cursor: [usize; L],
+    /// Integral up to the start of the current step.
+    started: [f64; L],
+}
+
+/// Values of an input at the start, middle and end of a step.
+type Stages<const L: usize> = [[f64; L]; 3];
+
+impl<const L: usize> History<L> {
+    fn locate(&mut self, time: &[f64], lane: usize, t: f64) -> usize {
+        let mut k = self.cursor[lane];
+        while k + 1 < time.len() && time[k + 1] <= t {
+            k += 1;
+        }
+        self.cursor[lane] = k;
+        k
+    }
+
+    fn integral_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
+        let k = self.locate(time, lane, t);
+        self.integral[k][lane] + self.values[k][lane] * (t - time[k])
+    }
+
+    fn linear_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
+        let k = self.locate(time, lane, t);
+        if k + 1 >= time.len() || t <= time[0] {
+            return self.values[k][lane];
+        }
+        let part = (t - time[k]) / (time[k + 1] - time[k]);
+        self.values[k][lane] + part * (self.values[k + 1][lane] - self.values[k][lane])
+    }
+
+    /// Goes back to the time `t`.
+    fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
+        self.cursor = [0; L];
+        if hold == Hold::Zero && self.shifted {
+            self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t - self.shift[lane]));
+        }
+    }
+
+    fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
+        match hold {
+            Hold::Zero if !self.shifted => [self.values[sample]; 3],
+            Hold::Zero => {
+                let ended: [f64; L] = std::array::from_fn(|lane| self.integral_at(time, lane, b - self.shift[lane]));
+                let mean = std::array::from_fn(|lane| (ended[lane] - self.started[lane]) / (b - a));
+                self.started = ended;
+                [mean; 3]
+            }
+            Hold::Linear => {
+                let mut at = |t: f64| std::array::from_fn(|lane| self.linear_at(time, lane, t - self.shift[lane]));
+                [at(a), at(0.5 * (a + b)), at(b)]
+            }
+        }
+    }
+}
+
+/// Rolls one log out for `L` sets of parameters; made once for a set of parameters, used for every window.
+pub(crate) struct Lanes<'a, const L: usize> {
+    system: &'a System,
+    log: &'a Log,
+    hold: Hold,
+    histories: Vec<History<L>>,
+    late: Vec<[f64; L]>,
+    rates: Vec<[f64; L]>,
+    outputs: Vec<[f64; L]>,
+}
+
+/// A node of a trajectory, kept where an output is read late.
+struct Node<const L: usize> {
+    t: f64,
+    x: Vec<[f64; L]>,
+    dx: Vec<[f64; L]>,
+}
+
+impl<'a, const L: usize> Lanes<'a, L> {
+    /// `parameters`: all of the system's, one value a lane.
+    pub(crate) fn new(system: &'a System, log: &'a Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
+        let histories = histories(system, log, parameters);
+        let first = system.n_states() + system.n_controls() + histories.len();
+        let mut rates = system.rates().registers::<L>();
+        rates[first..first + parameters.len()].copy_from_slice(parameters);
+        let mut outputs = system.outputs().registers::<L>();
+        outputs[first..first + parameters.len()].copy_from_slice(parameters);
+        let late = system
+            .late_states()
+            .iter()
+            .map(|late| {
+                let mut registers = late.delay.registers::<L>();
+                registers[..parameters.len()].copy_from_slice(parameters);
+                late.delay.evaluate(&mut registers);
+                late.delay.output(&registers, 0)
+            })
+            .collect();
+        Self { system, log, hold, histories, late, rates, outputs }
+    }
+
+    /// Measured outputs `columns` at the samples `first..=last`, from the states `initial` at `first`.
+    ///
+    /// `receive(sample, column, values)` is called for every sample and position in `columns`.
+    pub(crate) fn roll(
+        &mut self,
+        (first, last): (usize, usize),
+        initial: &[[f64; L]],
+        columns: &[usize],
+        substeps: usize,
+        mut receive: impl FnMut(usize, usize, [f64; L]),
+    ) {
+        let log = self.log;
+        let n = self.system.n_states();
+        for history in &mut self.histories {
+            history.rewind(&log.time, log.time[first], self.hold);
+        }
+        let mut x = initial.to_vec();
+        let mut k = vec![vec![[0.0; L]; n]; 4];
+        let mut stage = x.clone();
+        let mut inputs: Vec<Stages<L>> = vec![[[0.0; L]; 3]; self.system.n_controls() + self.histories.len()];
+        let mut nodes: Vec<Node<L>> = Vec::new();
+        let keep = !self.late.is_empty();
+        for sample in first..=last {
+            let t = log.time[sample];
+            let is_last = sample == last;
+            let step = if is_last { 1.0 } else { (log.time[sample + 1] - t) / substeps as f64 };
+            for part in 0..if is_last { 1 } else { substeps } {
+                let a = t + step * part as f64;
+                self.load_inputs(&mut inputs, sample, a, a + step);
+                self.derivative(a, &x, &inputs, 0, &mut k[0]);
+                if keep {
+                    nodes.push(Node { t: a, x: x.clone(), dx: k[0].clone() });
+                }
+                if part == 0 {
+                    self.measure(t, &x, &inputs, &nodes);
+                    for (place, &column) in columns.iter().enumerate() {
+                        receive(sample, place, self.system.outputs().output(&self.outputs, column));
+                    }
+                }
+                if is_last {
+                    return;
+                }
+                for (stage_number, (weight, input)) in [(0.5, 1), (0.5, 1), (1.0, 2)].into_iter().enumerate() {
+                    for j in 0..n {
+                        for lane in 0..L {
+                            stage[j][lane] = x[j][lane] + weight * step * k[stage_number][j][lane];
+                        }
+                    }
+                    let (done, rest) = k.split_at_mut(stage_number + 1);
+                    debug_assert_eq!(done.len(), stage_number + 1);
+                    self.derivative(a + weight * step, &stage, &inputs, input, &mut rest[0]);
+                }
+                for j in 0..n {
+                    for lane in 0..L {
+                        let sum = k[0][j][lane] + 2.0 * (k[1][j][lane] + k[2][j][lane]) + k[3][j][lane];
+                        x[j][lane] += step / 6.0 * sum;
+                    }
+                }
+            }
+        }
+    }
+
+    fn load_inputs(&mut self, inputs: &mut [Stages<L>], sample: usize, a: f64, b: f64) {
+        let log = self.log;
+        let m = self.system.n_controls();
+        for (control, stages) in log.controls.iter().zip(inputs.iter_mut()) {
+            let here = control[sample];
+            *stages = match (self.hold, control.get(sample + 1)) {
+                (Hold::Linear, Some(&next)) => {
+                    let (t0, t1) = (log.time[sample], log.time[sample + 1]);
+                    [a, 0.5 * (a + b), b].map(|t| [here + (next - here) * (t - t0) / (t1 - t0); L])
+                }
+                _ => [[here; L]; 3],
+            };
+        }
+        for (history, stages) in self.histories.iter_mut().zip(&mut inputs[m..]) {
+            *stages = history.step(&log.time, sample, a, b, self.hold);
+        }
+    }
+
+    fn derivative(&mut self, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], stage: usize, dx: &mut [[f64; L]]) {
+        let n = x.len();
+        self.rates[..n].copy_from_slice(x);
+        for (register, stages) in self.rates[n..].iter_mut().zip(inputs) {
+            *register = stages[stage];
+        }
+        self.rates[self.system.rates().n_variables()] = [t; L];
+        self.system.evaluate(self.system.rates(), &mut self.rates);
+        for (j, rate) in dx.iter_mut().enumerate() {
+            *rate = self.system.rates().output(&self.rates, j);
+        }
+    }
+
+    fn measure(&mut self, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], nodes: &[Node<L>]) {
+        let n = x.len();
+        self.outputs[..n].copy_from_slice(x);
+        for (register, stages) in self.outputs[n..].iter_mut().zip(inputs) {
+            *register = stages[0];
+        }
+        let n_variables = self.system.outputs().n_variables();
+        for (i, late) in self.system.late_states().iter().enumerate() {
+            let place = n_variables - self.late.len() + i;
+            self.outputs[place] = std::array::from_fn(|lane| state_at(nodes, late.state, lane, t - self.late[i][lane]));
+        }
+        self.outputs[n_variables] = [t; L];
+        self.system.evaluate(self.system.outputs(), &mut self.outputs);
+    }
+}
+
+/// Cubic Hermite value of a state at time `t`; before the first node its tangent is followed.
+fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64) -> f64 {
+    let after = nodes.partition_point(|node| node.t <= t);
+    let Some(b) = nodes.get(after.max(1)) else {
+        let node = &nodes[after.max(1) - 1];
+        return node.x[state][lane] + node.dx[state][lane] * (t - node.t);
+    };
+    let a = &nodes[after.max(1) - 1];
+    if after == 0 {
+        return a.x[state][lane] + a.dx[state][lane] * (t - a.t);
+    }
+    let h = b.t - a.t;
+    let s = (t - a.t) / h;
+    let (x0, x1) = (a.x[state][lane], b.x[state][lane]);
+    let (d0, d1) = (h * a.dx[state][lane], h * b.dx[state][lane]);
+    let (s2, s3) = (s * s, s * s * s);
+    (2.0 * s3 - 3.0 * s2 + 1.0) * x0 + (s3 - 2.0 * s2 + s) * d0 + (3.0 * s2 - 2.0 * s3) * x1 + (s3 - s2) * d1
+}
+
+fn histories<const L: usize>(system: &System, log: &Log, parameters: &[[f64; L]]) -> Vec<History<L>> {
+    let m = system.n_controls();
+    let mut all: Vec<History<L>> = Vec::new();
+    for input in system.inputs() {
+        let mut registers = input.tape.registers::<L>();
+        let first = m + all.len();
+        registers[first..first + parameters.len()].copy_from_slice(parameters);
+        for history in &mut all {
+            history.cursor = [0; L];
+        }
+        let mut amount = [0.0; L];
+        let mut values = Vec::with_capacity(log.time.len());
+        for (sample, &t) in log.time.iter().enumerate() {
+            for (register, control) in registers.iter_mut().zip(&log.controls) {
+                *register = [control[sample]; L];
+            }
+            for (register, earlier) in registers[m..].iter_mut().zip(&mut all) {
+                *register = std::array::from_fn(|lane| earlier.linear_at(&log.time, lane, t - earlier.shift[lane]));
+            }
+            let n_variables = input.tape.n_variables();
+            registers[n_variables] = [t; L];
+            input.tape.evaluate(&mut registers);
+            let signal = input.tape.output(&registers, 0);
+            amount = input.tape.output(&registers, 1);
+            values.push(match (input.kind, values.last()) {
+                (InputKind::Delay, _) => signal,
+                (InputKind::Play, last) => played(last, &signal, &amount),
+            });
+        }
+        let shift = if input.kind == InputKind::Delay { amount } else { [0.0; L] };
+        let mut integral = vec![[0.0; L]; values.len()];
+        for k in 1..values.len() {
+            let step = log.time[k] - log.time[k - 1];
+            integral[k] = std::array::from_fn(|lane| integral[k - 1][lane] + step * values[k - 1][lane]);
+        }
+        let shifted = input.kind == InputKind::Delay;
+        all.push(History { values, shift, shifted, integral, cursor: [0; L], started: [0.0; L] });
+    }
+    all
+}
+
+/// One step of a play of total width `width`: the output is dragged along once the gap is used up.
+fn played<const L: usize>(last: Option<&[f64; L]>, signal: &[f64; L], width: &[f64; L]) -> [f64; L] {
+    std::array::from_fn(|lane| {
+        let half = 0.5 * width[lane].abs();
+        let previous = last.map_or(signal[lane], |l| l[lane]);
+        previous.max(signal[lane] - half).min(signal[lane] + half)
+    })
+}
