@@ -12,6 +12,7 @@ mod expression;
 mod model;
 mod progress;
 mod refine;
+pub mod regress;
 
 pub use data::{Channel, Dataset, Run};
 pub use error::{Error, Result};
