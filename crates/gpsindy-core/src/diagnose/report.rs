@@ -261,6 +261,20 @@ pub struct Figures {
     pub rollouts: Vec<RolloutFigure>,
     /// Per state whose equation may be wrong.
     pub residuals: Vec<ResidualFigure>,
+    /// Equations that the included causes change; a sensor effect changes what a column reads.
+    #[serde(default)]
+    pub equations: Vec<EquationFigure>,
+}
+
+/// An equation before and after, as text.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EquationFigure {
+    /// The left side as it is shown: `v'`, or `v reads`.
+    pub left: String,
+    /// Right side in the nominal model; empty for a state that a cause adds.
+    pub before: String,
+    /// Right side in the augmented model.
+    pub after: String,
 }
 
 /// A held-out rollout beside its log, at most [`FIGURE_POINTS`] samples; all lists are equally long.

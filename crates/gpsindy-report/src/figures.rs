@@ -1,0 +1,167 @@
+//! The figures of the page: what each equation lacks, and held-out rollouts before and after.
+
+use crate::chart::{Chart, Mark};
+use crate::words::with_unit;
+use gpsindy_core::diagnose::report::{Diagnosis, ResidualFigure, ResidualTrace, RolloutFigure};
+use maud::{Markup, html};
+
+/// Numbers the charts of a page.
+#[derive(Default)]
+pub(crate) struct Counter(usize);
+
+impl Counter {
+    fn next(&mut self) -> usize {
+        self.0 += 1;
+        self.0
+    }
+}
+
+/// Residual against the variable that it depends on most, with the regions of the gap shaded.
+pub(crate) fn residual_curve(report: &Diagnosis, figure: &ResidualFigure, counter: &mut Counter) -> Option<Markup> {
+    let curve = figure.curve.as_ref().filter(|curve| !curve.x.is_empty())?;
+    let shades = report
+        .gap
+        .by_region
+        .iter()
+        .filter(|region| region.state == figure.state && region.variable == curve.variable)
+        .map(|region| (region.from, region.to, region.share))
+        .collect();
+    let band: Vec<_> = curve.y.iter().zip(&curve.band).map(|(y, half)| (y - half, y + half)).collect();
+    let mut y_range = limits(band.iter().flat_map(|(low, high)| [*low, *high]).chain([0.0]));
+    let mut marks = vec![Mark::Band("band", &curve.x, band), Mark::Line("residual", &curve.x, present(&curve.y))];
+    if !curve.explained.is_empty() {
+        y_range = limits(curve.explained.iter().copied().chain([y_range.0, y_range.1]));
+        marks.push(Mark::Line("after", &curve.x, present(&curve.explained)));
+    }
+    let chart = Chart {
+        title: format!("What the equation of {} lacks, against {}", figure.state, curve.variable),
+        description: "Line and band: what the logs say the equation lacks, with its 95 % band. \
+                      Shaded: the regions that carry most of the gap."
+            .into(),
+        x_label: axis(&curve.variable, &curve.unit),
+        y_label: axis(&format!("missing in {}'", figure.state), &figure.unit),
+        marks,
+        shades,
+        y_range: padded(y_range),
+    };
+    let explained = (!curve.explained.is_empty()).then_some(("after", "the included causes"));
+    let legend = [Some(("residual", "missing, with 95 % band")), explained, Some(("gap", "region of the gap"))];
+    Some(framed(
+        html! { "What the equation of " (figure.state) " lacks, against " (curve.variable) },
+        chart.draw(counter.next()),
+        legend.into_iter().flatten(),
+    ))
+}
+
+/// Residual over the time of one run, with the windows of the gap shaded.
+pub(crate) fn residual_trace(
+    report: &Diagnosis,
+    figure: &ResidualFigure,
+    trace: &ResidualTrace,
+    counter: &mut Counter,
+) -> Markup {
+    let windows = report.gap.by_window.iter().filter(|window| window.run == trace.run);
+    let shades: Vec<_> = windows.map(|window| (window.from, window.to, window.share)).collect();
+    let band: Vec<_> = trace.y.iter().zip(&trace.band).map(|(y, half)| (y - half, y + half)).collect();
+    let y_range = limits(band.iter().flat_map(|(low, high)| [*low, *high]).chain([0.0]));
+    let marks = vec![Mark::Band("band", &trace.time, band), Mark::Line("residual", &trace.time, present(&trace.y))];
+    let chart = Chart {
+        title: format!("What the equation of {} lacks over time, run {}", figure.state, trace.run),
+        description: format!("{} stretches of time are marked as carrying most of the gap.", shades.len()),
+        x_label: "t (s)".into(),
+        y_label: axis(&format!("missing in {}'", figure.state), &figure.unit),
+        marks,
+        shades,
+        y_range: padded(y_range),
+    };
+    framed(
+        html! { "Run " (trace.run) ", equation of " (figure.state) },
+        chart.draw(counter.next()),
+        [("residual", "missing, with 95 % band"), ("gap", "time of the gap")],
+    )
+}
+
+/// A held-out log beside both rollouts.
+pub(crate) fn rollout(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
+    let mut marks = vec![Mark::Dots("measured", &figure.time, figure.measured.clone())];
+    let mut legend = vec![("measured", "measured"), ("before", "nominal model")];
+    marks.push(Mark::Line("before", &figure.time, figure.before.clone()));
+    if !figure.after.is_empty() {
+        marks.push(Mark::Line("after", &figure.time, figure.after.clone()));
+        legend.push(("after", "augmented model"));
+    }
+    let ended = diverged(&figure.before, &figure.time)
+        .map(|t| format!(" The nominal rollout diverges at t = {t:.2} s."))
+        .unwrap_or_default();
+    let chart = Chart {
+        title: format!("{} in held-out run {}", figure.column, figure.run),
+        description: format!(
+            "Dots: the log. Dashed: rollout of the nominal model. Solid: of the augmented one.{ended}"
+        ),
+        x_label: "t (s)".into(),
+        y_label: axis(&figure.column, &figure.unit),
+        marks,
+        shades: Vec::new(),
+        y_range: rollout_range(figure),
+    };
+    framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(counter.next()), legend)
+}
+
+/// All of the log and of both rollouts, but not more than thrice the log's own range around it.
+fn rollout_range(figure: &RolloutFigure) -> (f64, f64) {
+    let logged = limits(figure.measured.iter().copied().flatten());
+    let all = limits(figure.measured.iter().chain(&figure.before).chain(&figure.after).copied().flatten());
+    if logged.0 > logged.1 {
+        return padded(all);
+    }
+    let span = (logged.1 - logged.0).max(1e-9 * logged.0.abs());
+    padded((all.0.max(logged.0 - span), all.1.min(logged.1 + span)))
+}
+
+/// Time of the first absent value of a rollout.
+fn diverged(rollout: &[Option<f64>], time: &[f64]) -> Option<f64> {
+    rollout.iter().position(Option::is_none).and_then(|i| time.get(i).copied())
+}
+
+fn framed(caption: Markup, chart: Markup, legend: impl IntoIterator<Item = (&'static str, &'static str)>) -> Markup {
+    html! {
+        figure {
+            figcaption { (caption) }
+            (chart)
+            p.legend {
+                @for (class, words) in legend {
+                    span {
+                        svg.key viewBox="0 0 28 12" aria-hidden="true" {
+                            @match class {
+                                "gap" => rect.gap x="2" y="0" width="24" height="12" style="--share:.6" {},
+                                "measured" => path.measured d="M4 6h0M11 6h0M18 6h0M25 6h0" {},
+                                _ => path.(class) d="M1 6L27 6" {},
+                            }
+                        }
+                        (words)
+                    }
+                    " "
+                }
+            }
+        }
+    }
+}
+
+fn axis(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.into() } else { with_unit(name, &format!("({unit})")) }
+}
+
+fn present(values: &[f64]) -> Vec<Option<f64>> {
+    values.iter().map(|v| v.is_finite().then_some(*v)).collect()
+}
+
+fn limits(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+fn padded((low, high): (f64, f64)) -> (f64, f64) {
+    let margin = 0.05 * (high - low);
+    (low - margin, high + margin)
+}

@@ -1,0 +1,316 @@
+//! The page `report.html`: verdict, where, which, how far, what next; one file, no network, no script.
+
+use crate::figures::{Counter, residual_curve, residual_trace, rollout};
+use crate::words::{
+    cause_name, cause_place, closure_sentence, effect_meaning, effect_name, interval, listed, number, number_or,
+    p_value, percent, percent_closed, verdict_name, verdict_sentence, with_unit,
+};
+use gpsindy_core::diagnose::report::{Cause, Closure, Diagnosis, Figures, Verdict};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+/// Figures of one kind that stand open on the page; the others are folded.
+const OPEN_FIGURES: usize = 4;
+
+/// The whole page as text: HTML, style and figures in one file that needs nothing else.
+///
+/// ```
+/// # let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "cart", "runs": {"train": [], "holdout": []},
+/// #   "verdict": "no_gap", "gap": {"detected": false, "p_value": 0.4, "by_state": [], "by_region": [], "by_window": []},
+/// #   "causes": [], "excluded": [], "unexplained": {"probability": 0.0, "share": 0.0, "depends_on": []},
+/// #   "closure": {"metric": "rollout_rmse", "floor_source": "sensor noise", "by_state": []}, "notes": []}"#;
+/// let report: gpsindy_core::diagnose::Diagnosis = serde_json::from_str(json)?;
+/// assert!(gpsindy_report::render(&report).starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+pub fn render(report: &Diagnosis) -> String {
+    let mut counter = Counter::default();
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:";
+                meta name="generator" content="gpsindy";
+                link rel="icon" href="data:,";
+                title { (report.model) ": " (verdict_name(report.verdict)) " (gpsindy diagnosis)" }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                (head(report))
+                main {
+                    (place(report, &mut counter))
+                    (causes(report))
+                    (closure(report, &mut counter))
+                    (next(report))
+                }
+                (foot(report))
+            }
+        }
+    };
+    page.into_string()
+}
+
+fn head(report: &Diagnosis) -> Markup {
+    let (sign, class) = match report.verdict {
+        Verdict::NoGap => ("✓", "good"),
+        Verdict::Explained => ("●", "good"),
+        Verdict::PartlyExplained => ("◐", "part"),
+        Verdict::Unexplained => ("?", "bad"),
+    };
+    let best = report.included().next();
+    html! {
+        header {
+            p.kicker { "Where the model " strong { (report.model) } " and its logs differ" }
+            h1 class=(class) { span aria-hidden="true" { (sign) " " } (verdict_name(report.verdict)) }
+            p.lead { (verdict_sentence(report)) }
+            dl.facts {
+                div { dt { "Gap" } dd { @if report.gap.detected { "found" } @else { "none found" } } dd.small { (p_value(report.gap.p_value)) } }
+                @if let Some(cause) = best {
+                    div { dt { "Best cause" } dd { (percent(cause.probability)) } dd.small { (cause_name(cause)) } }
+                }
+                @if let Some(closed) = report.closure.closed {
+                    div { dt { "Gap closed" } dd { (percent_closed(closed)) }
+                        @if let (Some(low), Some(high)) = (report.closure.low, report.closure.high) {
+                            dd.small { (percent_closed(low)) " to " (percent_closed(high)) }
+                        }
+                    }
+                }
+                div { dt { "Structure left" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
+            }
+        }
+    }
+}
+
+/// A bar in a table cell; decoration, the number stands beside it.
+fn bar(share: f64, class: &str) -> Markup {
+    let width = if share.is_finite() { (share * 100.0).clamp(0.0, 100.0) } else { 100.0 };
+    html! { span.bar.(class) aria-hidden="true" style=(format!("width:{width:.1}%")) {} }
+}
+
+fn place(report: &Diagnosis, counter: &mut Counter) -> Markup {
+    let gap = &report.gap;
+    let none = Figures::default();
+    let residuals = &report.figures.as_ref().unwrap_or(&none).residuals;
+    let curves: Vec<Markup> = residuals.iter().filter_map(|f| residual_curve(report, f, counter)).collect();
+    // The runs with the largest marked windows first; states in the order of the engine.
+    let mut traces: Vec<_> = residuals.iter().flat_map(|f| f.traces.iter().map(move |t| (f, t))).collect();
+    let marked = |run: &str| gap.by_window.iter().filter(|w| w.run == run).map(|w| w.share).fold(0.0, f64::max);
+    traces.sort_by(|a, b| marked(&b.1.run).total_cmp(&marked(&a.1.run)));
+    let traces: Vec<Markup> = traces.into_iter().map(|(f, t)| residual_trace(report, f, t, counter)).collect();
+    html! {
+        section {
+            h2 { "Where is the gap?" }
+            h3 { "By equation" }
+            @if gap.by_state.is_empty() { p { "No equation stands out." } } @else {
+                div.wide { table.stack {
+                    thead { tr { th scope="col" { "equation" } th.n scope="col" { "share" } th.bars { } th.n scope="col" { "missing (rms)" }
+                        th.n scope="col" { "noise (rms)" } th.n scope="col" { "chance alone" } } }
+                    tbody { @for row in &gap.by_state { tr {
+                        th scope="row" { code { (row.state) "'" } }
+                        td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
+                        td.n data-label="missing (rms)" { (with_unit(&number(row.residual_rms), &row.unit)) }
+                        td.n data-label="noise (rms)" { (with_unit(&number(row.noise_rms), &row.unit)) }
+                        td.n data-label="chance alone" { (p_value(row.p_value)) }
+                    } } }
+                } }
+            }
+            h3 { "By region" }
+            @if gap.by_region.is_empty() { p { "The gap does not gather in any region of the variables." } } @else {
+                div.wide { table {
+                    thead { tr { th scope="col" { "equation" } th scope="col" { "region" } th.n scope="col" { "share" } th.bars { } } }
+                    tbody { @for row in &gap.by_region { tr {
+                        th scope="row" { code { (row.state) "'" } }
+                        td { code { (row.variable) } " from " (number(row.from)) " to " (number(row.to)) }
+                        td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
+                    } } }
+                } }
+            }
+            (grid(curves, "more equations"))
+            h3 { "Over time" }
+            @if gap.by_window.is_empty() { p { "The gap does not gather in any stretch of time." } } @else {
+                div.wide { table {
+                    thead { tr { th scope="col" { "run" } th scope="col" { "time" } th.n scope="col" { "share" } th.bars { } } }
+                    tbody { @for row in &gap.by_window { tr {
+                        th scope="row" { (row.run) }
+                        td { (number(row.from)) " s to " (number(row.to)) " s" }
+                        td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
+                    } } }
+                } }
+            }
+            (grid(traces, "more runs"))
+        }
+    }
+}
+
+/// Figures side by side; those beyond the first few are folded.
+fn grid(figures: Vec<Markup>, more: &str) -> Markup {
+    let (open, folded) = figures.split_at(figures.len().min(OPEN_FIGURES));
+    html! {
+        @if !open.is_empty() { div.figures { @for figure in open { (figure) } } }
+        @if !folded.is_empty() {
+            details { summary { (more) " (" (folded.len()) ")" } div.figures { @for figure in folded { (figure) } } }
+        }
+    }
+}
+
+fn causes(report: &Diagnosis) -> Markup {
+    html! {
+        section {
+            h2 { "Which effect causes it?" }
+            @if report.causes.is_empty() {
+                p { @if report.verdict == Verdict::NoGap { "There is no gap, so no cause is sought." }
+                    @else { "No effect of the catalogue came into question." } }
+            } @else {
+                ol.causes { @for cause in &report.causes { (one_cause(cause)) } }
+            }
+            @if !report.excluded.is_empty() {
+                h3 { "Excluded" }
+                p.soft { "Had one of these been larger than stated, these logs would have shown it 19 times in 20." }
+                ul { @for row in &report.excluded { li {
+                    (effect_name(&row.effect)) " in the equation of " code { (row.state) } ": not above "
+                    (with_unit(&number(row.above), &row.unit))
+                } } }
+            }
+        }
+    }
+}
+
+fn one_cause(cause: &Cause) -> Markup {
+    let class = if cause.included { "included" } else { "" };
+    let equivalent: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
+    html! {
+        li class=(class) {
+            h3 {
+                span { (percent(cause.probability)) }
+                span { (cause_name(cause)) " " (cause_place(cause)) }
+                span.tag { @if cause.included { "included" } @else { "not included" } }
+            }
+            p.soft { (effect_meaning(&cause.effect)) }
+            @if !cause.form.is_empty() { code.equation { (cause.form) } }
+            @if !cause.parameters.is_empty() {
+                ul { @for parameter in &cause.parameters {
+                    @let (value, range) = interval(parameter);
+                    li { code { (parameter.name) } " = " strong { (with_unit(&value, &parameter.unit)) }
+                        @if let Some(range) = range { ", 95 % interval " (range) } @else { ", no interval" } }
+                } }
+            }
+            @if !equivalent.is_empty() {
+                p { "These logs can't tell it from " (listed(&equivalent, "or")) "." }
+            }
+        }
+    }
+}
+
+fn closure(report: &Diagnosis, counter: &mut Counter) -> Markup {
+    let closure = &report.closure;
+    let none = Figures::default();
+    let rollouts = &report.figures.as_ref().unwrap_or(&none).rollouts;
+    let charts: Vec<Markup> = rollouts.iter().map(|figure| rollout(figure, counter)).collect();
+    html! {
+        section {
+            h2 { "How far is it closed?" }
+            p { (closure_sentence(report)) }
+            (totals(closure))
+            @if !closure.by_state.is_empty() {
+                h3 { "By logged column" }
+                div.wide { table {
+                    thead { tr { th scope="col" { "column" } th.n scope="col" { "nominal" } th.n scope="col" { "augmented" }
+                        th.n scope="col" { "noise floor" } } }
+                    tbody { @for row in &closure.by_state { tr {
+                        th scope="row" { code { (row.state) } }
+                        @for value in [row.before, row.after, row.floor] {
+                            td.n { (with_unit(&number_or(value, "diverged"), if value.is_some() { &row.unit } else { "" })) }
+                        }
+                    } } }
+                } }
+            }
+            @if !charts.is_empty() { h3 { "Held-out rollouts" } }
+            (grid(charts, "more rollouts"))
+        }
+    }
+}
+
+fn totals(closure: &Closure) -> Markup {
+    let rows = [
+        ("nominal model", closure.before, "before"),
+        ("augmented model", closure.after, "after"),
+        ("noise floor", closure.floor, "floor"),
+    ];
+    if rows.iter().all(|(_, value, _)| value.is_none()) {
+        return html! {};
+    }
+    // A rollout that diverged gets the longest bar, and leaves the others visibly shorter.
+    let diverged = closure.before.is_none() || closure.after.is_none();
+    let largest = rows.iter().filter_map(|(_, value, _)| *value).fold(0.0, f64::max) * if diverged { 3.0 } else { 1.0 };
+    html! {
+        div.wide { table {
+            thead { tr { th scope="col" { "held-out rollout error" } th.n scope="col" { "rms" } th.bars {} } }
+            tbody { @for (name, value, class) in rows { tr {
+                th scope="row" { (name) }
+                td.n { (number_or(value, if class == "floor" { "unknown" } else { "diverged" })) }
+                td.bars { @if let Some(value) = value { (bar(value / largest, class)) } @else if class != "floor" { (bar(1.0, class)) } }
+            } } }
+        } }
+        p.soft { "Root mean square over samples and columns, each column in units of its own standard deviation. "
+            "The floor is what noise alone leaves" @if !closure.floor_source.is_empty() { ", from " (closure.floor_source) } "." }
+    }
+}
+
+fn next(report: &Diagnosis) -> Markup {
+    let experiments: Vec<&Cause> = report.causes.iter().filter(|c| c.next_experiment.is_some()).collect();
+    let none = Figures::default();
+    let equations = &report.figures.as_ref().unwrap_or(&none).equations;
+    let left = &report.unexplained;
+    html! {
+        section {
+            h2 { "What to do next" }
+            @if report.included().next().is_some() {
+                h3 { "Use the augmented model" }
+                @if let Some(file) = &report.augmented_model { p { "It is written to " code { (file) } " and runs wherever the nominal one does." } }
+                @for equation in equations {
+                    @if !equation.before.is_empty() { code.equation { span.soft { "nominal   " } (equation.left) " = " (equation.before) } }
+                    code.equation { span.soft { "augmented " } (equation.left) " = " ins { (equation.after) } }
+                }
+                @if equations.is_empty() { @for cause in report.included() {
+                    code.equation { (cause.state) ": " ins { (cause.form) } }
+                } }
+            } @else if report.verdict == Verdict::NoGap {
+                p { "Keep the model as it is. A gap smaller than the excluded sizes would not have shown in these logs." }
+            } @else {
+                p { "No cause is sure enough to change the model. Look at the figures above for what is missing, "
+                    "and record what the model does not know about where the gap is largest." }
+            }
+            @if !experiments.is_empty() {
+                h3 { "The experiment that would settle it" }
+                ul { @for cause in experiments { li {
+                    (cause_name(cause)) @if !cause.equivalent.is_empty() { " or "
+                        (listed(&cause.equivalent.iter().map(|id| effect_name(id)).collect::<Vec<_>>(), "or")) }
+                    ": " strong { (cause.next_experiment.as_deref().unwrap_or_default()) }
+                } } }
+            }
+            @if report.verdict != Verdict::NoGap {
+                h3 { "What is left" }
+                p { "That structure and not only noise is left has the probability " (percent(left.probability)) "; it makes up "
+                    (percent(left.share)) " of the gap"
+                    @if !left.depends_on.is_empty() { " and depends on " (listed(&left.depends_on, "and")) } "." }
+            }
+            @if !report.notes.is_empty() {
+                h3 { "Notes" }
+                ul { @for note in &report.notes { li { (note) } } }
+            }
+        }
+    }
+}
+
+fn foot(report: &Diagnosis) -> Markup {
+    let named = |runs: &[String]| if runs.is_empty() { "none".to_string() } else { runs.join(", ") };
+    html! {
+        footer {
+            p { "Fitted on: " (named(&report.runs.train)) ". Judged on (held out, seen by no fit and no choice): " (named(&report.runs.holdout)) "." }
+            p { "The share is of the squared gap in units of the noise. Probabilities are calibrated: of the causes stated with 90 %, nine in ten are right. "
+                "The same numbers for a script: " code { "report.json" } ", schema " code { (report.schema) } "." }
+        }
+    }
+}

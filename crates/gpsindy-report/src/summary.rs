@@ -1,0 +1,254 @@
+//! What a terminal shows of a diagnosis: one screenful, readable without a manual.
+
+use crate::words::{
+    cause_name, cause_place, closure_sentence, effect_name, interval, listed, number, number_or, p_value, percent,
+    verdict_name, verdict_sentence, with_unit,
+};
+use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
+
+/// Width of the column of headings.
+const INDENT: usize = 9;
+/// Rows of a list before it is cut; the page and the JSON carry all.
+const ROWS: usize = 4;
+
+/// The diagnosis as a screenful of text, `width` characters wide (at least 40), in colour on request.
+///
+/// Ends with a newline. Colour marks the verdict and the headings only; the words say everything.
+pub fn summary(report: &Diagnosis, width: usize, colour: bool) -> String {
+    let mut text = Text { lines: Vec::new(), width: width.max(40), colour };
+    verdict(report, &mut text);
+    place(report, &mut text);
+    which(report, &mut text);
+    excluded(report, &mut text);
+    closure(report, &mut text);
+    next(report, &mut text);
+    (text.lines.join("\n") + "\n").replace('\u{a0}', " ")
+}
+
+fn verdict(report: &Diagnosis, text: &mut Text) {
+    let code = match report.verdict {
+        Verdict::NoGap | Verdict::Explained => "1;32",
+        Verdict::PartlyExplained => "1;33",
+        Verdict::Unexplained => "1;31",
+    };
+    let name = verdict_name(report.verdict).to_uppercase();
+    let line = format!("{name}  {}", text.painted(&report.model, "2"));
+    text.lines.push(text.painted(&name, code) + &line[name.len()..]);
+    for line in wrap(&verdict_sentence(report), text.width) {
+        text.lines.push(line);
+    }
+    text.lines.push(String::new());
+}
+
+fn place(report: &Diagnosis, text: &mut Text) {
+    let gap = &report.gap;
+    let found = if gap.detected { "found" } else { "none found" };
+    text.say("Gap", &format!("{found}; noise alone differs as much with {}", p_value(gap.p_value)));
+    let mut rows: Vec<String> = Vec::new();
+    for row in gap.by_state.iter().filter(|_| gap.detected).take(ROWS) {
+        let lacks = with_unit(&number(row.residual_rms), &row.unit);
+        rows.push(format!(
+            "{:>6}  {}  {}' lacks {lacks}, noise {}",
+            percent(row.share),
+            bar(row.share),
+            row.state,
+            number(row.noise_rms)
+        ));
+    }
+    for row in gap.by_region.iter().filter(|_| gap.detected).take(2) {
+        let (from, to) = (number(row.from), number(row.to));
+        rows.push(format!("{:>6}  {}  {} from {from} to {to}", percent(row.share), bar(row.share), row.variable));
+    }
+    for row in gap.by_window.iter().filter(|_| gap.detected).take(2) {
+        let (from, to) = (number(row.from), number(row.to));
+        rows.push(format!("{:>6}  {}  {}, {from} s to {to} s", percent(row.share), bar(row.share), row.run));
+    }
+    text.list("Where", &rows);
+}
+
+fn which(report: &Diagnosis, text: &mut Text) {
+    let included = report.included().count();
+    let shown = report.causes.iter().filter(|c| c.included || c.probability >= 0.01).take(included.max(ROWS));
+    let mut heading = "Which";
+    for cause in shown {
+        let mark = if cause.included { "*" } else { " " };
+        text.say(
+            heading,
+            &format!("{:>6} {mark} {} {}", percent(cause.probability), cause_name(cause), cause_place(cause)),
+        );
+        heading = "";
+        for line in details(cause) {
+            text.say_at("", &line, INDENT + 9);
+        }
+    }
+    if included > 0 {
+        text.say("", "       * in the augmented model");
+    }
+}
+
+fn details(cause: &Cause) -> Vec<String> {
+    let mut lines = Vec::new();
+    if cause.included {
+        let sizes: Vec<String> = cause
+            .parameters
+            .iter()
+            .map(|parameter| {
+                let (value, range) = interval(parameter);
+                let range = range.map(|range| format!(" ({range})")).unwrap_or_default();
+                format!("{} = {}{range}", parameter.name, with_unit(&value, &parameter.unit))
+            })
+            .collect();
+        lines.push(
+            [cause.form.clone(), sizes.join(", ")]
+                .into_iter()
+                .filter(|s| !s.is_empty())
+                .collect::<Vec<_>>()
+                .join("   "),
+        );
+    }
+    if !cause.equivalent.is_empty() {
+        let names: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
+        lines.push(format!("these logs can't tell it from {}", listed(&names, "or")));
+    }
+    lines.retain(|line| !line.is_empty());
+    lines
+}
+
+fn excluded(report: &Diagnosis, text: &mut Text) {
+    let mut rows: Vec<String> = report
+        .excluded
+        .iter()
+        .take(ROWS)
+        .map(|row| {
+            format!("{} in {}' above {}", effect_name(&row.effect), row.state, with_unit(&number(row.above), &row.unit))
+        })
+        .collect();
+    if report.excluded.len() > ROWS {
+        rows.push(format!("{} more", report.excluded.len() - ROWS));
+    }
+    if !rows.is_empty() {
+        text.say("Not", &rows.join("; "));
+    }
+}
+
+fn closure(report: &Diagnosis, text: &mut Text) {
+    let closure = &report.closure;
+    if report.verdict == Verdict::NoGap && closure.closed.is_none() {
+        return;
+    }
+    if closure.before.is_some() || closure.after.is_some() {
+        let source =
+            if closure.floor_source.is_empty() { String::new() } else { format!(" ({})", closure.floor_source) };
+        text.say(
+            "How far",
+            &format!(
+                "rollout error {} -> {}, floor {}{source}",
+                number_or(closure.before, "diverged"),
+                number_or(closure.after, "diverged"),
+                number_or(closure.floor, "unknown")
+            ),
+        );
+        text.say("", &closure_sentence(report));
+    } else {
+        text.say("How far", &closure_sentence(report));
+    }
+}
+
+fn next(report: &Diagnosis, text: &mut Text) {
+    let left = &report.unexplained;
+    if report.verdict != Verdict::NoGap {
+        let depends = if left.depends_on.is_empty() {
+            String::new()
+        } else {
+            format!(", depends on {}", listed(&left.depends_on, "and"))
+        };
+        text.say(
+            "Left",
+            &format!(
+                "structure beside noise: probability {}, {} of the gap{depends}",
+                percent(left.probability),
+                percent(left.share)
+            ),
+        );
+    }
+    let experiments: Vec<String> = report.causes.iter().filter_map(|c| c.next_experiment.clone()).take(2).collect();
+    text.list("Next", &experiments);
+    text.list("Note", &report.notes);
+}
+
+/// Ten characters for a share.
+fn bar(share: f64) -> String {
+    let full = if share.is_finite() { (share * 10.0).round().clamp(0.0, 10.0) as usize } else { 0 };
+    "█".repeat(full) + &"·".repeat(10 - full)
+}
+
+struct Text {
+    lines: Vec<String>,
+    width: usize,
+    colour: bool,
+}
+
+impl Text {
+    fn painted(&self, words: &str, code: &str) -> String {
+        if self.colour { format!("\x1b[{code}m{words}\x1b[0m") } else { words.into() }
+    }
+
+    fn say(&mut self, heading: &str, words: &str) {
+        self.say_at(heading, words, INDENT);
+    }
+
+    /// Wrapped words, all lines `indent` deep, the heading before the first.
+    fn say_at(&mut self, heading: &str, words: &str, indent: usize) {
+        let head = format!("{heading:<indent$}");
+        let head = if heading.is_empty() { head } else { self.painted(&head, "1") };
+        for (i, line) in wrap(words, self.width.saturating_sub(indent)).into_iter().enumerate() {
+            let lead = if i == 0 { head.clone() } else { " ".repeat(indent) };
+            self.lines.push((lead + &line).trim_end().to_string());
+        }
+    }
+
+    fn list(&mut self, heading: &str, rows: &[String]) {
+        for (i, row) in rows.iter().enumerate() {
+            self.say(if i == 0 { heading } else { "" }, row);
+        }
+    }
+}
+
+/// Lines of at most `width` characters, broken at spaces; a longer word stands alone. Spaces at the begin stay.
+fn wrap(words: &str, width: usize) -> Vec<String> {
+    let lead = words.len() - words.trim_start().len();
+    let mut lines = vec![words[..lead].to_string()];
+    let mut empty = true;
+    for word in words[lead..].split(' ') {
+        let Some(line) = lines.last_mut() else { break };
+        if !empty && line.chars().count() + 1 + word.chars().count() > width {
+            lines.push(word.to_string());
+            continue;
+        }
+        if !empty {
+            line.push(' ');
+        }
+        line.push_str(word);
+        empty = false;
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_wrap_at_spaces_and_a_long_word_stands_alone() {
+        assert_eq!(wrap("one two three", 7), ["one two", "three"]);
+        assert_eq!(wrap("  a-very-long-word b", 5), ["  a-very-long-word", "b"]);
+        assert_eq!(wrap("", 5), [""]);
+    }
+
+    #[test]
+    fn a_bar_has_ten_characters_whatever_the_share() {
+        for share in [-1.0, 0.0, 0.04, 0.5, 1.0, 7.0, f64::NAN] {
+            assert_eq!(bar(share).chars().count(), 10);
+        }
+    }
+}

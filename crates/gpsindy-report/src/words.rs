@@ -1,0 +1,288 @@
+//! Words and numbers that the page and the terminal share: names of effects, the verdict in a sentence.
+
+use gpsindy_core::diagnose::report::{Cause, Diagnosis, Parameter, Verdict};
+
+/// A number with three significant digits and no trailing zeros.
+pub(crate) fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return (value + 0.0).to_string();
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if !(-3..6).contains(&exponent) {
+        let text = format!("{value:.2e}");
+        let (mantissa, power) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{power}", without_zeros(mantissa));
+    }
+    fixed(value, (2 - exponent).max(0) as usize)
+}
+
+/// A number with at most `decimals` decimals and no trailing zeros.
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let text = without_zeros(&text);
+    if text == "-0" { "0".into() } else { text.into() }
+}
+
+fn without_zeros(text: &str) -> &str {
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
+}
+
+/// A number that may be absent, for which `absent` stands then.
+pub(crate) fn number_or(value: Option<f64>, absent: &str) -> String {
+    value.map_or_else(|| absent.into(), number)
+}
+
+/// `0.31 m/s^2`, with a space that does not break.
+pub(crate) fn with_unit(text: &str, unit: &str) -> String {
+    if unit.is_empty() { text.into() } else { format!("{text}\u{a0}{unit}") }
+}
+
+/// A probability or a share in whole percent; never a false 0 or 100.
+pub(crate) fn percent(share: f64) -> String {
+    match share * 100.0 {
+        p if p > 0.0 && p < 0.5 => "<\u{a0}1\u{a0}%".into(),
+        p if p < 100.0 && p > 99.5 => ">\u{a0}99\u{a0}%".into(),
+        p => format!("{p:.0}\u{a0}%"),
+    }
+}
+
+/// The closed part of the gap: may be negative; a tenth of a percent near all of it.
+pub(crate) fn percent_closed(closed: f64) -> String {
+    let percent = closed * 100.0;
+    if percent > 98.95 && percent < 99.95 {
+        format!("{percent:.1}\u{a0}%")
+    } else {
+        format!("{}\u{a0}%", fixed(percent, 0))
+    }
+}
+
+/// `p = 0.032`, `p = 1e-9`, `p < 1e-300`.
+pub(crate) fn p_value(p: f64) -> String {
+    if p <= 1e-300 {
+        return "p\u{a0}<\u{a0}1e-300".into();
+    }
+    if p < 1e-3 {
+        return format!("p\u{a0}=\u{a0}{p:.0e}");
+    }
+    let decimals = if p < 0.1 { 3 } else { 2 };
+    format!("p\u{a0}=\u{a0}{}", fixed(p, decimals))
+}
+
+/// Value and interval of a parameter with the digits that the interval's width supports.
+pub(crate) fn interval(parameter: &Parameter) -> (String, Option<String>) {
+    let (low, high) = (parameter.low, parameter.high);
+    if low.is_none() && high.is_none() {
+        return (number(parameter.value), None);
+    }
+    let width = match (low, high) {
+        (Some(low), Some(high)) => (high - low) / 2.0,
+        (Some(end), None) | (None, Some(end)) => (parameter.value - end).abs(),
+        (None, None) => 0.0,
+    };
+    let size = [Some(parameter.value), low, high].into_iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+    let plain = width > 0.0 && (1e-3..1e6).contains(&size) && width > size * 1e-6;
+    let write = |value: f64| {
+        if plain { fixed(value, (1 - width.log10().floor() as i32).clamp(0, 9) as usize) } else { number(value) }
+    };
+    let range = match (low, high) {
+        (Some(low), Some(high)) => format!("{} to {}", write(low), write(high)),
+        (Some(low), None) => format!("at least {}", write(low)),
+        (None, Some(high)) => format!("at most {}", write(high)),
+        (None, None) => String::new(),
+    };
+    (write(parameter.value), Some(range))
+}
+
+/// The effect in everyday words; an id that the catalogue does not know, with spaces.
+pub(crate) fn effect_name(id: &str) -> String {
+    match id {
+        "parameter_error" => "wrong parameter".into(),
+        "bias" => "constant bias".into(),
+        "coulomb_friction" => "Coulomb friction".into(),
+        "stribeck_friction" => "Stribeck friction".into(),
+        "cogging" => "cogging".into(),
+        _ => id.replace('_', " "),
+    }
+}
+
+/// What the effect does, for a reader who meets it first here; empty where the id is a user's own.
+pub(crate) fn effect_meaning(id: &str) -> &'static str {
+    match id {
+        "parameter_error" => "A number of the nominal model has another value.",
+        "bias" => "A constant push that the model lacks.",
+        "viscous_friction" => "Friction in proportion to the speed.",
+        "coulomb_friction" => "Dry friction: the same against every motion, whatever its speed.",
+        "stribeck_friction" => "Dry friction that is stronger near standstill than in motion.",
+        "quadratic_drag" => "Drag in proportion to the square of the speed, as air or water gives.",
+        "linear_stiffness" => "A spring.",
+        "cubic_stiffness" => "A spring that hardens (or softens) away from the middle.",
+        "gravity_load" => "A weight on an arm: its pull changes with the angle.",
+        "coupling" => "Another axis pulls along.",
+        "product_coupling" => "Two variables act together, by their product.",
+        "input_gain" => "The actuator does more or less than it is told, by a factor.",
+        "input_bias" => "The actuator adds a constant to what it is told.",
+        "input_saturation" => "The actuator can do no more than a limit.",
+        "input_dead_zone" => "The actuator does nothing for small commands.",
+        "input_delay" => "The actuator acts later than it is told.",
+        "input_lag" => "The actuator follows its command gradually.",
+        "backlash" => "Play: after a reversal some travel does nothing.",
+        "cogging" => "A force that repeats along the position.",
+        "periodic_disturbance" => "Something from outside that repeats in time.",
+        "step_disturbance" => "Something from outside that sets in at a moment.",
+        "drift" => "A number of the plant changes slowly with time.",
+        "sensor_bias" => "The sensor reads too much by a constant.",
+        "sensor_scale" => "The sensor reads too much by a factor.",
+        "sensor_delay" => "The sensor reads late.",
+        _ => "",
+    }
+}
+
+/// The effect and what it depends on: `Coulomb friction`, `wrong parameter b`, `input delay of u`.
+pub(crate) fn cause_name(cause: &Cause) -> String {
+    let name = effect_name(&cause.effect);
+    let variables = cause.variables.join(", ");
+    if cause.effect == "parameter_error" {
+        return if variables.is_empty() { name } else { format!("{name} {variables}") };
+    }
+    if variables.is_empty() || variables == cause.state {
+        return name;
+    }
+    let acts_on = cause.effect.starts_with("input_") || matches!(cause.effect.as_str(), "backlash" | "drift");
+    if acts_on { format!("{name} of {variables}") } else { format!("{name} ({variables})") }
+}
+
+/// Where the cause acts: an equation, or a logged column for a sensor effect.
+pub(crate) fn cause_place(cause: &Cause) -> String {
+    if cause.effect.starts_with("sensor_") {
+        format!("in the column {}", cause.state)
+    } else {
+        format!("in the equation of {}", cause.state)
+    }
+}
+
+/// `a`, `a and b`, `a, b and c`.
+pub(crate) fn listed(items: &[String], last: &str) -> String {
+    match items {
+        [] => String::new(),
+        [one] => one.clone(),
+        [rest @ .., end] => format!("{} {last} {end}", rest.join(", ")),
+    }
+}
+
+/// The verdict in two or three words.
+pub(crate) fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::NoGap => "No gap",
+        Verdict::Explained => "Explained",
+        Verdict::PartlyExplained => "Partly explained",
+        Verdict::Unexplained => "Unexplained",
+    }
+}
+
+/// The verdict in a sentence, with the causes by name.
+pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
+    let causes: Vec<String> =
+        report.included().map(|cause| format!("{} {}", cause_name(cause), cause_place(cause))).collect();
+    let causes = listed(&causes, "and");
+    let model = if report.model.is_empty() { "the model".into() } else { format!("the model {}", report.model) };
+    let place = report.gap.by_state.first().map_or(String::new(), |s| format!(" in the equation of {}", s.state));
+    let depends = if report.unexplained.depends_on.is_empty() {
+        String::new()
+    } else {
+        format!(" that depends on {}", listed(&report.unexplained.depends_on, "and"))
+    };
+    match report.verdict {
+        Verdict::NoGap => format!("Measurement noise alone explains how the logs differ from {model}."),
+        Verdict::Explained if causes.is_empty() => format!("The gap between {model} and the logs is explained."),
+        Verdict::Explained => format!("What {model} lacks: {causes}."),
+        Verdict::PartlyExplained if causes.is_empty() => {
+            format!("A part of the gap between {model} and the logs is explained; structure{depends} is left.")
+        }
+        Verdict::PartlyExplained => format!("A part of what {model} lacks: {causes}. Structure{depends} is left."),
+        Verdict::Unexplained if depends.is_empty() => {
+            format!("There is a gap{place}, and no effect of the catalogue explains it.")
+        }
+        Verdict::Unexplained => format!("There is a gap{place}{depends}, and no effect of the catalogue explains it."),
+    }
+}
+
+/// How much of the gap the included causes close, in a sentence.
+pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
+    let closure = &report.closure;
+    let range = match (closure.low, closure.high) {
+        (Some(low), Some(high)) => format!(" (95 % interval {} to {})", percent_closed(low), percent_closed(high)),
+        _ => String::new(),
+    };
+    match closure.closed {
+        Some(closed) if closed < 0.0 => format!(
+            "The augmented model is worse than the nominal one on held-out runs: {} of the gap is closed{range}.",
+            percent_closed(closed)
+        ),
+        Some(closed) => {
+            let bound = if closure.floor_source == "sensor noise" { "at least " } else { "" };
+            format!("On held-out runs {bound}{} of the gap is closed{range}.", percent_closed(closed))
+        }
+        None if report.verdict == Verdict::NoGap => "There is no gap to close.".into(),
+        None if report.included().next().is_none() => "No cause is included, so nothing is closed.".into(),
+        None if closure.before.is_none() && closure.after.is_some() => {
+            "On held-out runs the nominal model diverges; the augmented one does not.".into()
+        }
+        None if closure.after.is_none() => "On held-out runs the augmented model diverges.".into(),
+        None => "How much of the gap is closed can't be said.".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_three_digits_and_drop_zeros() {
+        for (value, text) in [
+            (0.0, "0"),
+            (0.31, "0.31"),
+            (-12.345, "-12.3"),
+            (0.001234, "0.00123"),
+            (12345.6, "12346"),
+            (1e-9, "1e-9"),
+            (2.5e8, "2.5e8"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn percentages_never_round_to_certainty() {
+        assert_eq!(percent(0.001).replace("\u{a0}", " "), "< 1 %");
+        assert_eq!(percent(0.999).replace("\u{a0}", " "), "> 99 %");
+        assert_eq!(percent(0.0).replace("\u{a0}", " "), "0 %");
+        assert_eq!(percent(1.0).replace("\u{a0}", " "), "100 %");
+        assert_eq!(percent(0.951).replace("\u{a0}", " "), "95 %");
+    }
+
+    #[test]
+    fn p_values_are_readable_at_every_size() {
+        assert_eq!(p_value(0.0).replace("\u{a0}", " "), "p < 1e-300");
+        assert_eq!(p_value(1e-9).replace("\u{a0}", " "), "p = 1e-9");
+        assert_eq!(p_value(0.0321).replace("\u{a0}", " "), "p = 0.032");
+        assert_eq!(p_value(0.43).replace("\u{a0}", " "), "p = 0.43");
+    }
+
+    #[test]
+    fn an_interval_shows_the_digits_that_its_width_supports() {
+        let parameter = |value, low, high| Parameter { name: "c".into(), value, low, high, unit: String::new() };
+        assert_eq!(
+            interval(&parameter(0.312, Some(0.2912), Some(0.3342))),
+            ("0.312".into(), Some("0.291 to 0.334".into()))
+        );
+        assert_eq!(interval(&parameter(40.0, Some(10.0), None)), ("40".into(), Some("at least 10".into())));
+        assert_eq!(interval(&parameter(40.0, None, None)), ("40".into(), None));
+        assert_eq!(interval(&parameter(2e-8, Some(1e-8), Some(3e-8))), ("2e-8".into(), Some("1e-8 to 3e-8".into())));
+    }
+
+    #[test]
+    fn an_id_of_a_user_s_own_effect_reads_as_words() {
+        assert_eq!(effect_name("tyre_slip"), "tyre slip");
+        assert_eq!(effect_meaning("tyre_slip"), "");
+    }
+}

@@ -1,0 +1,128 @@
+//! The page and the summary of every kind of diagnosis.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod fixtures;
+
+use gpsindy_report::{render, summary};
+
+#[test]
+fn a_page_loads_nothing_and_runs_no_script() {
+    for (name, report) in fixtures::all() {
+        let page = render(&report);
+        for word in ["http://", "https://", "<script", "<link rel=\"stylesheet", "@import", "url("] {
+            assert!(!page.contains(word), "{name} contains {word}");
+        }
+    }
+}
+
+#[test]
+fn a_page_says_verdict_where_which_how_far_and_next_in_this_order() {
+    for (name, report) in fixtures::all() {
+        let page = render(&report);
+        let places: Vec<usize> =
+            ["<h1", "Where is the gap?", "Which effect causes it?", "How far is it closed?", "What to do next"]
+                .iter()
+                .map(|words| page.find(words).unwrap_or_else(|| panic!("{name} lacks {words}")))
+                .collect();
+        assert!(places.is_sorted(), "{name}: {places:?}");
+    }
+}
+
+#[test]
+fn text_from_outside_is_escaped() {
+    let mut report = fixtures::two_causes();
+    report.notes.push("<img src=x onerror=alert(1)>".into());
+    report.causes[0].form = "a < b && c".into();
+    report.runs.train[0] = "\"><svg>.csv".into();
+    let page = render(&report);
+    assert!(!page.contains("<img"));
+    assert!(!page.contains("\"><svg>.csv"));
+    assert!(page.contains("a &lt; b &amp;&amp; c"));
+    assert!(page.contains("buoy &lt;north &amp; &quot;south&quot;&gt;"));
+}
+
+#[test]
+fn every_tag_that_opens_closes() {
+    const VOID: [&str; 3] = ["meta", "link", "!DOCTYPE"];
+    for (name, report) in fixtures::all() {
+        let page = render(&report);
+        let mut open: Vec<&str> = Vec::new();
+        let body = page.split_once("</style>").unwrap();
+        let without_style = [body.0.split_once("<style>").unwrap().0, body.1].concat();
+        for tag in without_style.split('<').skip(1).map(|t| t.split_once('>').unwrap().0) {
+            let word = tag.split([' ', '/']).find(|w| !w.is_empty()).unwrap();
+            if tag.starts_with('/') {
+                assert_eq!(open.pop().unwrap(), word, "{name}");
+            } else if !VOID.contains(&word) {
+                open.push(word);
+            }
+        }
+        assert!(open.is_empty(), "{name}: {open:?}");
+    }
+}
+
+#[test]
+fn every_figure_has_a_title_and_a_description_of_its_own() {
+    let page = render(&fixtures::explained());
+    let labels: Vec<&str> =
+        page.split("aria-labelledby=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    assert_eq!(labels.len(), 6, "one curve, three traces, two rollouts");
+    for label in labels {
+        for id in label.split(' ') {
+            assert_eq!(page.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
+        }
+    }
+}
+
+#[test]
+fn no_number_on_a_page_is_infinite_or_not_a_number() {
+    for (name, report) in fixtures::all() {
+        let page = render(&report);
+        for word in ["NaN", "inf ", "inf<", "inf\""] {
+            assert!(!page.contains(word), "{name} contains {word}");
+        }
+    }
+}
+
+#[test]
+fn a_negative_closure_is_shown_as_it_is() {
+    let report = fixtures::negative_closure();
+    assert!(render(&report).contains("worse than the nominal one"));
+    assert!(summary(&report, 80, false).contains("-350 %"));
+}
+
+#[test]
+fn a_gap_without_a_cause_names_the_place_and_no_remedy() {
+    let text = summary(&fixtures::unexplained(), 80, false);
+    assert!(text.starts_with("UNEXPLAINED"));
+    assert!(text.contains("depends on s and v"));
+    assert!(!text.contains("in the augmented model"));
+}
+
+#[test]
+fn a_summary_fits_its_width_and_one_screen() {
+    for (name, report) in fixtures::all() {
+        for width in [60, 80, 120] {
+            let text = summary(&report, width, false);
+            for line in text.lines() {
+                assert!(line.chars().count() <= width, "{name}, {width}: {line}");
+            }
+            assert!(text.lines().count() <= 40, "{name}, {width}: {} lines", text.lines().count());
+        }
+    }
+}
+
+#[test]
+fn colour_adds_nothing_but_colour() {
+    for (name, report) in fixtures::all() {
+        let coloured = summary(&report, 80, true);
+        let mut plain = String::new();
+        for (i, part) in coloured.split('\x1b').enumerate() {
+            plain.push_str(if i == 0 { part } else { part.split_once('m').unwrap().1 });
+        }
+        // A painted heading without words after it may end in blanks.
+        let trimmed: Vec<&str> = plain.lines().map(str::trim_end).collect();
+        assert_eq!(trimmed.join("\n") + "\n", summary(&report, 80, false), "{name}");
+    }
+}
