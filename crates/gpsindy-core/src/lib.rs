@@ -9,6 +9,7 @@ mod data;
 pub mod diagnose;
 mod error;
 mod expression;
+pub mod library;
 mod model;
 mod progress;
 mod refine;
