@@ -1,0 +1,76 @@
+//! Whole cases: sizes, bytes, nulls, twins.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use gpsindy_suite::case::{Kind, draw_case};
+use gpsindy_suite::emit::{answer, files};
+
+#[test]
+fn a_seed_keeps_its_bytes() {
+    for seed in [3, 4] {
+        let (one, two) = (draw_case(seed, None).unwrap(), draw_case(seed, None).unwrap());
+        assert_eq!(files(&one), files(&two));
+        let text = |case| toml::to_string(&answer(case, "case")).unwrap();
+        assert_eq!(text(&one), text(&two));
+    }
+    assert_ne!(files(&draw_case(3, None).unwrap()), files(&draw_case(4, None).unwrap()));
+}
+
+#[test]
+fn singles_reach_gaps_between_one_and_thirty() {
+    let mut wide = (f64::INFINITY, 0.0f64);
+    for seed in 0..12 {
+        let case = draw_case(seed, Some(Kind::Single)).unwrap();
+        assert_eq!(case.effects.len(), 1);
+        // The size is found to a third of the wanted gap.
+        assert!((0.7..42.0).contains(&case.gap.snr), "seed {seed}: {}", case.gap.snr);
+        wide = (wide.0.min(case.gap.snr), wide.1.max(case.gap.snr));
+    }
+    assert!(wide.0 < 3.0 && wide.1 > 8.0, "{wide:?}");
+}
+
+#[test]
+fn nulls_have_no_gap_and_the_noise_they_state() {
+    for seed in 0..12 {
+        let case = draw_case(seed, Some(Kind::Null)).unwrap();
+        let entry = answer(&case, "case");
+        assert!(entry.effects.is_empty() && entry.accept.is_empty());
+        let trapped = ["interpolated", "tolerance"].iter().any(|t| case.trap.contains(t));
+        // The rollout differs from the run by the tolerance of the integrator only.
+        assert!(trapped || case.gap.snr < 1e-3, "seed {seed}: {}", case.gap.snr);
+        // Thousands of samples: two to ten per cent; outliers add to it.
+        let room = if case.trap.contains("outliers") || case.trap.contains("coloured") { 1.0 } else { 0.1 };
+        assert!((entry.oracle.noise_floor - 1.0).abs() < room, "seed {seed}: {}", entry.oracle.noise_floor);
+    }
+}
+
+#[test]
+fn runs_have_the_sizes_that_are_promised() {
+    for seed in 20..30 {
+        let case = draw_case(seed, None).unwrap();
+        assert!((3..=6).contains(&case.given) && case.runs.len() == case.given + 2);
+        for run in &case.runs {
+            assert!((200..=3000).contains(&run.log.len()));
+            assert!(run.setup.times.windows(2).all(|t| t[1] > t[0]));
+        }
+    }
+}
+
+#[test]
+fn a_wrong_damping_is_also_a_viscous_friction() {
+    use gpsindy_suite::effect::{Act, Effect, Variable};
+    use gpsindy_suite::twins::accept;
+    let simple = ["turntable", "belt", "buoy", "cart_spring", "puck", "pendulum", "scooter"];
+    let case = (0..40).find_map(|seed| draw_case(seed, Some(Kind::Null)).filter(|c| simple.contains(&c.plant.name)));
+    let case = case.unwrap();
+    let row = case.plant.rows.len() - 1;
+    let z = Variable::State(row);
+    let act = Act::Linear { z, c: -0.1 };
+    let effect = Effect { id: "viscous_friction", state: row, variables: vec![z], act };
+    let list = accept(&case.plant, &case.survey, &effect, 0);
+    // The puck has one damping for two axes: a wrong number would act on both.
+    let expected = ["viscous_friction", "linear_stiffness", "coupling", "parameter_error"];
+    for id in &expected[..if case.plant.name == "puck" { 3 } else { 4 }] {
+        assert!(list.iter().any(|a| a.effect == *id), "{}: {id} is missing", case.plant.name);
+    }
+}
