@@ -9,11 +9,13 @@ mod data;
 pub mod diagnose;
 mod error;
 mod expression;
+pub mod gp;
 pub mod library;
 mod model;
 mod progress;
 mod refine;
 pub mod regress;
+mod smooth;
 
 pub use data::{Channel, Dataset, Run};
 pub use error::{Error, Result};
@@ -23,3 +25,4 @@ pub use model::{
 };
 pub use progress::{Progress, Silent};
 pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};
+pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};

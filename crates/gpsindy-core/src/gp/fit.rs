@@ -1,0 +1,509 @@
+//! Hyperparameters and kernel by marginal likelihood, in a way that can't fail silently.
+//!
+//! Targets are standardised (each run by its own mean, all by one standard deviation); the cost
+//! is the negative log marginal likelihood of all runs plus weak priors, divided by the number of
+//! points; several deterministic starts; the noise never falls below a floor; the kernel of the
+//! lowest cost wins unless it only interpolates (leave-one-out check). Whatever makes the answer
+//! weak stands in the result.
+//! Source: Rasmussen & Williams 2006, sections 5.4.1 and 5.4.2.
+
+use super::kernel::{Kernel, Role};
+use super::likelihood::{Engine, Evaluation, Workspace};
+use super::optimise::{Minimum, Optimiser};
+use super::points::Points;
+use super::scale::{Scale, standardise};
+use super::start::{Bounds, starts};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+use std::fmt;
+
+/// Settings of a fit.
+///
+/// | setting | default | range | purpose |
+/// | --- | --- | --- | --- |
+/// | `noise` | `None` | above 0 | standard deviation of the noise, unit of the targets, where it is known |
+/// | `noise_floor` | 1e-4 | 1e-6 to 0.5 | lowest noise, relative to the standard deviation of the targets |
+/// | `isotropic` | false | | one length for all inputs |
+/// | `dense_limit` | 2000 | at least 1 | points of one run above which only kernels of linear cost are tried |
+#[derive(Debug, Clone)]
+pub struct FitSettings {
+    /// Known standard deviation of the noise, unit of the targets; `None` estimates it.
+    pub noise: Option<f64>,
+    /// Lowest noise, relative to the standard deviation of the targets.
+    pub noise_floor: f64,
+    /// One length for all inputs instead of one each.
+    pub isotropic: bool,
+    /// Points of one run above which kernels without a state-space form are not tried.
+    pub dense_limit: usize,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        Self { noise: None, noise_floor: 1e-4, isotropic: false, dense_limit: 2000 }
+    }
+}
+
+/// A reason to trust a fit less.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Weakness {
+    /// All targets are equal.
+    Constant,
+    /// Fewer than eight points: the priors decide.
+    FewPoints,
+    /// The noise explains nearly all; what is left is close to a constant.
+    NoSignal,
+    /// The process passes through every point but predicts none that is left out.
+    Interpolates,
+    /// A length or period ended at the end of its range.
+    AtBound,
+    /// The optimiser ran out of iterations.
+    NotConverged,
+    /// The covariance needed jitter.
+    Jitter,
+    /// There were more points than the wanted kernels can take; a Matern kernel stands in.
+    KernelReplaced,
+}
+
+impl fmt::Display for Weakness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Constant => "all values are equal",
+            Self::FewPoints => "fewer than 8 points: the priors decide",
+            Self::NoSignal => "the noise explains nearly everything",
+            Self::Interpolates => {
+                "passes through every point but predicts none that is left out; sample faster or hand in the noise"
+            }
+            Self::AtBound => "a length or period stands at the end of its range",
+            Self::NotConverged => "the optimiser ran out of iterations",
+            Self::Jitter => "the covariance needed jitter",
+            Self::KernelReplaced => "too many points for the kernels asked for; a Matern kernel stands in",
+        })
+    }
+}
+
+/// What one kernel reached.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The kernel.
+    pub kernel: Kernel,
+    /// Negative log marginal likelihood of the standardised targets; infinite where the fit failed.
+    pub nll: f64,
+    /// Root-mean-square leave-one-out error, relative to the standard deviation of the targets.
+    pub leave_one_out: f64,
+    /// Whether it passed the check against interpolation.
+    pub predicts: bool,
+    /// Likelihoods with gradient that the optimiser asked for.
+    pub evaluations: usize,
+}
+
+/// A kernel with its hyperparameters, as found in the data.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The kernel of the lowest negative log marginal likelihood.
+    pub kernel: Kernel,
+    /// Log hyperparameters of the kernel, in the units of inputs and targets; see [`Kernel`].
+    pub hyper: Vec<f64>,
+    /// Number of inputs.
+    pub dimension: usize,
+    /// Standard deviation of the noise, unit of the targets.
+    pub noise: f64,
+    /// The floor below which `noise` was not allowed to fall, unit of the targets.
+    pub noise_floor: f64,
+    /// Standard deviation of the targets about the means of their runs.
+    pub scale: f64,
+    /// Mean of all targets; stands in for a run without points.
+    pub mean: f64,
+    /// Negative log marginal likelihood of the standardised targets.
+    pub nll: f64,
+    /// Jitter that the covariance needed, relative to its diagonal; 0 nearly always.
+    pub jitter: f64,
+    /// How the likelihood of the first run was computed.
+    pub engine: Engine,
+    /// The optimiser reached a tolerance.
+    pub converged: bool,
+    /// Whatever makes the answer weak; empty is good.
+    pub weak: Vec<Weakness>,
+    /// All kernels tried, in the order asked for.
+    pub candidates: Vec<Candidate>,
+}
+
+impl Fit {
+    /// Value of each hyperparameter with its role, in the units of inputs and targets.
+    pub fn parameters(&self) -> Vec<(Role, f64)> {
+        self.kernel.roles(self.dimension).into_iter().zip(self.hyper.iter().map(|h| h.exp())).collect()
+    }
+}
+
+/// Jitter ladder, relative to the diagonal; tried only where the one before fails.
+const JITTER: [f64; 4] = [0.0, 1e-10, 1e-8, 1e-6];
+/// A fit that leaves more than this share of the variance unpredicted ...
+const UNPREDICTED: f64 = 0.25;
+/// ... while it calls less than this share of the leave-one-out error noise, interpolates.
+const NOISE_SHARE: f64 = 0.1;
+
+/// Fits every kernel to all runs together (shared hyperparameters) and keeps the best.
+///
+/// Kernels are tried in parallel; the result does not depend on the number of threads.
+///
+/// # Errors
+/// No kernel or no point; values that are not finite; a covariance that stays indefinite.
+pub fn fit(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> Result<Fit> {
+    let Some(first) = kernels.first() else {
+        return Err(Error::invalid("no kernel to try; name at least one, for example `se`"));
+    };
+    let dimension = check(runs, settings)?;
+    let scale = Scale::of(runs, settings)?;
+    let Some(standard) = standardise(runs, &scale) else {
+        return Ok(constant_fit(first, runs, dimension, &scale));
+    };
+    let (kernels, replaced) = affordable(kernels, runs, settings);
+    let bounds = Bounds::of(&standard, &scale, settings);
+    let mut fits: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, &standard, &bounds, settings)).collect();
+    if !fits.iter().flatten().any(|f| f.predicts) {
+        // Every kernel interpolates: ask for a length that several samples share.
+        let wider = bounds.wider();
+        let again: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, &standard, &wider, settings)).collect();
+        if again.iter().flatten().any(|f| f.predicts) {
+            fits = again;
+        }
+    }
+    let candidates = kernels.iter().zip(&fits).map(|(kernel, fit)| candidate(kernel, fit.as_ref())).collect();
+    let best = fits
+        .into_iter()
+        .zip(&kernels)
+        .filter_map(|(f, k)| f.map(|f| (f, k)))
+        .min_by(|(a, _), (b, _)| b.predicts.cmp(&a.predicts).then(a.nll.total_cmp(&b.nll)));
+    let Some((best, kernel)) = best else {
+        let size = runs.iter().map(Points::len).max().unwrap_or(0);
+        return Err(Error::NotPositiveDefinite { what: "covariance".into(), size, jitter: JITTER[JITTER.len() - 1] });
+    };
+    Ok(finish(best, kernel, &standard, &scale, dimension, replaced, candidates))
+}
+
+fn check(runs: &[Points], settings: &FitSettings) -> Result<usize> {
+    let dimension = runs.first().map_or(0, Points::dimension);
+    for run in runs {
+        run.check()?;
+        if run.dimension() != dimension {
+            return Err(Error::shape("inputs of a run", dimension, run.dimension()));
+        }
+    }
+    if runs.iter().all(Points::is_empty) {
+        return Err(Error::TooFewSamples { what: "Gaussian process".into(), needed: 1, found: 0 });
+    }
+    if !(1e-6..=0.5).contains(&settings.noise_floor) {
+        return Err(Error::range("noise_floor", "from 1e-6 to 0.5", settings.noise_floor));
+    }
+    if settings.noise.is_some_and(|n| !(n > 0.0 && n.is_finite())) {
+        return Err(Error::range("noise", "above 0", settings.noise.unwrap_or(f64::NAN)));
+    }
+    Ok(dimension)
+}
+
+/// The kernels whose cost is bearable, or a Matern kernel of linear cost where none is.
+fn affordable(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> (Vec<Kernel>, bool) {
+    let largest = runs.iter().map(Points::len).max().unwrap_or(0);
+    let total: f64 = runs.iter().map(|r| (r.len() as f64).powi(3)).sum();
+    if largest <= settings.dense_limit && total <= 4.0 * (settings.dense_limit as f64).powi(3) {
+        return (kernels.to_vec(), false);
+    }
+    let ordered = runs.iter().all(Points::ordered);
+    let linear = |k: &Kernel| ordered && super::likelihood::has_state_space(k);
+    let kept: Vec<Kernel> = kernels.iter().filter(|k| linear(k)).cloned().collect();
+    if !kept.is_empty() || !ordered {
+        // Inputs without an order have no engine of linear cost: the caller thins or waits.
+        return if kept.is_empty() { (kernels.to_vec(), false) } else { (kept, false) };
+    }
+    (vec![Kernel::Matern52, Kernel::Matern32], true)
+}
+
+struct OneFit {
+    /// Standardised log hyperparameters, the log noise last.
+    hyper: Vec<f64>,
+    nll: f64,
+    jitter: f64,
+    converged: bool,
+    at_bound: bool,
+    leave_one_out: f64,
+    predicts: bool,
+    evaluations: usize,
+}
+
+fn fit_one(kernel: &Kernel, runs: &[Points], bounds: &Bounds, settings: &FitSettings) -> Option<OneFit> {
+    JITTER.iter().find_map(|&jitter| fit_with_jitter(kernel, runs, bounds, settings, jitter))
+}
+
+fn fit_with_jitter(
+    kernel: &Kernel,
+    runs: &[Points],
+    bounds: &Bounds,
+    settings: &FitSettings,
+    jitter: f64,
+) -> Option<OneFit> {
+    let cost = Cost::new(kernel, runs, bounds, settings, jitter);
+    let mut workspace = Workspace::default();
+    let mut ranked: Vec<(f64, Vec<f64>)> = starts(kernel, runs, bounds)
+        .into_iter()
+        .map(|start| cost.compress(&start))
+        .filter_map(|z| cost.evaluate(&z, &mut [], &mut workspace).map(|c| (c, z)))
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut chosen: Vec<Vec<f64>> = Vec::new();
+    for (_, z) in ranked {
+        // A start close to one that was taken leads to the same place.
+        if chosen.iter().all(|c| c.iter().zip(&z).any(|(a, b)| (a - b).abs() > 1.0)) {
+            chosen.push(z);
+        }
+        if chosen.len() == 2 {
+            break;
+        }
+    }
+    let minima: Vec<Minimum> = chosen
+        .iter()
+        .filter_map(|z| Optimiser::default().minimise(z, |z, gradient| cost.evaluate(z, gradient, &mut workspace)))
+        .collect();
+    let evaluations = minima.iter().map(|m| m.evaluations).sum();
+    let minimum = minima.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    let hyper = cost.expand(&minimum.point);
+    let evaluation = Evaluation { kernel, hyper: &hyper, jitter };
+    let nll: f64 = runs.iter().map(|run| evaluation.likelihood(run, &mut [], &mut workspace)).sum::<Option<f64>>()?;
+    let (leave_one_out, share) = left_out(&evaluation, runs, &mut workspace)?;
+    let predicts = leave_one_out.powi(2) <= UNPREDICTED || share >= NOISE_SHARE;
+    let at_bound = cost.at_bound(&minimum.point);
+    Some(OneFit { nll, jitter, converged: minimum.converged, at_bound, leave_one_out, predicts, evaluations, hyper })
+}
+
+/// Root-mean-square leave-one-out error, and the share of its square that the noise accounts for.
+fn left_out(evaluation: &Evaluation, runs: &[Points], workspace: &mut Workspace) -> Option<(f64, f64)> {
+    let (mut sum, mut noise, mut count) = (0.0, 0.0, 0.0);
+    let noise2 = (2.0 * evaluation.hyper.last()?).exp();
+    for run in runs.iter().filter(|r| !r.is_empty()) {
+        let out = evaluation.leave_one_out(run, workspace)?;
+        for i in 0..run.len() {
+            sum += (out.weights[i] / out.diagonal[i]).powi(2);
+            noise += noise2 * run.noise_weight(i);
+            count += 1.0;
+        }
+    }
+    let rms = (sum / count).sqrt();
+    rms.is_finite().then_some((rms, if sum > 0.0 { noise / sum } else { 1.0 }))
+}
+
+/// The cost as a function of free coordinates: tied lengths are one, a known noise is none.
+struct Cost<'a> {
+    kernel: &'a Kernel,
+    runs: &'a [Points],
+    bounds: &'a Bounds,
+    jitter: f64,
+    roles: Vec<Role>,
+    /// Free coordinate behind each kernel hyperparameter.
+    coordinate: Vec<usize>,
+    n_free: usize,
+    n_points: f64,
+}
+
+impl<'a> Cost<'a> {
+    fn new(kernel: &'a Kernel, runs: &'a [Points], bounds: &'a Bounds, settings: &FitSettings, jitter: f64) -> Self {
+        let roles = kernel.roles(runs[0].dimension());
+        let (mut coordinate, mut n_free): (Vec<usize>, usize) = (Vec::with_capacity(roles.len()), 0);
+        for (i, role) in roles.iter().enumerate() {
+            if settings.isotropic && matches!(role, Role::Length(d) if *d > 0) {
+                coordinate.push(coordinate[i - 1]);
+            } else {
+                coordinate.push(n_free);
+                n_free += 1;
+            }
+        }
+        let n_points = runs.iter().map(Points::len).sum::<usize>() as f64;
+        Self { kernel, runs, bounds, jitter, roles, coordinate, n_free, n_points }
+    }
+
+    /// Free coordinates of a full list of hyperparameters (log noise last).
+    fn compress(&self, hyper: &[f64]) -> Vec<f64> {
+        let mut z = vec![0.0; self.n_free];
+        for (&c, &h) in self.coordinate.iter().zip(hyper) {
+            z[c] = h;
+        }
+        if self.bounds.known_noise.is_none() {
+            z.push(hyper[self.roles.len()]);
+        }
+        z
+    }
+
+    /// Full list; the noise variance is that of the floor plus a free one.
+    fn expand(&self, z: &[f64]) -> Vec<f64> {
+        let mut hyper: Vec<f64> = self.coordinate.iter().map(|&c| z[c]).collect();
+        hyper.push(match self.bounds.known_noise {
+            Some(noise) => noise.ln(),
+            None => 0.5 * (self.bounds.noise_floor.powi(2) + (2.0 * z[self.n_free]).exp()).ln(),
+        });
+        hyper
+    }
+
+    fn evaluate(&self, z: &[f64], gradient: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
+        if z.iter().any(|v| v.is_nan() || v.abs() > 200.0) {
+            return None;
+        }
+        let hyper = self.expand(z);
+        let evaluation = Evaluation { kernel: self.kernel, hyper: &hyper, jitter: self.jitter };
+        let mut total = 0.0;
+        let mut full = vec![0.0; if gradient.is_empty() { 0 } else { hyper.len() }];
+        let mut sum = full.clone();
+        for run in self.runs {
+            total += evaluation.likelihood(run, &mut full, workspace)?;
+            sum.iter_mut().zip(&full).for_each(|(s, g)| *s += g);
+        }
+        let mut slopes = vec![0.0; z.len()];
+        for (i, role) in self.roles.iter().enumerate() {
+            let c = self.coordinate[i];
+            let (penalty, slope) = self.bounds.penalty(*role, z[c], self.n_points);
+            total += penalty;
+            slopes[c] += slope + sum.get(i).copied().unwrap_or(0.0);
+        }
+        if self.bounds.known_noise.is_none() {
+            let c = self.n_free;
+            let (penalty, slope) = self.bounds.noise_penalty(z[c], self.n_points);
+            total += penalty;
+            let free = (2.0 * z[c] - 2.0 * hyper[self.roles.len()]).exp();
+            slopes[c] += slope + free * sum.last().copied().unwrap_or(0.0);
+        }
+        for (g, s) in gradient.iter_mut().zip(&slopes) {
+            *g = s / self.n_points;
+        }
+        let cost = total / self.n_points;
+        cost.is_finite().then_some(cost)
+    }
+
+    fn at_bound(&self, z: &[f64]) -> bool {
+        self.roles.iter().zip(&self.coordinate).any(|(role, &c)| self.bounds.reached(*role, z[c]))
+    }
+}
+
+fn candidate(kernel: &Kernel, fit: Option<&OneFit>) -> Candidate {
+    Candidate {
+        kernel: kernel.clone(),
+        nll: fit.map_or(f64::INFINITY, |f| f.nll),
+        leave_one_out: fit.map_or(f64::INFINITY, |f| f.leave_one_out),
+        predicts: fit.is_some_and(|f| f.predicts),
+        evaluations: fit.map_or(0, |f| f.evaluations),
+    }
+}
+
+fn finish(
+    best: OneFit,
+    kernel: &Kernel,
+    runs: &[Points],
+    scale: &Scale,
+    dimension: usize,
+    replaced: bool,
+    candidates: Vec<Candidate>,
+) -> Fit {
+    let evaluation = Evaluation { kernel, hyper: &best.hyper, jitter: best.jitter };
+    let engine = evaluation.engine(&runs[0]);
+    let mut hyper = best.hyper;
+    let noise = hyper.pop().unwrap_or(f64::NAN).exp();
+    kernel.rescale(dimension, &mut hyper, scale.deviation.ln());
+    let n: usize = runs.iter().map(Points::len).sum();
+    let weak = [
+        (n < 8, Weakness::FewPoints),
+        (noise > 0.98, Weakness::NoSignal),
+        (!best.predicts, Weakness::Interpolates),
+        (best.at_bound, Weakness::AtBound),
+        (!best.converged, Weakness::NotConverged),
+        (best.jitter > 0.0, Weakness::Jitter),
+        (replaced, Weakness::KernelReplaced),
+    ];
+    Fit {
+        kernel: kernel.clone(),
+        hyper,
+        dimension,
+        noise: noise * scale.deviation,
+        noise_floor: scale.noise_floor * scale.deviation,
+        scale: scale.deviation,
+        mean: scale.mean,
+        nll: best.nll,
+        jitter: best.jitter,
+        engine,
+        converged: best.converged,
+        weak: weak.into_iter().filter_map(|(holds, w)| holds.then_some(w)).collect(),
+        candidates,
+    }
+}
+
+/// All targets are equal: a process of negligible amplitude and noise about them.
+fn constant_fit(kernel: &Kernel, runs: &[Points], dimension: usize, scale: &Scale) -> Fit {
+    let ordered = runs.iter().all(Points::ordered);
+    let kernel = if ordered && !super::likelihood::has_state_space(kernel) { &Kernel::Matern52 } else { kernel };
+    let deviation = if scale.mean == 0.0 { 1e-12 } else { 1e-12 * scale.mean.abs() };
+    let mut hyper = vec![0.0; kernel.n_hyper(dimension)];
+    for (h, role) in hyper.iter_mut().zip(kernel.roles(dimension)) {
+        let span = |d: usize| super::start::span(runs, d);
+        match role {
+            Role::Length(d) => *h = span(d).ln(),
+            Role::Period => *h = span(0).ln(),
+            _ => {}
+        }
+    }
+    kernel.rescale(dimension, &mut hyper, deviation.ln());
+    let noise = 0.1 * deviation;
+    let engine = Evaluation { kernel, hyper: &hyper, jitter: 0.0 }.engine(&runs[0]);
+    Fit {
+        kernel: kernel.clone(),
+        hyper,
+        dimension,
+        noise,
+        noise_floor: noise,
+        scale: deviation,
+        mean: scale.mean,
+        nll: f64::NEG_INFINITY,
+        jitter: 0.0,
+        engine,
+        converged: true,
+        weak: vec![Weakness::Constant],
+        candidates: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::{Rng, SeedableRng};
+
+    fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+        (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn normal(rng: &mut ChaCha8Rng) -> f64 {
+        (-2.0 * (1.0 - uniform(rng)).ln()).sqrt() * (std::f64::consts::TAU * uniform(rng)).cos()
+    }
+
+    #[test]
+    fn two_hundred_random_starts_reach_the_best_likelihood() {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let time: Vec<f64> = (0..100).map(|i| 0.1 * f64::from(i)).collect();
+        let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.5 * (2.3 * t).cos() + 0.15 * normal(&mut rng)).collect();
+        let settings = FitSettings::default();
+        let runs = [Points::in_time(&time, &values)];
+        let scale = Scale::of(&runs, &settings).unwrap();
+        let runs = standardise(&runs, &scale).unwrap();
+        let bounds = Bounds::of(&runs, &scale, &settings);
+        let cost = Cost::new(&Kernel::SquaredExponential, &runs, &bounds, &settings, 0.0);
+        let mut workspace = Workspace::default();
+        let ends: Vec<Minimum> = (0..200)
+            .map(|_| {
+                // Amplitude and noise within a factor of e^3 of one, lengths from one spacing to twice the span:
+                // below one spacing all points are independent and no gradient leads out.
+                let start =
+                    [6.0 * uniform(&mut rng) - 3.0, 5.3 * uniform(&mut rng) - 2.3, 6.0 * uniform(&mut rng) - 3.0];
+                Optimiser::default().minimise(&start, |z, gradient| cost.evaluate(z, gradient, &mut workspace)).unwrap()
+            })
+            .collect();
+        let best = ends.iter().map(|m| m.cost).fold(f64::INFINITY, f64::min);
+        let elsewhere: Vec<&Minimum> = ends.iter().filter(|m| m.cost > best + 1e-6).collect();
+        assert!(elsewhere.len() <= 1, "{} of 200 stopped elsewhere: {elsewhere:?}", elsewhere.len());
+        let evaluations: usize = ends.iter().map(|m| m.evaluations).sum();
+        assert!(evaluations < 200 * 60, "{evaluations} evaluations");
+    }
+}

@@ -1,0 +1,84 @@
+//! One interface over the three engines, and the choice between them.
+
+use super::dense::{self, DenseWorkspace};
+use super::kernel::Kernel;
+use super::points::Points;
+
+/// How a likelihood or posterior is computed. All three are exact and agree where they apply.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Engine {
+    /// Any kernel, any inputs; O(n^3).
+    Dense,
+}
+
+/// A kernel with its log hyperparameters (the log noise last) and a relative jitter.
+#[derive(Debug, Clone, Copy)]
+pub struct Evaluation<'a> {
+    /// The kernel.
+    pub kernel: &'a Kernel,
+    /// Its log hyperparameters, then the log of the noise's standard deviation.
+    pub hyper: &'a [f64],
+    /// Added to the diagonal, relative to its largest element; 0 unless a factorisation needed it.
+    pub jitter: f64,
+}
+
+/// What leave-one-out predictions need: without point i the process predicts
+/// `y_i - weights_i/diagonal_i` with variance `1/diagonal_i` (noise included).
+///
+/// Source: Rasmussen & Williams 2006, equation 5.12.
+#[derive(Debug, Clone, Default)]
+pub struct LeaveOneOut {
+    /// `K^-1 y`, n values.
+    pub weights: Vec<f64>,
+    /// Diagonal of `K^-1`, n values.
+    pub diagonal: Vec<f64>,
+}
+
+/// Memory that one thread reuses over the evaluations of a fit.
+#[derive(Default)]
+pub struct Workspace {
+    dense: DenseWorkspace,
+}
+
+impl Evaluation<'_> {
+    /// The engine that is used for these points.
+    pub fn engine(&self, _points: &Points) -> Engine {
+        Engine::Dense
+    }
+
+    /// Negative log marginal likelihood of zero-mean targets; fills `gradient` (with respect to
+    /// `hyper`) unless it is empty.
+    ///
+    /// `None` where the covariance is not positive definite in floating point or a number overflows.
+    pub fn likelihood(&self, points: &Points, gradient: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
+        self.likelihood_by(self.engine(points), points, gradient, workspace)
+    }
+
+    /// [`Evaluation::likelihood`] by the engine that the caller names.
+    pub fn likelihood_by(
+        &self,
+        engine: Engine,
+        points: &Points,
+        gradient: &mut [f64],
+        workspace: &mut Workspace,
+    ) -> Option<f64> {
+        match engine {
+            Engine::Dense => {
+                dense::likelihood(self.kernel, self.hyper, points, self.jitter, gradient, &mut workspace.dense)
+            }
+        }
+    }
+
+    /// Leave-one-out quantities of zero-mean targets; `None` as for the likelihood.
+    pub fn leave_one_out(&self, points: &Points, workspace: &mut Workspace) -> Option<LeaveOneOut> {
+        match self.engine(points) {
+            Engine::Dense => dense::leave_one_out(self.kernel, self.hyper, points, self.jitter, &mut workspace.dense),
+        }
+    }
+}
+
+/// Whether the kernel has a state-space form of linear cost.
+pub(crate) fn has_state_space(_kernel: &Kernel) -> bool {
+    false
+}

@@ -1,0 +1,26 @@
+//! Gaussian processes over time or over states: kernels, exact likelihoods by several engines,
+//! hyperparameters by evidence, and the joint posterior of a function and its derivative.
+//!
+//! Knows slices and matrices only. Source: Rasmussen & Williams 2006; the paper's section on
+//! Gaussian process regression.
+
+#[cfg(test)]
+mod contract;
+mod covariance;
+mod dense;
+mod exp;
+mod fit;
+mod kernel;
+mod likelihood;
+mod line_search;
+mod optimise;
+mod points;
+mod posterior;
+mod scale;
+mod start;
+
+pub use fit::{Candidate, Fit, FitSettings, Weakness, fit};
+pub use kernel::{Kernel, Role};
+pub use likelihood::{Engine, Evaluation, LeaveOneOut, Workspace};
+pub use points::Points;
+pub use posterior::{Conditioned, Posterior, Quantity};

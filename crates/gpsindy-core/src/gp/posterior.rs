@@ -1,0 +1,210 @@
+//! Posterior of a function of time, and of its derivative, given a fit and noisy points.
+//!
+//! With K the covariance of the noisy targets and C(a, b) the prior covariance of two quantities,
+//! the mean is `C(a, f) K^-1 y` and the covariance `C(a, b) - C(a, f) K^-1 C(f, b)`.
+//! Source: Rasmussen & Williams 2006, equations 2.22 to 2.24 and section 9.4 for derivatives.
+
+use super::covariance::{derivatives, values};
+use super::dense;
+use super::fit::Fit;
+use super::likelihood::Evaluation;
+use super::points::Points;
+use crate::error::{Error, Result};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, Mat, Par};
+
+/// What is asked for at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// The function itself, without noise.
+    Value,
+    /// Its derivative with respect to time.
+    Derivative,
+}
+
+/// Law of the quantities asked for, in the order asked: all times of the first, then of the second.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    /// Means.
+    pub mean: Vec<f64>,
+    /// Variances, never negative.
+    pub variance: Vec<f64>,
+    /// Joint covariance, where it was asked for.
+    pub covariance: Option<Mat<f64>>,
+}
+
+/// A process conditioned on the points of one run.
+pub struct Conditioned {
+    evaluation: Owned,
+    dimension: usize,
+    inputs: Vec<Vec<f64>>,
+    offset: f64,
+    scale: f64,
+    engine: State,
+}
+
+struct Owned {
+    kernel: super::Kernel,
+    /// Standardised log hyperparameters with the log noise last.
+    hyper: Vec<f64>,
+}
+
+enum State {
+    /// No points: the prior.
+    Prior,
+    Dense {
+        lower: Mat<f64>,
+        weights: Vec<f64>,
+    },
+}
+
+impl Conditioned {
+    /// Conditions the fitted process on `points` (of one run, mean of its own).
+    ///
+    /// # Errors
+    /// Sizes that differ, values that are not finite, a covariance that stays indefinite.
+    pub fn new(fit: &Fit, points: &Points) -> Result<Self> {
+        points.check()?;
+        if points.dimension() != fit.dimension {
+            return Err(Error::shape("inputs of the points", fit.dimension, points.dimension()));
+        }
+        let n = points.len();
+        let offset = if n == 0 { fit.mean } else { points.targets.iter().map(|v| v / n as f64).sum() };
+        let mut hyper = fit.hyper.clone();
+        fit.kernel.rescale(fit.dimension, &mut hyper, -fit.scale.ln());
+        hyper.push((fit.noise / fit.scale).ln());
+        let standard =
+            Points { targets: points.targets.iter().map(|v| (v - offset) / fit.scale).collect(), ..points.clone() };
+        let engine = if n == 0 {
+            State::Prior
+        } else {
+            let factor = |jitter: f64| {
+                let evaluation = Evaluation { kernel: &fit.kernel, hyper: &hyper, jitter };
+                dense::condition(&evaluation, &standard)
+            };
+            let (workspace, weights) = [fit.jitter, 1e-10, 1e-8, 1e-6]
+                .into_iter()
+                .find_map(factor)
+                .ok_or_else(|| Error::NotPositiveDefinite { what: "covariance".into(), size: n, jitter: 1e-6 })?;
+            State::Dense { lower: workspace.lower().clone(), weights }
+        };
+        let evaluation = Owned { kernel: fit.kernel.clone(), hyper };
+        Ok(Self {
+            evaluation,
+            dimension: fit.dimension,
+            inputs: points.inputs.clone(),
+            offset,
+            scale: fit.scale,
+            engine,
+        })
+    }
+
+    /// Law of `quantities` at `at` (columns of inputs; one column of times), with the joint
+    /// covariance where `joint` asks for it.
+    ///
+    /// # Errors
+    /// Sizes that differ; a derivative of a process that has none or that is not one of time.
+    pub fn predict(&self, at: &[Vec<f64>], quantities: &[Quantity], joint: bool) -> Result<Posterior> {
+        if at.len() != self.dimension {
+            return Err(Error::shape("inputs to predict at", self.dimension, at.len()));
+        }
+        let kernel = &self.evaluation.kernel;
+        if quantities.contains(&Quantity::Derivative) {
+            if self.dimension != 1 {
+                return Err(Error::invalid(
+                    "a derivative is defined for a process of time alone, not of several inputs",
+                ));
+            }
+            if !kernel.differentiable() {
+                return Err(Error::invalid(format!(
+                    "a process with kernel `{kernel}` has no derivative; take matern32 or a smoother one"
+                )));
+            }
+        }
+        let m = at[0].len();
+        let size = m * quantities.len();
+        let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
+        let prior: Vec<f64> = quantities.iter().flat_map(|&q| std::iter::repeat_n(self.prior_variance(q), m)).collect();
+        let mut covariance = joint.then(|| self.covariance(at, quantities, at, quantities));
+        match &self.engine {
+            State::Prior => variance.copy_from_slice(&prior),
+            State::Dense { lower, weights } => {
+                // n x size: covariance of the targets with what is asked for.
+                let mut cross = self.covariance(&self.inputs, &[Quantity::Value], at, quantities);
+                for (j, mean) in mean.iter_mut().enumerate() {
+                    *mean = super::covariance::dot(cross.col_as_slice(j), weights);
+                }
+                solve_lower_triangular_in_place(lower.as_ref(), cross.as_mut(), Par::Seq);
+                for (j, v) in variance.iter_mut().enumerate() {
+                    let column = cross.col_as_slice(j);
+                    *v = (prior[j] - super::covariance::dot(column, column)).max(0.0);
+                }
+                if let Some(covariance) = &mut covariance {
+                    matmul(covariance.as_mut(), Accum::Add, cross.transpose(), cross.as_ref(), -1.0, Par::Seq);
+                }
+            }
+        }
+        let scale2 = self.scale * self.scale;
+        for (j, (mean, variance)) in mean.iter_mut().zip(&mut variance).enumerate() {
+            let offset = if quantities[j / m.max(1)] == Quantity::Value { self.offset } else { 0.0 };
+            *mean = offset + self.scale * *mean;
+            *variance *= scale2;
+        }
+        if let Some(c) = &mut covariance {
+            *c = Mat::from_fn(size, size, |i, j| {
+                scale2 * if i == j { c[(i, i)].max(0.0) } else { 0.5 * (c[(i, j)] + c[(j, i)]) }
+            });
+        }
+        Ok(Posterior { mean, variance, covariance })
+    }
+
+    fn kernel_hyper(&self) -> &[f64] {
+        &self.evaluation.hyper[..self.evaluation.hyper.len() - 1]
+    }
+
+    fn prior_variance(&self, quantity: Quantity) -> f64 {
+        match quantity {
+            Quantity::Value => {
+                let zeros: Vec<&[f64]> = vec![&[0.0]; self.dimension];
+                let mut value = [0.0];
+                values(&self.evaluation.kernel, self.kernel_hyper(), &zeros, &mut value);
+                value[0]
+            }
+            Quantity::Derivative => -derivatives(&self.evaluation.kernel, self.kernel_hyper(), 0.0)[2],
+        }
+    }
+
+    /// Prior covariance of the quantities `of_a` at `a` (rows) with `of_b` at `b` (columns).
+    fn covariance(&self, a: &[Vec<f64>], of_a: &[Quantity], b: &[Vec<f64>], of_b: &[Quantity]) -> Mat<f64> {
+        let (rows, columns) = (a[0].len(), b[0].len());
+        let (kernel, hyper) = (&self.evaluation.kernel, self.kernel_hyper());
+        let mut out = Mat::zeros(rows * of_a.len(), columns * of_b.len());
+        let only_values = of_a == [Quantity::Value] && of_b == [Quantity::Value];
+        let mut lags = vec![vec![0.0; rows]; self.dimension];
+        for j in 0..columns {
+            for (d, lag) in lags.iter_mut().enumerate() {
+                lag.iter_mut().zip(&a[d]).for_each(|(l, x)| *l = x - b[d][j]);
+            }
+            if only_values {
+                let slices: Vec<&[f64]> = lags.iter().map(Vec::as_slice).collect();
+                values(kernel, hyper, &slices, out.col_as_slice_mut(j));
+                continue;
+            }
+            for i in 0..rows {
+                let [k, slope, curvature] = derivatives(kernel, hyper, lags[0][i]);
+                for (bj, qb) in of_b.iter().enumerate() {
+                    for (ai, qa) in of_a.iter().enumerate() {
+                        out[(ai * rows + i, bj * columns + j)] = match (qa, qb) {
+                            (Quantity::Value, Quantity::Value) => k,
+                            (Quantity::Derivative, Quantity::Value) => slope,
+                            (Quantity::Value, Quantity::Derivative) => -slope,
+                            (Quantity::Derivative, Quantity::Derivative) => -curvature,
+                        };
+                    }
+                }
+            }
+        }
+        out
+    }
+}
