@@ -11,6 +11,7 @@
 mod chart;
 mod figures;
 mod html;
+pub mod scorecard;
 mod summary;
 mod words;
 
