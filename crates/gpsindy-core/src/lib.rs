@@ -15,6 +15,7 @@ mod model;
 mod progress;
 mod refine;
 pub mod regress;
+mod simulate;
 mod smooth;
 
 pub use data::{Channel, Dataset, Run};
@@ -25,4 +26,5 @@ pub use model::{
 };
 pub use progress::{Progress, Silent};
 pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};
+pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};

@@ -123,6 +123,16 @@ impl Tape {
         self.outputs.len()
     }
 
+    /// Whether any result depends on variable `variable`; the time is the one behind the last.
+    pub fn reads(&self, variable: usize) -> bool {
+        let register = variable as Register;
+        self.outputs.contains(&register)
+            || self.instructions.iter().any(|step| match step {
+                Step::Compute(instruction, _) => instruction.operands.contains(&register),
+                Step::Simulate(call) => call.arguments.contains(&register),
+            })
+    }
+
     /// Registers for [`Tape::evaluate`], with the constants in place.
     pub fn registers<const L: usize>(&self) -> Vec<[f64; L]> {
         let mut registers = vec![[0.0; L]; self.n_registers];

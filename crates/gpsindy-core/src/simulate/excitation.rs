@@ -1,0 +1,363 @@
+//! The controls of a run between its samples, and what the model's delays and plays make of them.
+//!
+//! A held control jumps at its samples, a delayed one `tau` later; an integrator must stop there. The
+//! excitation knows these break points, and between two of them it gives smooth signals.
+
+use crate::data::{Channel, Run};
+use crate::error::{Error, Result};
+use crate::model::{InputKind, System};
+use crate::refine::Hold;
+use faer::{Mat, MatRef};
+
+/// A moment: the time that expressions see, and the time at which held signals are looked up.
+///
+/// Inside a segment without break points every held signal is looked up at the segment's middle, so
+/// that rounding at its ends can't pick a neighbour's value.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moment {
+    pub(super) time: f64,
+    pub(super) lookup: f64,
+}
+
+impl Moment {
+    /// The earlier moment, but not before `first`, where the signals begin.
+    fn earlier(self, tau: f64, first: f64) -> Self {
+        let moment = Self { time: self.time - tau, lookup: self.lookup - tau };
+        if moment.lookup < first { Self { time: first, lookup: first } } else { moment }
+    }
+}
+
+#[derive(Debug, Clone)]
+struct History {
+    kind: InputKind,
+    /// Delay (s) or width of the play.
+    amount: f64,
+    /// Where this input has a jump or a corner, s.
+    knots: Vec<f64>,
+    /// Output of the play at each knot, coming from the left.
+    play: Vec<f64>,
+}
+
+/// The controls of one run as functions of time.
+///
+/// Before the first sample the first sample holds, after the last the last. A missing cell is held
+/// from the last known value (a missing start from the first known one).
+#[derive(Debug, Clone)]
+pub struct Excitation {
+    time: Vec<f64>,
+    /// One list of r samples a control, without gaps.
+    controls: Vec<Vec<f64>>,
+    hold: Hold,
+    parameters: Vec<f64>,
+    histories: Vec<History>,
+    breaks: Vec<f64>,
+    varies: bool,
+}
+
+impl Excitation {
+    /// Prepares the controls `controls` (r x m, columns in the model's order, NaN is missing) sampled at `time` (s).
+    ///
+    /// # Errors
+    /// Sizes that do not fit, a control without any value, a delay that is not finite.
+    pub fn new(system: &System, time: &[f64], controls: MatRef<'_, f64>, hold: Hold) -> Result<Self> {
+        let (r, m) = (time.len(), system.n_controls());
+        if controls.nrows() != r || controls.ncols() != m || r == 0 {
+            return Err(Error::shape(
+                "controls",
+                format!("{} x {m} (samples x controls)", r.max(1)),
+                format!("{} x {}", controls.nrows(), controls.ncols()),
+            ));
+        }
+        let mut filled = Vec::with_capacity(m);
+        for (j, control) in system.model().controls.iter().enumerate() {
+            let column: Vec<f64> = (0..r).map(|i| controls[(i, j)]).collect();
+            filled.push(hold_missing(&column).ok_or_else(|| {
+                Error::invalid(format!("control `{}` has no value in the whole run; log it or fix it", control.name))
+            })?);
+        }
+        let mut excitation = Self {
+            time: time.into(),
+            controls: filled,
+            hold,
+            parameters: system.parameter_values(),
+            histories: Vec::new(),
+            breaks: Vec::new(),
+            varies: hold == Hold::Linear && m > 0,
+        };
+        for index in 0..system.inputs().len() {
+            excitation.add_history(system, index)?;
+        }
+        excitation.breaks = excitation.breaks_of_rates(system);
+        Ok(excitation)
+    }
+
+    /// Takes the model's controls out of a run by their names.
+    ///
+    /// # Errors
+    /// As [`Excitation::new`], and a control that the log does not carry.
+    pub fn of_run(system: &System, run: &Run, channels: &[Channel], hold: Hold) -> Result<Self> {
+        let mut columns = Vec::new();
+        for control in &system.model().controls {
+            let found = channels.iter().position(|c| c.name == control.name);
+            columns
+                .push(found.ok_or_else(|| Error::unknown("control", &control.name, channels.iter().map(|c| &c.name)))?);
+        }
+        let controls = Mat::from_fn(run.n_samples(), columns.len(), |i, j| run.values[(i, columns[j])]);
+        Self::new(system, &run.time, controls.as_ref(), hold)
+    }
+
+    /// The same controls for another system that has them too.
+    pub(super) fn for_system(&self, system: &System) -> Result<Self> {
+        let controls = Mat::from_fn(self.time.len(), self.controls.len(), |i, j| self.controls[j][i]);
+        Self::new(system, &self.time, controls.as_ref(), self.hold)
+    }
+
+    /// Sample times, s.
+    pub fn time(&self) -> &[f64] {
+        &self.time
+    }
+
+    /// Times inside the run at which the rates may jump or bend, s, increasing.
+    pub fn breaks(&self) -> &[f64] {
+        &self.breaks
+    }
+
+    /// Whether the signals change between break points.
+    pub(super) fn varies(&self) -> bool {
+        self.varies
+    }
+
+    /// Median sampling step, s (1 for a single sample).
+    pub(super) fn period(&self) -> f64 {
+        let mut steps: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.get(steps.len() / 2).copied().unwrap_or(1.0)
+    }
+
+    /// A moment in the segment from `a` to `b`, which no break point divides.
+    pub(super) fn moment(&self, t: f64, a: f64, b: f64) -> Moment {
+        let lookup = if self.hold == Hold::Zero { 0.5 * (a + b) } else { t };
+        Moment { time: t, lookup }
+    }
+
+    /// The moment of a sample: a control that switches there has its new value.
+    pub(super) fn sample_moment(&self, t: f64) -> Moment {
+        let nudge = if self.hold == Hold::Zero { 1e-9 * self.period() } else { 0.0 };
+        Moment { time: t, lookup: t + nudge }
+    }
+
+    /// The controls (m) and the inputs with a history (h) at a moment, into the first m + h places of `signals`.
+    pub(super) fn signals(&self, system: &System, moment: Moment, signals: &mut Vec<f64>) {
+        signals.clear();
+        signals.extend((0..self.controls.len()).map(|j| self.control(j, moment.lookup)));
+        signals.extend((0..self.histories.len()).map(|index| self.value(system, index, moment)));
+    }
+
+    fn control(&self, j: usize, at: f64) -> f64 {
+        let values = &self.controls[j];
+        let next = self.time.partition_point(|&t| t <= at);
+        if next == 0 {
+            return values[0];
+        }
+        if self.hold == Hold::Zero || next == values.len() {
+            return values[next - 1];
+        }
+        let (t0, t1) = (self.time[next - 1], self.time[next]);
+        let share = (at - t0) / (t1 - t0);
+        values[next - 1] + share * (values[next] - values[next - 1])
+    }
+
+    /// The signal that input `index` delays or plays with.
+    fn signal(&self, system: &System, index: usize, moment: Moment) -> f64 {
+        let tape = &system.inputs()[index].tape;
+        let m = self.controls.len();
+        let mut variables: Vec<f64> = (0..m).map(|j| self.control(j, moment.lookup)).collect();
+        variables.extend((0..index).map(|i| if tape.reads(m + i) { self.value(system, i, moment) } else { 0.0 }));
+        variables.extend_from_slice(&self.parameters);
+        tape.evaluate_once(&variables, moment.time)[0]
+    }
+
+    /// The output of input `index`.
+    fn value(&self, system: &System, index: usize, moment: Moment) -> f64 {
+        let history = &self.histories[index];
+        match history.kind {
+            InputKind::Delay => self.signal(system, index, moment.earlier(history.amount, self.time[0])),
+            InputKind::Play => {
+                let moment = moment.earlier(0.0, self.time[0]);
+                let signal = self.signal(system, index, moment);
+                let passed = history.knots.partition_point(|&t| t <= moment.lookup);
+                let before = history.play[passed.max(1) - 1];
+                play(before, signal, history.amount)
+            }
+        }
+    }
+
+    fn add_history(&mut self, system: &System, index: usize) -> Result<()> {
+        let input = &system.inputs()[index];
+        let m = self.controls.len();
+        let mut variables = vec![0.0; m + index];
+        variables.extend_from_slice(&self.parameters);
+        let amount = input.tape.evaluate_once(&variables, 0.0)[1];
+        if !amount.is_finite() {
+            let what = if input.kind == InputKind::Delay { "a delay" } else { "the width of a play" };
+            return Err(Error::NotFinite { what: format!("{what} of model `{}`", system.model().name) });
+        }
+        let mut knots = vec![self.time[0]];
+        for j in (0..m).filter(|&j| input.tape.reads(j)) {
+            knots.extend(self.control_knots(j));
+        }
+        for i in (0..index).filter(|&i| input.tape.reads(m + i)) {
+            knots.extend_from_slice(&self.histories[i].knots);
+        }
+        self.varies |= input.tape.reads(input.tape.n_variables());
+        let mut knots = self.tidy(knots);
+        let mut history = History { kind: input.kind, amount, knots: Vec::new(), play: Vec::new() };
+        match input.kind {
+            InputKind::Delay => knots.iter_mut().for_each(|t| *t += amount),
+            InputKind::Play => {
+                let first = self.time[0];
+                let mut output = self.signal(system, index, Moment { time: first, lookup: first });
+                for (i, &knot) in knots.iter().enumerate() {
+                    history.play.push(output);
+                    if let Some(&next) = knots.get(i + 1) {
+                        output = play(output, self.signal(system, index, self.moment(next, knot, next)), amount);
+                    }
+                }
+            }
+        }
+        history.knots = knots;
+        self.histories.push(history);
+        Ok(())
+    }
+
+    /// Samples at which control `j` jumps or bends.
+    fn control_knots(&self, j: usize) -> Vec<f64> {
+        let values = &self.controls[j];
+        let changes = |i: usize| i > 0 && i < values.len() && values[i] != values[i - 1];
+        let knot = |&i: &usize| changes(i) || (self.hold == Hold::Linear && changes(i + 1));
+        (0..values.len()).filter(knot).map(|i| self.time[i]).collect()
+    }
+
+    fn breaks_of_rates(&self, system: &System) -> Vec<f64> {
+        let (n, m) = (system.n_states(), self.controls.len());
+        let mut breaks = Vec::new();
+        for j in (0..m).filter(|&j| system.rates().reads(n + j)) {
+            breaks.extend(self.control_knots(j));
+        }
+        for (i, history) in self.histories.iter().enumerate() {
+            if system.rates().reads(n + m + i) {
+                breaks.extend_from_slice(&history.knots);
+            }
+        }
+        self.tidy(breaks)
+    }
+
+    /// Sorted, and without near copies that only rounding makes.
+    fn tidy(&self, mut times: Vec<f64>) -> Vec<f64> {
+        times.sort_by(f64::total_cmp);
+        let near = 1e-10 * self.period();
+        times.dedup_by(|later, kept| *later - *kept <= near);
+        times
+    }
+}
+
+/// A play of total width `width`: the output moves only when the signal pushes it.
+fn play(output: f64, signal: f64, width: f64) -> f64 {
+    let half = 0.5 * width.max(0.0);
+    output.max(signal - half).min(signal + half)
+}
+
+fn hold_missing(column: &[f64]) -> Option<Vec<f64>> {
+    let mut last = column.iter().copied().find(|v| !v.is_nan())?;
+    Some(
+        column
+            .iter()
+            .map(|&value| {
+                if !value.is_nan() {
+                    last = value;
+                }
+                last
+            })
+            .collect(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, State};
+
+    fn system(equation: &str) -> System {
+        Model {
+            states: vec![State::new("x", Expression::parse(equation).unwrap())],
+            controls: vec![Control::new("u"), Control::new("w")],
+            ..Model::default()
+        }
+        .compile()
+        .unwrap()
+    }
+
+    fn excitation(system: &System, u: &[f64], hold: Hold) -> Excitation {
+        let time: Vec<f64> = (0..u.len()).map(|i| i as f64).collect();
+        let controls = Mat::from_fn(u.len(), 2, |i, j| if j == 0 { u[i] } else { 1.0 });
+        Excitation::new(system, &time, controls.as_ref(), hold).unwrap()
+    }
+
+    fn input(system: &System, excitation: &Excitation, t: f64) -> f64 {
+        let mut signals = Vec::new();
+        excitation.signals(system, excitation.sample_moment(t), &mut signals);
+        signals[2]
+    }
+
+    #[test]
+    fn a_delay_shows_the_past_and_the_first_sample_before_it() {
+        let system = system("delay(u, 1.5)");
+        let held = excitation(&system, &[5.0, 7.0, 7.0, 9.0], Hold::Zero);
+        let seen: Vec<f64> = [0.0, 1.4, 2.4, 2.6, 4.4, 4.6, 99.0].map(|t| input(&system, &held, t)).into();
+        assert_eq!(seen, [5.0, 5.0, 5.0, 7.0, 7.0, 9.0, 9.0]);
+        assert_eq!(held.breaks(), [1.5, 2.5, 4.5]);
+        let linear = excitation(&system, &[5.0, 7.0, 7.0, 9.0], Hold::Linear);
+        assert_eq!(input(&system, &linear, 2.0), 6.0);
+        assert_eq!(input(&system, &linear, 1.0), 5.0);
+    }
+
+    #[test]
+    fn a_play_starts_centred_and_follows_only_when_pushed() {
+        let system = system("play(u, 2)");
+        let u = [0.0, 0.5, 3.0, 2.5, 1.0, -4.0, -4.0];
+        let held = excitation(&system, &u, Hold::Zero);
+        let seen: Vec<f64> = (0..u.len()).map(|i| input(&system, &held, i as f64)).collect();
+        assert_eq!(seen, [0.0, 0.0, 2.0, 2.0, 2.0, -3.0, -3.0]);
+        let linear = excitation(&system, &u, Hold::Linear);
+        // Between samples 1 and 2 the signal rises from 0.5 to 3 and begins to push at 1.
+        assert!((input(&system, &linear, 1.2) - 0.0).abs() < 1e-15);
+        assert!((input(&system, &linear, 1.6) - 1.0).abs() < 1e-12);
+        assert!((input(&system, &linear, 4.0) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_delayed_play_is_the_play_delayed() {
+        let nested = system("delay(play(u, 2), 2)");
+        let u = [0.0, 3.0, 1.5, -4.0, 0.0, 0.0, 0.0];
+        let held = excitation(&nested, &u, Hold::Zero);
+        let mut signals = Vec::new();
+        held.signals(&nested, held.sample_moment(3.0), &mut signals);
+        assert_eq!(signals[2..], [-3.0, 2.0]);
+        let other = system("play(delay(u, 2), 2)");
+        let swapped = excitation(&other, &u, Hold::Zero);
+        for t in [0.5, 2.5, 3.5, 4.5, 5.5, 6.5] {
+            let (mut a, mut b) = (Vec::new(), Vec::new());
+            held.signals(&nested, held.sample_moment(t), &mut a);
+            swapped.signals(&other, swapped.sample_moment(t), &mut b);
+            assert_eq!(a[3], b[3], "at {t}");
+        }
+    }
+
+    #[test]
+    fn missing_cells_are_held_from_the_last_known_value() {
+        let missing = f64::NAN;
+        assert_eq!(hold_missing(&[missing, 2.0, missing, 3.0]).unwrap(), [2.0, 2.0, 2.0, 3.0]);
+        assert!(hold_missing(&[missing]).is_none());
+    }
+}

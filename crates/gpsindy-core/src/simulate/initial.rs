@@ -1,0 +1,321 @@
+//! The state in which a simulation starts, read from a log: measured, differentiated or at rest.
+
+use super::Simulate;
+use super::excitation::Excitation;
+use super::local_fit::local_derivative;
+use super::rates::Rates;
+use crate::data::{Channel, Run};
+use crate::error::{Error, Result};
+use crate::expression::{Expression, Function, Tape};
+use crate::model::{Model, System};
+use crate::refine::Hold;
+use faer::Mat;
+use nalgebra::{DMatrix, DVector};
+
+/// The state of `system` at the first sample of `run`; as [`StateReader::at`] with held controls.
+///
+/// # Errors
+/// As [`StateReader::new`] and [`StateReader::at`].
+pub fn initial_state(system: &System, run: &Run, channels: &[Channel]) -> Result<Vec<f64>> {
+    let excitation = Excitation::of_run(system, run, channels, Hold::Zero)?;
+    StateReader::new(system, run, channels, &excitation)?.at(0)
+}
+
+/// The logged states in their own units: `measured` inverted where it is affine in its own state.
+///
+/// (r x n), NaN where a state is not logged, its cell is missing or its `measured` can't be inverted. A state
+/// that is read late is interpolated back to the sample's time.
+///
+/// # Errors
+/// As [`StateReader::new`].
+pub fn unmeasure(system: &System, run: &Run, channels: &[Channel]) -> Result<Mat<f64>> {
+    let excitation = Excitation::of_run(system, run, channels, Hold::Zero)?;
+    let reader = StateReader::new(system, run, channels, &excitation)?;
+    Ok(Mat::from_fn(run.n_samples(), system.n_states(), |i, j| match &reader.sources[j] {
+        Source::Logged(series) if series.cells[i].is_nan() && series.delay == 0.0 => f64::NAN,
+        Source::Logged(series) => series.interpolate(run.time[i]).unwrap_or(f64::NAN),
+        _ => f64::NAN,
+    }))
+}
+
+/// A logged state in its own unit.
+#[derive(Debug, Clone)]
+struct Series {
+    /// The state at each sample's time less the delay; NaN is missing.
+    cells: Vec<f64>,
+    /// How much later the sensor reads it, s.
+    delay: f64,
+    /// The known values alone, and their times, s.
+    time: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Series {
+    fn new(time: &[f64], cells: Vec<f64>, delay: f64) -> Self {
+        let known = (0..cells.len()).filter(|&i| cells[i].is_finite());
+        let (time, values) = known.map(|i| (time[i] - delay, cells[i])).unzip();
+        Self { cells, delay, time, values }
+    }
+
+    /// In a straight line between known values; the nearest one outside them.
+    fn interpolate(&self, t: f64) -> Option<f64> {
+        let next = self.time.partition_point(|&known| known < t);
+        let (Some(&after), Some(before)) = (self.values.get(next), next.checked_sub(1)) else {
+            return if next == 0 { self.values.first().copied() } else { self.values.last().copied() };
+        };
+        let share = (t - self.time[before]) / (self.time[next] - self.time[before]);
+        Some(self.values[before] + share * (after - self.values[before]))
+    }
+}
+
+/// Where the value of a state comes from.
+#[derive(Debug, Clone)]
+enum Source {
+    Logged(Series),
+    /// Derivative number `order` of the logged state `of`.
+    Derivative {
+        of: usize,
+        order: usize,
+    },
+    /// Moved by the controls alone: its values at all samples.
+    Driven(Vec<f64>),
+    /// The model's own initial value.
+    Given(f64),
+}
+
+/// Reads the states of a model from a run, for a simulation to start anywhere in it.
+///
+/// - A logged state: its value, `measured` inverted; a missing cell is interpolated, before the first known
+///   value that value holds.
+/// - A state that is the time derivative of a logged state: a local polynomial fit of that column.
+/// - States that depend on themselves and the controls alone (a lag): at rest at the first sample, then driven
+///   by the controls.
+/// - Any other: the model's `initial`.
+#[derive(Debug, Clone)]
+pub struct StateReader {
+    time: Vec<f64>,
+    sources: Vec<Source>,
+}
+
+impl StateReader {
+    /// Looks at the run once; [`StateReader::at`] then reads any sample.
+    ///
+    /// # Errors
+    /// A state that is neither logged nor has a source by the rules above; a lag that fails to integrate.
+    pub fn new(system: &System, run: &Run, channels: &[Channel], excitation: &Excitation) -> Result<Self> {
+        let model = system.model();
+        let mut found: Vec<Option<Source>> =
+            logged_states(system, run, channels, excitation)?.into_iter().map(|s| s.map(Source::Logged)).collect();
+        for j in 0..model.states.len() {
+            if found[j].is_none() {
+                found[j] = derivative_of_logged(model, &found, j);
+            }
+        }
+        let driven = driven_states(model, &found);
+        if !driven.is_empty()
+            && let Some(values) = drive(model, &driven, excitation)?
+        {
+            for (column, &j) in values.into_iter().zip(&driven) {
+                found[j] = Some(Source::Driven(column));
+            }
+        }
+        let mut sources = Vec::with_capacity(found.len());
+        for (source, state) in found.into_iter().zip(&model.states) {
+            let source = source.or_else(|| model.initial.get(&state.name).map(|&v| Source::Given(v)));
+            sources.push(source.ok_or_else(|| {
+                Error::invalid(format!(
+                    "state `{}` is not in run `{}`, is not the time derivative of a logged state and has no initial value; log it or add it under [initial]",
+                    state.name, run.name
+                ))
+            })?);
+        }
+        Ok(Self { time: run.time.clone(), sources })
+    }
+
+    /// The states (n) at sample `sample`.
+    ///
+    /// # Errors
+    /// [`Error::TooFewSamples`] where a derivative has too few known values.
+    pub fn at(&self, sample: usize) -> Result<Vec<f64>> {
+        let t = self.time[sample];
+        self.sources
+            .iter()
+            .map(|source| match source {
+                Source::Logged(series) => Ok(series.interpolate(t).unwrap_or(f64::NAN)),
+                Source::Derivative { of, order } => match &self.sources[*of] {
+                    Source::Logged(series) => {
+                        local_derivative(&series.time, &series.values, t, *order).ok_or_else(|| {
+                            let needed = order + 2;
+                            let what = "derivative of a logged state".to_string();
+                            Error::TooFewSamples { what, needed, found: series.values.len() }
+                        })
+                    }
+                    _ => Err(Error::invalid("a derivative's state is not logged")),
+                },
+                Source::Driven(values) => Ok(values[sample]),
+                Source::Given(value) => Ok(*value),
+            })
+            .collect()
+    }
+
+    /// Whether state `j` is read from a column of its own.
+    pub fn is_logged(&self, j: usize) -> bool {
+        matches!(self.sources[j], Source::Logged(_))
+    }
+}
+
+/// Per state its column with `measured` inverted, where there is such a column with a value in it.
+fn logged_states(
+    system: &System,
+    run: &Run,
+    channels: &[Channel],
+    excitation: &Excitation,
+) -> Result<Vec<Option<Series>>> {
+    let model = system.model();
+    let n = model.states.len();
+    let columns: Vec<Option<&[f64]>> = model
+        .states
+        .iter()
+        .map(|s| channels.iter().position(|c| c.name == s.name).map(|column| run.column(column)))
+        .collect();
+    let mut cells: Vec<Option<Vec<f64>>> = columns.iter().map(|c| c.map(<[f64]>::to_vec)).collect();
+    let mut delays = vec![0.0; n];
+    let mut inverted = Vec::new();
+    for (j, state) in model.states.iter().enumerate() {
+        if let (Some(measured), Some(_)) = (&state.measured, columns[j]) {
+            if is_affine(measured, &state.name) {
+                delays[j] = sensor_delay(model, measured, &state.name)?;
+                inverted.push(j);
+            } else {
+                cells[j] = None;
+            }
+        }
+    }
+    // A sensor that reads other states as well needs their values first: a few rounds settle that.
+    let rounds = if inverted.len() > 1 { 4 } else { 1 };
+    let mut rates = Rates::new(system, excitation);
+    let late: Vec<usize> = system.late_states().iter().map(|l| l.state).collect();
+    let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
+    for _ in 0..rounds {
+        for &j in &inverted {
+            for (i, &t) in run.time.iter().enumerate() {
+                x.iter_mut().zip(&cells).for_each(|(value, c)| *value = c.as_ref().map_or(f64::NAN, |c| c[i]));
+                let mut read = |own: f64| {
+                    x[j] = own;
+                    let late: Vec<f64> = late.iter().map(|&k| x[k]).collect();
+                    rates.output(t, &x, &late, &mut y);
+                    y[j]
+                };
+                let (offset, unit) = (read(0.0), read(1.0));
+                if let (Some(cells), Some(column)) = (&mut cells[j], columns[j]) {
+                    cells[i] = (column[i] - offset) / (unit - offset);
+                }
+            }
+        }
+    }
+    Ok(cells
+        .into_iter()
+        .zip(delays)
+        .map(|(cells, delay)| Some(Series::new(&run.time, cells?, delay)).filter(|series| !series.values.is_empty()))
+        .collect())
+}
+
+/// Whether `measured` is affine in the state `name`, read late or not.
+fn is_affine(measured: &Expression, name: &str) -> bool {
+    let at_once = measured.map(&|part| match part {
+        Expression::Call(Function::Delay, ref arguments) if arguments[0] == Expression::variable(name) => {
+            arguments[0].clone()
+        }
+        other => other,
+    });
+    at_once.contains(name) && at_once.derivative(name).is_ok_and(|slope| !slope.contains(name))
+}
+
+fn sensor_delay(model: &Model, measured: &Expression, name: &str) -> Result<f64> {
+    let mut amount = None;
+    measured.visit(&mut |part| {
+        if let Expression::Call(Function::Delay, arguments) = part
+            && arguments[0] == Expression::variable(name)
+        {
+            amount = Some(arguments[1].clone());
+        }
+    });
+    let Some(amount) = amount else { return Ok(0.0) };
+    let names: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
+    let values: Vec<f64> = model.parameters.iter().map(|p| p.value).collect();
+    Ok(Tape::new(&[amount], &names)?.evaluate_once(&values, 0.0)[0])
+}
+
+fn derivative_of_logged(model: &Model, found: &[Option<Source>], state: usize) -> Option<Source> {
+    let (mut of, mut order) = (state, 0);
+    while order < 3 {
+        of = model.integral_of(of)?;
+        order += 1;
+        if matches!(found[of], Some(Source::Logged(_))) {
+            return Some(Source::Derivative { of, order });
+        }
+    }
+    None
+}
+
+/// The states without a source whose equations read no state with one.
+fn driven_states(model: &Model, found: &[Option<Source>]) -> Vec<usize> {
+    let mut driven: Vec<usize> = (0..found.len()).filter(|&j| found[j].is_none()).collect();
+    loop {
+        let closed = |&j: &usize| {
+            let reads = |k: usize| model.states[j].equation.contains(&model.states[k].name);
+            (0..found.len()).all(|k| driven.contains(&k) || !reads(k))
+        };
+        let kept: Vec<usize> = driven.iter().copied().filter(closed).collect();
+        if kept.len() == driven.len() {
+            return kept;
+        }
+        driven = kept;
+    }
+}
+
+/// The states `driven` at all samples, at rest at the first; None where they have no state of rest.
+fn drive(model: &Model, driven: &[usize], excitation: &Excitation) -> Result<Option<Vec<Vec<f64>>>> {
+    let states = driven.iter().map(|&j| crate::model::State { measured: None, ..model.states[j].clone() }).collect();
+    let part = Model { states, initial: Default::default(), identification: None, ..model.clone() };
+    let system = part.compile()?;
+    let excitation = excitation.for_system(&system)?;
+    let guess: Vec<f64> = part.states.iter().map(|s| model.initial.get(&s.name).copied().unwrap_or(0.0)).collect();
+    let Some(rest) = state_of_rest(&system, &excitation, guess) else { return Ok(None) };
+    let rollout = Simulate::default().rollout(&system, &excitation, &rest)?;
+    Ok(Some((0..driven.len()).map(|j| rollout.states.col_as_slice(j).to_vec()).collect()))
+}
+
+/// Where the rates are zero under the first controls, by Newton's method.
+fn state_of_rest(system: &System, excitation: &Excitation, mut x: Vec<f64>) -> Option<Vec<f64>> {
+    let n = x.len();
+    let first = excitation.time()[0];
+    let mut rates = Rates::new(system, excitation);
+    rates.enter(first, first + 1e-6 * excitation.period());
+    let (mut f, mut moved) = (vec![0.0; n], vec![0.0; n]);
+    for _ in 0..50 {
+        rates.rate(first, &x, &mut f);
+        let mut jacobian = DMatrix::zeros(n, n);
+        for k in 0..n {
+            let before = x[k];
+            x[k] = before + 1e-7 * before.abs().max(1.0);
+            let step = x[k] - before;
+            rates.rate(first, &x, &mut moved);
+            x[k] = before;
+            (0..n).for_each(|j| jacobian[(j, k)] = (moved[j] - f[j]) / step);
+        }
+        let change = jacobian.lu().solve(&DVector::from_column_slice(&f))?;
+        let mut settled = true;
+        for j in 0..n {
+            x[j] -= change[j];
+            settled &= change[j].abs() <= 1e-10 * x[j].abs().max(1e-10);
+        }
+        if !x.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        if settled {
+            return Some(x);
+        }
+    }
+    None
+}

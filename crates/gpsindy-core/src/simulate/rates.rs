@@ -1,0 +1,80 @@
+//! The rates of a system driven by an excitation, as the integrators call them.
+
+use super::excitation::{Excitation, Moment};
+use crate::model::System;
+
+/// Evaluates rates and outputs; holds the registers between calls.
+pub(super) struct Rates<'a> {
+    pub(super) system: &'a System,
+    pub(super) excitation: &'a Excitation,
+    rates: Vec<[f64; 1]>,
+    outputs: Vec<[f64; 1]>,
+    signals: Vec<f64>,
+    segment: (f64, f64),
+    n_behind: usize,
+}
+
+impl<'a> Rates<'a> {
+    pub(super) fn new(system: &'a System, excitation: &'a Excitation) -> Self {
+        let first = system.n_states() + system.n_controls() + system.inputs().len();
+        let mut rates = system.rates().registers::<1>();
+        let mut outputs = system.outputs().registers::<1>();
+        for (i, value) in system.parameter_values().into_iter().enumerate() {
+            rates[first + i] = [value];
+            outputs[first + i] = [value];
+        }
+        let n_behind = first + system.n_parameters();
+        Self { system, excitation, rates, outputs, signals: Vec::new(), segment: (0.0, 0.0), n_behind }
+    }
+
+    /// Goes to the segment from `a` to `b`, s, which no break point divides.
+    pub(super) fn enter(&mut self, a: f64, b: f64) {
+        self.segment = (a, b);
+        self.load(self.excitation.moment(a, a, b));
+    }
+
+    fn load(&mut self, moment: Moment) {
+        self.excitation.signals(self.system, moment, &mut self.signals);
+        let n = self.system.n_states();
+        for (register, &value) in self.rates[n..].iter_mut().zip(&self.signals) {
+            *register = [value];
+        }
+    }
+
+    /// The rates `dx` (n) at time `t` (s) and states `x` (n).
+    pub(super) fn rate(&mut self, t: f64, x: &[f64], dx: &mut [f64]) {
+        if self.excitation.varies() {
+            self.load(self.excitation.moment(t, self.segment.0, self.segment.1));
+        }
+        for (register, &value) in self.rates.iter_mut().zip(x) {
+            *register = [value];
+        }
+        self.rates[self.n_behind] = [t];
+        self.system.evaluate(self.system.rates(), &mut self.rates);
+        for (j, rate) in dx.iter_mut().enumerate() {
+            *rate = self.system.rates().output(&self.rates, j)[0];
+        }
+    }
+
+    /// What `measured` says at sample time `t`, states `x` and late states `late`.
+    pub(super) fn output(&mut self, t: f64, x: &[f64], late: &[f64], y: &mut [f64]) {
+        let moment = self.excitation.sample_moment(t);
+        self.excitation.signals(self.system, moment, &mut self.signals);
+        for (register, &value) in self.outputs.iter_mut().zip(x.iter().chain(&self.signals)) {
+            *register = [value];
+        }
+        for (register, &value) in self.outputs[self.n_behind..].iter_mut().zip(late) {
+            *register = [value];
+        }
+        self.outputs[self.n_behind + late.len()] = [t];
+        self.system.evaluate(self.system.outputs(), &mut self.outputs);
+        for (j, value) in y.iter_mut().enumerate() {
+            *value = self.system.outputs().output(&self.outputs, j)[0];
+        }
+    }
+
+    /// Whether the rates depend on time by themselves.
+    pub(super) fn read_time(&self) -> bool {
+        self.system.rates().reads(self.n_behind)
+    }
+}
