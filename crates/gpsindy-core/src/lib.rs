@@ -7,6 +7,7 @@
 
 mod data;
 pub mod diagnose;
+mod differentiate;
 mod error;
 mod expression;
 pub mod gp;
@@ -17,8 +18,10 @@ mod refine;
 pub mod regress;
 mod simulate;
 mod smooth;
+mod weak;
 
 pub use data::{Channel, Dataset, Run};
+pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
 pub use model::{
@@ -28,3 +31,4 @@ pub use progress::{Progress, Silent};
 pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};
 pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};
+pub use weak::{WeakForm, WeakRows};
