@@ -1,7 +1,9 @@
-//! What a developer runs: `cargo xtask test` checks everything, `cargo xtask data` writes `data/` again.
+//! What a developer runs: `cargo xtask test` checks everything, `cargo xtask data` writes `data/` again,
+//! `cargo xtask picture` the picture of docs/.
 #![forbid(unsafe_code)]
 
 mod data;
+mod picture;
 mod python;
 mod shell;
 
@@ -12,6 +14,7 @@ cargo xtask test     formatting, clippy as errors, Rust tests, documentation, wh
 cargo xtask rust     the Rust part of it
 cargo xtask python   the Python part of it
 cargo xtask data     write the generated logs of data/ again (same seed, same files)
+cargo xtask picture  draw docs/hare_lynx.svg again
 ";
 
 fn main() -> ExitCode {
@@ -21,6 +24,7 @@ fn main() -> ExitCode {
         "rust" => rust(),
         "python" => python::test(),
         "data" => data::write(&shell::root().join("data")),
+        "picture" => picture::hare_lynx(),
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);
             Ok(())

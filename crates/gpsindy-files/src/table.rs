@@ -68,6 +68,16 @@ impl Table {
         }
         text
     }
+
+    /// The columns as a JSON object of lists, by name without the unit; a missing value is null.
+    pub fn to_json(&self) -> serde_json::Value {
+        let name = |header: &str| header.split(" [").next().unwrap_or_default().to_string();
+        let list = |column: &Cells| match column {
+            Cells::Number(values) => serde_json::Value::from(values.clone()),
+            Cells::Text(values) => serde_json::Value::from(values.clone()),
+        };
+        serde_json::Value::Object(self.headers.iter().map(|h| name(h)).zip(self.columns.iter().map(list)).collect())
+    }
 }
 
 impl Cells {

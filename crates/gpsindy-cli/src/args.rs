@@ -1,0 +1,87 @@
+//! The arguments of the program and those that several commands share.
+
+use crate::commands::{completions, man, smooth};
+use clap::{Args, Parser, Subcommand};
+use gpsindy_files::LogOptions;
+use std::path::PathBuf;
+
+/// Equations from sparse, noisy logs, and a diagnosis of where a simulator is wrong.
+#[derive(Debug, Parser)]
+#[command(
+    name = "gpsindy",
+    version,
+    max_term_width = 110,
+    before_help = "Example: gpsindy demo\n         gpsindy identify run_1.csv run_2.csv --control u --out model.toml",
+    after_help = "`gpsindy COMMAND --help` tells all about a command. Exit status: 0 done, 1 the work failed, 2 bad input or usage."
+)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What every command takes.
+#[derive(Debug, Args)]
+pub(crate) struct Global {
+    /// Print the machine-readable result and nothing else on stdout
+    #[arg(long, global = true, help_heading = "Everywhere")]
+    pub(crate) json: bool,
+    /// No progress and no notes on stderr
+    #[arg(long, short, global = true, help_heading = "Everywhere")]
+    pub(crate) quiet: bool,
+    /// Number of threads; the result does not depend on it [default: one a core]
+    #[arg(long, global = true, value_name = "N", help_heading = "Everywhere", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+    /// Seed of everything random
+    #[arg(long, global = true, value_name = "N", default_value_t = 0, help_heading = "Everywhere")]
+    pub(crate) seed: u64,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Smooth(smooth::Smooth),
+    Completions(completions::Completions),
+    Man(man::Man),
+}
+
+/// How the columns of logs are found.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Columns of the logs")]
+pub(crate) struct Columns {
+    /// The time column, in seconds [default: `t`, else `time`]
+    #[arg(long, value_name = "COLUMN")]
+    pub(crate) time: Option<String>,
+    /// The column that tells the runs of a file apart [default: one file is one run]
+    #[arg(long, value_name = "COLUMN")]
+    pub(crate) run: Option<String>,
+    /// Give a column another name
+    #[arg(long, value_name = "COLUMN=NAME", value_parser = pair)]
+    pub(crate) rename: Vec<(String, String)>,
+    /// A wrapped angle (rad) whose jumps are removed, once and at the full rate
+    #[arg(long, value_name = "COLUMN")]
+    pub(crate) angle: Vec<String>,
+}
+
+impl Columns {
+    pub(crate) fn options(&self) -> LogOptions {
+        LogOptions { time: self.time.clone(), run: self.run.clone(), rename: self.rename.clone() }
+    }
+}
+
+/// `A=B`, cut at the last `=` because a header may hold one.
+pub(crate) fn pair(text: &str) -> Result<(String, String), String> {
+    match text.rsplit_once('=') {
+        Some((a, b)) if !a.trim().is_empty() && !b.trim().is_empty() => Ok((a.trim().into(), b.trim().into())),
+        _ => Err("expected A=B".into()),
+    }
+}
+
+/// Where a result goes.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Output {
+    /// Write the result to a file, whole or not at all [default: stdout]
+    #[arg(long, short, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+}

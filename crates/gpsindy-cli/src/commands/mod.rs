@@ -1,0 +1,93 @@
+//! One file a command: its arguments, what it does, what it prints.
+
+pub(crate) mod completions;
+pub(crate) mod man;
+pub(crate) mod smooth;
+
+use crate::args::{Arguments, Columns, Command, Output};
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use gpsindy_core::Dataset;
+use gpsindy_files::Logs;
+use std::path::Path;
+
+/// Runs the command that was asked for.
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
+    if let Some(threads) = arguments.global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+        pool.map_err(|e| Failure::Work(format!("--threads {threads}: {e}")))?;
+    }
+    match &arguments.command {
+        Command::Smooth(command) => smooth::run(command, screen),
+        Command::Completions(command) => completions::run(command, screen),
+        Command::Man(command) => man::run(command, screen),
+    }
+}
+
+/// The columns that an option names, once or several times, each time one or several separated by commas.
+///
+/// A whole header may hold commas itself, so that is looked for first.
+fn chosen(logs: &Logs, options: &[String]) -> Outcome<Vec<String>> {
+    let mut names = Vec::new();
+    for option in options {
+        if let Ok(name) = logs.resolve(option) {
+            names.push(name);
+            continue;
+        }
+        for part in option.split(',') {
+            names.push(logs.resolve(part.trim())?);
+        }
+    }
+    for (i, name) in names.iter().enumerate() {
+        if names[..i].contains(name) {
+            return Err(Failure::input(format!("column `{name}` is named twice")));
+        }
+    }
+    Ok(names)
+}
+
+/// Cuts logs down to a task's columns, unwraps its angles and tells which columns were ignored.
+fn dataset(
+    logs: &Logs,
+    needed: &[String],
+    optional: &[String],
+    columns: &Columns,
+    screen: &Screen,
+) -> Outcome<Dataset> {
+    for warning in logs.warnings() {
+        screen.warn(&warning);
+    }
+    let mut data = logs.dataset(needed, optional)?;
+    for angle in &columns.angle {
+        let name = logs.resolve(angle)?;
+        if data.index_of(&name).is_err() {
+            return Err(Failure::input(format!(
+                "--angle: column `{name}` is not used by this task; remove the option"
+            )));
+        }
+        data.unwrap_angle(&name)?;
+    }
+    let used: Vec<&str> = needed.iter().chain(optional).map(String::as_str).collect();
+    let ignored = logs.ignored(&used);
+    if !ignored.is_empty() {
+        screen.note(&format!("columns ignored: {}", ignored.join(", ")));
+    }
+    Ok(data)
+}
+
+/// Writes a result to the file of `--out`, else to stdout.
+fn deliver(output: &Output, text: &str, screen: &Screen) -> Outcome {
+    match &output.out {
+        None => screen.out(text),
+        Some(path) => Ok(gpsindy_files::write_whole(path, text.as_bytes())?),
+    }
+}
+
+/// Refuses an output whose folder is not there before the work begins.
+fn check_folder_of(path: Option<&Path>) -> Outcome {
+    let Some(parent) = path.and_then(Path::parent) else { return Ok(()) };
+    if parent.as_os_str().is_empty() || parent.is_dir() {
+        return Ok(());
+    }
+    Err(Failure::input(format!("--out: folder {} does not exist; create it first", parent.display())))
+}

@@ -1,0 +1,72 @@
+//! Why a command stopped, by exit status: 1 the work failed, 2 bad input or usage.
+
+use std::fmt;
+
+/// Why a command stopped; displays as one line.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The input or the usage is wrong: status 2.
+    Input(String),
+    /// The input is fine and the work failed: status 1.
+    Work(String),
+    /// Nobody reads the output any more: silent, status 0.
+    ClosedPipe,
+}
+
+/// Result of a command.
+pub(crate) type Outcome<T = ()> = Result<T, Failure>;
+
+impl Failure {
+    pub(crate) fn input(message: impl Into<String>) -> Self {
+        Self::Input(message.into())
+    }
+
+    pub(crate) fn status(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Work(_) => 1,
+            Self::ClosedPipe => 0,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(message) | Self::Work(message) => {
+                write!(f, "{}", message.split_whitespace().collect::<Vec<_>>().join(" "))
+            }
+            Self::ClosedPipe => write!(f, "the output was closed"),
+        }
+    }
+}
+
+/// Whether the numbers refused, as opposed to the input being wrong.
+fn is_work(error: &gpsindy_core::Error) -> bool {
+    use gpsindy_core::Error;
+    matches!(
+        error,
+        Error::NotPositiveDefinite { .. }
+            | Error::Diverged { .. }
+            | Error::NotConverged { .. }
+            | Error::Callback(_)
+            | Error::Cancelled
+    )
+}
+
+impl From<gpsindy_core::Error> for Failure {
+    fn from(error: gpsindy_core::Error) -> Self {
+        if is_work(&error) { Self::Work(error.to_string()) } else { Self::Input(error.to_string()) }
+    }
+}
+
+impl From<gpsindy_files::Error> for Failure {
+    fn from(error: gpsindy_files::Error) -> Self {
+        use gpsindy_files::Error;
+        match &error {
+            Error::Write { .. } => Self::Work(error.to_string()),
+            Error::Core(source) | Error::Content { source, .. } if is_work(source) => Self::Work(error.to_string()),
+            _ => Self::Input(error.to_string()),
+        }
+    }
+}
