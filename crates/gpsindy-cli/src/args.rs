@@ -1,6 +1,6 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, man, smooth};
+use crate::commands::{completions, man, simulate, smooth};
 use clap::{Args, Parser, Subcommand};
 use gpsindy_files::LogOptions;
 use std::path::PathBuf;
@@ -42,6 +42,7 @@ pub(crate) struct Global {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Smooth(smooth::Smooth),
+    Simulate(simulate::Simulate),
     Completions(completions::Completions),
     Man(man::Man),
 }
@@ -78,8 +79,20 @@ pub(crate) fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
+/// `name=number`, several of them separated by commas.
+pub(crate) fn values(text: &str) -> Result<Vec<(String, f64)>, String> {
+    text.split(',')
+        .map(|part| {
+            let (name, value) = pair(part).map_err(|_| format!("expected name=number, found `{part}`"))?;
+            let number = value.parse().ok().filter(|v: &f64| v.is_finite());
+            number.map(|v| (name, v)).ok_or_else(|| format!("`{value}` is not a number"))
+        })
+        .collect()
+}
+
 /// Where a result goes.
 #[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Result")]
 pub(crate) struct Output {
     /// Write the result to a file, whole or not at all [default: stdout]
     #[arg(long, short, value_name = "FILE")]

@@ -42,11 +42,6 @@ impl Screen {
         })
     }
 
-    /// A heading on stdout, bold where that can be seen.
-    pub(crate) fn heading(&self, text: &str) -> String {
-        self.painted("1", text, std::io::stdout().is_terminal())
-    }
-
     /// Something to know, on stderr; `--quiet` drops it.
     pub(crate) fn note(&self, text: &str) {
         if !self.quiet {
@@ -93,11 +88,11 @@ pub(crate) struct Bar {
 
 impl Progress for Bar {
     fn report(&self, stage: &str, done: usize, total: usize) -> bool {
-        if let Ok(mut shown) = self.stage.lock() {
-            if *shown != stage {
-                *shown = stage.into();
-                self.bar.set_message(stage.to_string());
-            }
+        if let Ok(mut shown) = self.stage.lock()
+            && *shown != stage
+        {
+            *shown = stage.into();
+            self.bar.set_message(stage.to_string());
         }
         self.bar.set_length(total as u64);
         self.bar.set_position(done as u64);

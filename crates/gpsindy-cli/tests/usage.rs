@@ -5,7 +5,7 @@ mod common;
 use common::Folder;
 use std::process::{Command, Stdio};
 
-const COMMANDS: &[&str] = &["smooth", "completions", "man"];
+const COMMANDS: &[&str] = &["smooth", "simulate", "completions", "man"];
 
 #[test]
 fn help_of_every_command_begins_with_an_example() {
@@ -29,6 +29,11 @@ fn a_wrong_usage_is_one_line_and_status_2() {
         ("smooth", "the following required arguments were not provided: <LOG>"),
         ("smooth x.csv --threads 0", "invalid value '0' for '--threads <N>'"),
         ("smooth x.csv --rename v", "invalid value 'v' for '--rename <COLUMN=NAME>': expected A=B"),
+        ("simulate m.toml", "the following required arguments were not provided: --data <LOG>"),
+        (
+            "simulate m.toml --data x.csv --initial x",
+            "invalid value 'x' for '--initial <STATE=VALUE>': expected name=number",
+        ),
         ("completions csh", "invalid value 'csh'"),
     ] {
         let ran = folder.run(arguments);

@@ -2,12 +2,13 @@
 
 pub(crate) mod completions;
 pub(crate) mod man;
+pub(crate) mod simulate;
 pub(crate) mod smooth;
 
 use crate::args::{Arguments, Columns, Command, Output};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use gpsindy_core::Dataset;
+use gpsindy_core::{Dataset, Model};
 use gpsindy_files::Logs;
 use std::path::Path;
 
@@ -19,6 +20,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
     }
     match &arguments.command {
         Command::Smooth(command) => smooth::run(command, screen),
+        Command::Simulate(command) => simulate::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
     }
@@ -73,6 +75,13 @@ fn dataset(
         screen.note(&format!("columns ignored: {}", ignored.join(", ")));
     }
     Ok(data)
+}
+
+/// The columns that a model needs: its controls, and those of its states that the logs carry.
+fn model_dataset(logs: &Logs, model: &Model, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
+    let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
+    let states: Vec<String> = model.states.iter().map(|s| s.name.clone()).collect();
+    dataset(logs, &controls, &states, columns, screen)
 }
 
 /// Writes a result to the file of `--out`, else to stdout.

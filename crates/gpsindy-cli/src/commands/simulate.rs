@@ -1,0 +1,186 @@
+//! `gpsindy simulate`: a rollout of a model under the controls of a log, as CSV.
+
+use crate::args::{Columns, Output, values};
+use crate::commands::{check_folder_of, deliver, model_dataset};
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use clap::{Args, ValueEnum};
+use gpsindy_core::{Channel, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System};
+use gpsindy_files::{Logs, Table, read_model};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// A rollout of a model, as CSV: `t`, then every state
+///
+/// Under the log's controls, from the state at the log's first sample. What the model's `measured` says is what is written.
+#[derive(Debug, Args)]
+#[command(before_help = "Example: gpsindy simulate model.toml --data run_1.csv --out rollout.csv\n         \
+                         gpsindy simulate model.toml --initial x=1,v=0 --to 10 --period 0.01")]
+pub(crate) struct Simulate {
+    /// The model (TOML or JSON); `-` is standard input
+    model: PathBuf,
+    /// The log (CSV) with the controls and the first state; `-` is standard input
+    #[arg(long, value_name = "LOG", required_unless_present = "period")]
+    data: Option<PathBuf>,
+    /// Start at the first sample from this time on, s; delays see the log before it
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Stop at the last sample up to this time, s
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    to: Option<f64>,
+    /// Initial state, such as x=0.1,v=0 [default: the log's, else the model's `[initial]`]
+    #[arg(long, value_name = "STATE=VALUE", value_parser = values)]
+    initial: Vec<Vec<(String, f64)>>,
+    /// Time between the rows, s, for a model without controls [default: the log's samples]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    period: Option<f64>,
+    /// What a control does between its samples
+    #[arg(long, value_enum, default_value_t = Between::Zero)]
+    hold: Between,
+    #[command(flatten)]
+    columns: Columns,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What a control does between its samples.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Between {
+    /// It keeps the value of the last sample
+    Zero,
+    /// It goes in a straight line to the next sample
+    Linear,
+}
+
+impl From<Between> for Hold {
+    fn from(between: Between) -> Self {
+        match between {
+            Between::Zero => Self::Zero,
+            Between::Linear => Self::Linear,
+        }
+    }
+}
+
+pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
+    check_folder_of(command.output.out.as_deref())?;
+    let mut model = read_model(&command.model)?;
+    let given: Vec<(String, f64)> = command.initial.iter().flatten().cloned().collect();
+    for (name, value) in &given {
+        if model.state_index(name).is_none() {
+            let known: Vec<&str> = model.states.iter().map(|s| s.name.as_str()).collect();
+            return Err(Failure::input(format!("--initial: no state `{name}`; the model has: {}", known.join(", "))));
+        }
+        // States that the log lacks start from the model's own initial values.
+        model.initial.insert(name.clone(), *value);
+    }
+    let system = model.compile()?;
+    let settings = Settings { hold: command.hold.into(), ..Settings::default() };
+    let rollouts = match (&command.data, command.period) {
+        (Some(log), _) => {
+            let logs = Logs::read(std::slice::from_ref(log), &command.columns.options())?;
+            let data = model_dataset(&logs, &model, &command.columns, screen)?;
+            let rollout = |run: &Run| {
+                let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
+                let range = samples(run, command.from, command.to)?;
+                let mut initial = StateReader::new(&system, run, data.channels(), &excitation)?.at(range.start)?;
+                override_initial(&model, &given, &mut initial);
+                let rollout = match command.period {
+                    None => settings.rollout_range(&system, &excitation, &initial, range)?,
+                    Some(period) => {
+                        let span = (run.time[range.start], run.time[range.end - 1]);
+                        on_grid(&system, &settings, period, span, &initial)?
+                    }
+                };
+                Ok((run.name.clone(), rollout))
+            };
+            data.runs().iter().map(rollout).collect::<Outcome<Vec<_>>>()?
+        }
+        (None, Some(period)) => vec![(model.name.clone(), without_log(command, &system, &settings, period)?)],
+        (None, None) => return Err(Failure::input("hand in a log with --data")),
+    };
+    let table = table(&model, &rollouts);
+    if screen.json() {
+        let result = json!({"model": model.name, "columns": table.to_json()});
+        return deliver(&command.output, &format!("{result}\n"), screen);
+    }
+    deliver(&command.output, &table.to_csv(), screen)
+}
+
+/// A rollout from the model's own initial state.
+fn without_log(command: &Simulate, system: &System, settings: &Settings, period: f64) -> Outcome<Rollout> {
+    let model = system.model();
+    let Some(to) = command.to else {
+        return Err(Failure::input("without a log the end of the rollout is needed; give it with --to"));
+    };
+    let initial = model.states.iter().map(|state| {
+        let found = model.initial.get(&state.name).copied();
+        found.ok_or_else(|| {
+            Failure::input(format!("state `{0}` has no initial value; give it with --initial {0}=...", state.name))
+        })
+    });
+    let initial = initial.collect::<Outcome<Vec<f64>>>()?;
+    on_grid(system, settings, period, (command.from.unwrap_or(0.0), to), &initial)
+}
+
+/// A rollout of a model without controls at equally spaced times.
+fn on_grid(
+    system: &System,
+    settings: &Settings,
+    period: f64,
+    (from, to): (f64, f64),
+    initial: &[f64],
+) -> Outcome<Rollout> {
+    if let Some(control) = system.model().controls.first() {
+        let message = format!(
+            "the model has the control `{}`, which is known at the samples of a log; hand in --data and leave --period out",
+            control.name
+        );
+        return Err(Failure::input(message));
+    }
+    if !(period > 0.0 && to > from && (to - from) / period <= 1e8) {
+        return Err(Failure::input(format!(
+            "--period must be above 0 and the end after the start, found {period} s and {from} to {to} s"
+        )));
+    }
+    let n_steps = ((to - from) / period * (1.0 + 1e-12)).floor() as usize;
+    let time: Vec<f64> = (0..=n_steps).map(|i| from + i as f64 * period).collect();
+    let excitation = Excitation::new(system, &time, faer::Mat::zeros(time.len(), 0).as_ref(), settings.hold)?;
+    Ok(settings.rollout(system, &excitation, initial)?)
+}
+
+/// The samples of a run between two times, both included.
+fn samples(run: &Run, from: Option<f64>, to: Option<f64>) -> Outcome<std::ops::Range<usize>> {
+    let start = from.map_or(0, |from| run.time.partition_point(|t| *t < from));
+    let end = to.map_or(run.time.len(), |to| run.time.partition_point(|t| *t <= to));
+    if start >= end {
+        let (first, last) = (run.time[0], run.time[run.time.len() - 1]);
+        return Err(Failure::input(format!(
+            "{}: no sample between --from and --to; the log runs from {first} to {last} s",
+            run.name
+        )));
+    }
+    Ok(start..end)
+}
+
+fn override_initial(model: &Model, given: &[(String, f64)], initial: &mut [f64]) {
+    for (name, value) in given {
+        if let Some(index) = model.state_index(name) {
+            initial[index] = *value;
+        }
+    }
+}
+
+/// One row a sample: the run where there are several, the time, what each state's column reads.
+fn table(model: &Model, rollouts: &[(String, Rollout)]) -> Table {
+    let mut table = Table::new();
+    if rollouts.len() > 1 {
+        table =
+            table.with_text("run", rollouts.iter().flat_map(|(name, r)| vec![name.clone(); r.time.len()]).collect());
+    }
+    table = table.with(&Channel::new("t").with_unit("s"), rollouts.iter().flat_map(|(_, r)| r.time.clone()).collect());
+    for (j, state) in model.states.iter().enumerate() {
+        let channel = Channel::new(&state.name).with_unit(&state.unit);
+        table = table.with(&channel, rollouts.iter().flat_map(|(_, r)| r.outputs.col_as_slice(j).to_vec()).collect());
+    }
+    table
+}
