@@ -1,6 +1,6 @@
 //! Draws one case of a seed: a plant, its runs, what is withheld, and the logs as sensors would give them.
 
-use crate::choose::{Frame, Option_, catalogue, outside};
+use crate::choose::{Frame, Offer, catalogue, outside};
 use crate::effect::{Act, Effect};
 use crate::excite::Signal;
 use crate::gap::{Gap, Log, Ruler};
@@ -10,6 +10,7 @@ use crate::random::{Draw, digits};
 use crate::sensor::{Noise, Sensing};
 use crate::simulate::{Commands, Machine, Setup, Trace};
 use crate::survey::{Survey, survey};
+use crate::twins::{Outcome, compete};
 
 /// What kind of case.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +49,8 @@ pub struct Case {
     pub reset: f64,
     /// Sizes of the states.
     pub survey: Survey,
+    /// What the rivals leave, by effect.
+    pub outcomes: Vec<Option<Outcome>>,
 }
 
 /// A run with its log.
@@ -218,7 +221,7 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
     let mut trap = sensing.trap.clone();
     let noise = sensing.noise.clone();
     let ruler = Ruler { plant: &plant, noise: &noise, scale: &scale, reset };
-    let mut search = Search { ruler: &ruler, setups: &scene.setups, given: scene.given, survey: &known, frame: &frame };
+    let search = Search { ruler: &ruler, setups: &scene.setups, given: scene.given, survey: &known, frame: &frame };
     let (effects, gap) = match kind {
         Kind::Null => {
             let wrong = sensing.plain && draw.chance(0.1);
@@ -239,15 +242,16 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
                 outside(&plant, &known, &mut draw)
             };
             let option = pick(&menu, &[], &mut draw)?;
-            let target = draw.log(if kind == Kind::Outside { 3.0 } else { 1.0 }, 30.0);
-            search.sized(option, target, &[])?
+            let least = if kind == Kind::Outside { 3.0 } else { 1.0 };
+            let target = draw.log(least, 30.0);
+            search.sized(option, target, least)?
         }
         Kind::Pair => {
             let menu = catalogue(&plant, &known, &frame, &mut draw);
             let one = pick(&menu, &[], &mut draw)?;
-            let (mut effects, _) = search.sized(one, draw.log(3.0, 15.0), &[])?;
+            let (mut effects, _) = search.sized(one, draw.log(3.0, 15.0), 3.0)?;
             let two = pick(&menu, &effects, &mut draw)?;
-            let (second, _) = search.sized(two, draw.log(3.0, 15.0), &[])?;
+            let (second, _) = search.sized(two, draw.log(3.0, 15.0), 3.0)?;
             effects.extend(second);
             let gap = search.gap(&effects)?;
             // Two effects that undo each other would leave nothing to see.
@@ -270,14 +274,39 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
             return None;
         }
     }
+    let mut outcomes = Vec::new();
+    if kind != Kind::Null {
+        let given = &scene.setups[..scene.given];
+        for (k, effect) in effects.iter().enumerate() {
+            // Each effect is judged alone.
+            let alone =
+                if effects.len() == 1 { None } else { run_all(&plant, std::slice::from_ref(effect), given, &scale) };
+            let alone = alone.as_ref().unwrap_or(&traces);
+            let logs: Vec<Log> = given.iter().zip(alone).map(|(s, trace)| Log { times: &s.times, trace }).collect();
+            outcomes.push(compete(&ruler, &known, &logs, false, effect, k));
+        }
+    }
+    // What hardly shows in the given runs cannot be asked of anybody.
+    let shown = |o: &Outcome| (o.gap / o.count as f64).sqrt() > 0.6f64.max(0.25 * gap.snr.min(12.0));
+    if !outcomes.iter().all(|o| o.as_ref().is_some_and(shown)) {
+        return None;
+    }
+    if kind == Kind::Outside {
+        // What one effect of the catalogue covers within the noise is not outside it.
+        let outcome = outcomes[0].as_ref()?;
+        let best = outcome.near.iter().map(|f| f.left).fold(outcome.gap, f64::min);
+        if best < 0.02 * outcome.gap || (best / outcome.count as f64).sqrt() < 0.7 {
+            return None;
+        }
+    }
     if scene.setups.iter().any(|s| s.linear) {
         trap = join(&trap, "control interpolated between samples");
     }
     if plant.feedback.is_some() {
         trap = join(&trap, "closed loop");
     }
-    let runs = scene
-        .setups
+    let setups = std::mem::take(&mut scene.setups);
+    let runs = setups
         .into_iter()
         .zip(traces)
         .enumerate()
@@ -286,23 +315,10 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
             Run { setup, trace, log }
         })
         .collect();
-    if kind == Kind::Null {
-        // A parameter within its tolerance is no gap that anybody should name.
-        return Some(Case {
-            seed,
-            kind,
-            plant,
-            effects: vec![],
-            runs,
-            given: scene.given,
-            noise,
-            trap,
-            gap,
-            reset,
-            survey: known,
-        });
-    }
-    Some(Case { seed, kind, plant, effects, runs, given: scene.given, noise, trap, gap, reset, survey: known })
+    // A parameter within its tolerance is no gap that anybody should name.
+    let effects = if kind == Kind::Null { Vec::new() } else { effects };
+    let given = scene.given;
+    Some(Case { seed, kind, plant, effects, runs, given, noise, trap, gap, reset, survey: known, outcomes })
 }
 
 fn join(a: &str, b: &str) -> String {
@@ -320,8 +336,8 @@ fn within_tolerance(plant: &Plant, draw: &mut Draw) -> Vec<Effect> {
 }
 
 /// Picks an id first, so that an effect with many places is no likelier than one with few.
-fn pick<'a>(menu: &'a [Option_], taken: &[Effect], draw: &mut Draw) -> Option<&'a Option_> {
-    let free = |o: &&Option_| {
+fn pick<'a>(menu: &'a [Offer], taken: &[Effect], draw: &mut Draw) -> Option<&'a Offer> {
+    let free = |o: &&Offer| {
         let there = (o.at)(0.1);
         taken.iter().all(|t| {
             let both = matches!((t.act, there.act), (Act::Friction { .. }, Act::Friction { .. }));
@@ -334,7 +350,7 @@ fn pick<'a>(menu: &'a [Option_], taken: &[Effect], draw: &mut Draw) -> Option<&'
     ids.sort_unstable();
     ids.dedup();
     let id = *ids.get(draw.index(ids.len()))?;
-    let list: Vec<&Option_> = menu.iter().filter(free).filter(|o| o.id == id).collect();
+    let list: Vec<&Offer> = menu.iter().filter(free).filter(|o| o.id == id).collect();
     list.get(draw.index(list.len())).copied()
 }
 
@@ -355,8 +371,8 @@ impl Search<'_> {
         self.ruler.gap(&logs, &[])
     }
 
-    /// The effect at the size whose gap is `target`, or at its largest size when that gap is at least 1.
-    fn sized(&mut self, option: &Option_, target: f64, _with: &[Effect]) -> Option<(Vec<Effect>, Gap)> {
+    /// The effect at the size whose gap is `target`, or at its largest size when that gap is at least `least`.
+    fn sized(&self, option: &Offer, target: f64, least: f64) -> Option<(Vec<Effect>, Gap)> {
         let (mut low, mut high): (f64, f64) = (1e-5, 1.0);
         let mut size = 0.1;
         let mut best: Option<(f64, Vec<Effect>, Gap)> = None;
@@ -391,7 +407,7 @@ impl Search<'_> {
         }
         let (miss, effects, gap) = best?;
         // Accept what is near the wanted gap, or the largest size where the plant hardly shows the effect.
-        let near = miss < 0.3 || (gap.snr < target && gap.snr >= 1.0);
+        let near = (miss < 0.3 && gap.snr > 0.9 * least) || (gap.snr < target && gap.snr >= least);
         let timed = effects[0].act.numbers().iter().all(|(name, v)| *name != "tau" || *v > 0.4 * self.frame.interval);
         let visible = self.survey.spread.iter().all(|s| s.is_finite());
         (near && timed && visible && gap.snr < 35.0).then_some((effects, gap))

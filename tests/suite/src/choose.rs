@@ -8,7 +8,7 @@ use crate::survey::Survey;
 use std::f64::consts::TAU;
 
 /// An effect of open size.
-pub struct Option_ {
+pub struct Offer {
     /// Its name.
     pub id: &'static str,
     /// The effect of a size within (0, 1].
@@ -26,7 +26,7 @@ pub struct Frame {
 struct Menu<'a> {
     plant: &'a Plant,
     survey: &'a Survey,
-    list: Vec<Option_>,
+    list: Vec<Offer>,
 }
 
 impl Menu<'_> {
@@ -49,7 +49,7 @@ impl Menu<'_> {
         act: impl Fn(f64) -> Act + Send + Sync + 'static,
     ) {
         let at = Box::new(move |s: f64| Effect { id, state, variables: variables.clone(), act: act(s) });
-        self.list.push(Option_ { id, at });
+        self.list.push(Offer { id, at });
     }
 
     /// Does a state pass through zero, so that an odd function of it makes sense?
@@ -63,33 +63,19 @@ impl Menu<'_> {
     }
 }
 
-/// The unit act with another amplitude.
+/// The unit act with another amplitude, rounded.
 fn scaled(unit: Act, factor: f64) -> Act {
-    let c1 = digits(factor, 4);
-    match unit {
-        Act::Constant { .. } => Act::Constant { c: c1 },
-        Act::Linear { z, .. } => Act::Linear { z, c: c1 },
-        Act::Quadratic { z, .. } => Act::Quadratic { z, c: c1 },
-        Act::Cubic { z, .. } => Act::Cubic { z, c: c1 },
-        Act::Sine { z, n, phase, .. } => Act::Sine { z, c: c1, n, phase },
-        Act::Product { z, w, .. } => Act::Product { z, w, c: c1 },
-        Act::Periodic { omega, phase, .. } => Act::Periodic { c: c1, omega, phase },
-        Act::Contact { z, edge, side, .. } => Act::Contact { z, c: c1, edge, side },
-        Act::Exponential { z, edge, w, .. } => Act::Exponential { z, c: c1, edge, w },
-        Act::Inverse { z, w, .. } => Act::Inverse { z, c: c1, w },
-        Act::Triple { a, b, d, .. } => Act::Triple { a, b, d, c: c1 },
-        other => other,
-    }
+    crate::fit::scaled(unit, digits(factor, 4))
 }
 
 /// All effects of the catalogue that fit the plant.
-pub fn catalogue(plant: &Plant, survey: &Survey, frame: &Frame, draw: &mut Draw) -> Vec<Option_> {
+pub fn catalogue(plant: &Plant, survey: &Survey, frame: &Frame, draw: &mut Draw) -> Vec<Offer> {
     let mut menu = Menu { plant, survey, list: Vec::new() };
     for row in menu.dynamic() {
         let z = Variable::State(row);
         menu.term("bias", row, vec![], Act::Constant { c: 1.0 }, 0.7 * draw.sign());
         match plant.rows[row] {
-            Row::Kinematic => {}
+            Row::Kinematic | Row::Rate => {}
             Row::Force { position, angle } => {
                 menu.term("viscous_friction", row, vec![z], Act::Linear { z, c: 1.0 }, -1.0);
                 menu.term("quadratic_drag", row, vec![z], Act::Quadratic { z, c: 1.0 }, 1.0);
@@ -148,8 +134,10 @@ pub fn catalogue(plant: &Plant, survey: &Survey, frame: &Frame, draw: &mut Draw)
             .map(Variable::State)
             .chain((0..plant.controls.len()).map(Variable::Control))
             .collect();
-        let (a, b) = (others[draw.index(others.len())], others[draw.index(others.len())]);
-        if a != b {
+        let (i, j) = (draw.index(others.len()), draw.index(others.len()));
+        if let (Some(&a), Some(&b)) = (others.get(i), others.get(j))
+            && a != b
+        {
             menu.term("product_coupling", row, vec![a, b], Act::Product { z: a, w: b, c: 1.0 }, draw.sign());
         }
     }
@@ -221,7 +209,7 @@ fn sensors(menu: &mut Menu, frame: &Frame, draw: &mut Draw) {
 }
 
 /// Effects that the catalogue lacks.
-pub fn outside(plant: &Plant, survey: &Survey, draw: &mut Draw) -> Vec<Option_> {
+pub fn outside(plant: &Plant, survey: &Survey, draw: &mut Draw) -> Vec<Offer> {
     let mut menu = Menu { plant, survey, list: Vec::new() };
     for row in menu.dynamic() {
         let z = Variable::State(row);
@@ -264,7 +252,7 @@ pub fn outside(plant: &Plant, survey: &Survey, draw: &mut Draw) -> Vec<Option_> 
                     w,
                 });
             }
-        } else {
+        } else if plant.rows[row] == Row::Balance {
             let (edge, side) = edge(survey, row, draw);
             let id = if plant.positive { "overflow" } else { "one_sided_contact" };
             let side = if plant.positive { 1.0 } else { side };
@@ -272,15 +260,18 @@ pub fn outside(plant: &Plant, survey: &Survey, draw: &mut Draw) -> Vec<Option_> 
             menu.term(id, row, vec![z], Act::Contact { z, c: 1.0, edge, side }, 2.5);
         }
         let var = |draw: &mut Draw| {
-            let n = menu.dynamic().len();
-            let i = draw.index(n + plant.controls.len());
-            if i < n { Variable::State(menu.dynamic()[i]) } else { Variable::Control(i - n) }
+            let states: Vec<usize> = menu.dynamic().into_iter().filter(|&i| plant.rows[i] != Row::Rate).collect();
+            let i = draw.index(states.len() + plant.controls.len());
+            if i < states.len() { Variable::State(states[i]) } else { Variable::Control(i - states.len()) }
         };
         let (a, b, d) = (var(draw), var(draw), var(draw));
         let mut variables = vec![a, b, d];
         variables.dedup();
         if variables.len() > 1 && a != d {
             menu.term("triple_product", row, variables, Act::Triple { a, b, d, c: 1.0 }, draw.sign());
+        }
+        if plant.rows[row] == Row::Rate {
+            continue;
         }
         let w = digits(0.5 * survey.spread[row], 3);
         let rise = Act::Exponential { z, c: 1.0, edge: digits(survey.high[row], 3), w };

@@ -148,14 +148,24 @@ pub fn answer(case: &Case, id: &str) -> Answer {
     let mut partial = Vec::new();
     let mut localise: Vec<String> = Vec::new();
     for (k, effect) in case.effects.iter().enumerate() {
+        let outcome = case.outcomes.get(k).and_then(Option::as_ref);
         localise.push(state(effect.state));
         if outside {
-            for (name, variables) in covers(effect) {
-                partial.push(names(name, effect.state, variables, k));
+            let mut list: Vec<(&str, usize, Vec<Variable>)> =
+                covers(effect).into_iter().map(|(name, variables)| (name, effect.state, variables)).collect();
+            if let Some(outcome) = outcome {
+                // And whatever was seen to cover half of the gap.
+                let near = outcome.near.iter().filter(|f| f.left < 0.5 * outcome.gap);
+                list.extend(near.map(|f| (f.name.effect, f.name.state, f.name.variables.clone())));
+            }
+            for (i, entry) in list.iter().enumerate() {
+                if !list[..i].contains(entry) {
+                    partial.push(names(entry.0, entry.1, entry.2.clone(), k));
+                }
             }
             continue;
         }
-        for a in accept(plant, &case.survey, effect, k) {
+        for a in accept(plant, &case.survey, effect, k, outcome) {
             localise.push(state(a.state));
             accepted.push(names(a.effect, a.state, a.variables, a.of));
         }

@@ -53,7 +53,8 @@ impl Ruler<'_> {
         Some(Gap { snr, by_column })
     }
 
-    fn windows(&self, times: &[f64]) -> Vec<std::ops::Range<usize>> {
+    /// The pieces of a run on which a rollout runs through.
+    pub fn windows(&self, times: &[f64]) -> Vec<std::ops::Range<usize>> {
         let mut list = Vec::new();
         let mut first = 0;
         for k in 0..times.len() {

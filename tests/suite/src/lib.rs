@@ -8,6 +8,7 @@ pub mod choose;
 pub mod effect;
 pub mod emit;
 pub mod excite;
+pub mod fit;
 pub mod gap;
 pub mod integrate;
 pub mod plant;

@@ -54,6 +54,8 @@ pub enum Row {
     Kinematic,
     /// Balance of forces of the velocity that is this state; the index of its position.
     Force { position: Option<usize>, angle: bool },
+    /// A rate that a control commands: no force of its own state acts there.
+    Rate,
     /// First-order balance: a level, a temperature, a concentration, a current.
     Balance,
 }

@@ -18,6 +18,8 @@ pub(super) const FAMILIES: &[Family] = &[
     belt,
     turntable,
     duffing,
+    arm,
+    bells,
 ];
 
 fn cart_spring(draw: &mut Draw) -> Plant {
@@ -309,4 +311,80 @@ fn duffing(draw: &mut Draw) -> Plant {
     .parameter("a", "1/s^2", a)
     .parameter("b", "1/(mm*s)^2", b)
     .timing(draw.uniform(10.0, 25.0), draw.uniform(30.0, 60.0), (0.03, 0.5))
+}
+
+fn arm(draw: &mut Draw) -> Plant {
+    // A horizontal arm of two links; masses are lumped as usual: A, B, D of the mass matrix.
+    let d = draw.sheet(0.02, 0.2);
+    let b = digits(d * draw.uniform(0.8, 1.4), 3);
+    let a = digits(2.0 * b * b / d + d * draw.uniform(1.5, 3.0), 3);
+    let (c1, c2) = (digits(a * draw.uniform(0.5, 2.0), 3), digits(d * draw.uniform(0.5, 2.0), 3));
+    let (w1, w2) = (draw.uniform(3.0, 6.0), draw.uniform(4.0, 8.0));
+    Plant::new("arm", |p, x, u, _, dx| {
+        let (sin, cos) = x[1].sin_cos();
+        let (m11, m12, m22) = (p[0] + 2.0 * p[1] * cos, p[2] + p[1] * cos, p[2]);
+        let spin = p[1] * sin;
+        let r1 = u[0] - p[3] * x[2] + spin * (2.0 * x[2] + x[3]) * x[3];
+        let r2 = u[1] - p[4] * x[3] - spin * x[2] * x[2];
+        let det = m11 * m22 - m12 * m12;
+        dx[0] = x[2];
+        dx[1] = x[3];
+        dx[2] = (m22 * r1 - m12 * r2) / det;
+        dx[3] = (m11 * r2 - m12 * r1) / det;
+    })
+    .position("q1", "rad", "w1", 0.3)
+    .position("q2", "rad", "w2", 0.3)
+    .angular(
+        "w1",
+        "(D*(T1 - c1*w1 + B*sin(q2)*(2*w1*w2 + w2^2)) - (D + B*cos(q2))*(T2 - c2*w2 - B*sin(q2)*w1^2))\
+         /((A + 2*B*cos(q2))*D - (D + B*cos(q2))^2)",
+        0.0,
+        0,
+    )
+    .angular(
+        "w2",
+        "((A + 2*B*cos(q2))*(T2 - c2*w2 - B*sin(q2)*w1^2) - (D + B*cos(q2))*(T1 - c1*w1 + B*sin(q2)*(2*w1*w2 + w2^2)))\
+         /((A + 2*B*cos(q2))*D - (D + B*cos(q2))^2)",
+        0.0,
+        1,
+    )
+    .control("T1", "N*m", digits(a * 40.0, 2))
+    .control("T2", "N*m", digits(d * 80.0, 2))
+    .parameter("A", "kg*m^2", a)
+    .parameter("B", "kg*m^2", b)
+    .parameter("D", "kg*m^2", d)
+    .parameter("c1", "N*m*s", c1)
+    .parameter("c2", "N*m*s", c2)
+    .coupled(&[(2, 3), (3, 2)])
+    .timing(draw.uniform(50.0, 100.0), draw.uniform(8.0, 12.0), (0.1, 0.8))
+    .closed(
+        vec![vec![a * w1 * w1, 0.0, a * 1.2 * w1, 0.0], vec![0.0, d * w2 * w2, 0.0, d * 1.2 * w2]],
+        &[(0, draw.uniform(0.3, 0.8)), (1, draw.uniform(0.3, 0.8))],
+        false,
+    )
+}
+
+fn bells(draw: &mut Draw) -> Plant {
+    // Two pendulums on a soft shaft that swing out: no control at all.
+    let (l1, l2) = (draw.sheet(0.2, 0.6), draw.sheet(0.2, 0.6));
+    let (c, k) = (draw.sheet(0.05, 0.3), draw.sheet(0.5, 6.0));
+    let plant = Plant::new("bells", |p, x, _, _, d| {
+        let twist = p[3] * (x[1] - x[0]);
+        d[0] = x[2];
+        d[1] = x[3];
+        d[2] = twist - p[4] / p[0] * x[0].sin() - p[2] * x[2];
+        d[3] = -twist - p[4] / p[1] * x[1].sin() - p[2] * x[3];
+    })
+    .position("a", "rad", "wa", 1.2)
+    .position("b", "rad", "wb", 1.2)
+    .angular("wa", "-g/l1*sin(a) - c*wa + k*(b - a)", 1.0, 0)
+    .angular("wb", "-g/l2*sin(b) - c*wb + k*(a - b)", 1.0, 1)
+    .parameter("l1", "m", l1)
+    .parameter("l2", "m", l2)
+    .parameter("c", "1/s", c)
+    .parameter("k", "1/s^2", k)
+    .constant("g", "m/s^2", 9.81)
+    .coupled(&[(2, 1), (3, 0), (2, 3), (3, 2)])
+    .timing(draw.uniform(30.0, 60.0), draw.uniform(8.0, 14.0), (0.3, 1.5));
+    if draw.chance(0.5) { plant.log(&[0, 1]) } else { plant }
 }

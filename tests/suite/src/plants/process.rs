@@ -4,7 +4,8 @@ use super::Family;
 use crate::plant::Plant;
 use crate::random::{Draw, digits};
 
-pub(super) const FAMILIES: &[Family] = &[tanks, predators, epidemic, heaters, reactor, kettle, chemostat, gas_vessel];
+pub(super) const FAMILIES: &[Family] =
+    &[tanks, predators, epidemic, heaters, reactor, kettle, chemostat, gas_vessel, dose];
 
 fn tanks(draw: &mut Draw) -> Plant {
     let (a1, a2) = (draw.sheet(50.0, 300.0), draw.sheet(50.0, 300.0));
@@ -174,6 +175,27 @@ fn gas_vessel(draw: &mut Draw) -> Plant {
     .parameter("kv", "l*bar/s", valve)
     .coupled(&[(1, 0)])
     .timing(draw.uniform(4.0, 10.0), draw.uniform(60.0, 120.0), (0.01, 0.2));
+    plant.positive = true;
+    plant
+}
+
+fn dose(draw: &mut Draw) -> Plant {
+    // A dose that passes from gut to blood to tissue and out: no control.
+    let mut plant = Plant::new("dose", |p, x, _, _, d| {
+        let (taken, there, back) = (p[0] * x[0], p[1] * x[1], p[2] * x[2]);
+        d[0] = -taken;
+        d[1] = taken - there + back - p[3] * x[1];
+        d[2] = there - back;
+    })
+    .balance("gut", "mg", "-ka*gut", (70.0, 30.0))
+    .balance("blood", "mg", "ka*gut - k12*blood + k21*tissue - ke*blood", (20.0, 18.0))
+    .balance("tissue", "mg", "k12*blood - k21*tissue", (20.0, 18.0))
+    .parameter("ka", "1/h", draw.sheet(0.3, 1.0))
+    .parameter("k12", "1/h", draw.sheet(0.2, 0.8))
+    .parameter("k21", "1/h", draw.sheet(0.2, 0.6))
+    .parameter("ke", "1/h", draw.sheet(0.1, 0.4))
+    .coupled(&[(0, 1), (2, 0), (1, 2)])
+    .timing(draw.uniform(15.0, 30.0), draw.uniform(15.0, 25.0), (0.05, 0.4));
     plant.positive = true;
     plant
 }

@@ -4,7 +4,7 @@ use super::Family;
 use crate::plant::{Plant, Row};
 use crate::random::{Draw, digits};
 
-pub(super) const FAMILIES: &[Family] = &[car, unicycle, planar_copter, puck, scooter, rocket, ship, lateral_car];
+pub(super) const FAMILIES: &[Family] = &[car, unicycle, planar_copter, puck, scooter, rocket, ship, lateral_car, omni];
 
 fn car(draw: &mut Draw) -> Plant {
     let l = draw.sheet(0.2, 2.8);
@@ -19,7 +19,7 @@ fn car(draw: &mut Draw) -> Plant {
     })
     .row("x", "m", "v*cos(th)", (0.0, 1.0), Row::Kinematic)
     .row("y", "m", "v*sin(th)", (0.0, 1.0), Row::Kinematic)
-    .balance("th", "rad", "v*tan(de)/L", (0.0, 1.0))
+    .row("th", "rad", "v*tan(de)/L", (0.0, 1.0), Row::Rate)
     .row("v", "m/s", "k*a - c*v", (speed, 0.3 * speed), Row::Force { position: None, angle: false })
     .drive("a", "", 0.5, 0.4, true)
     .control("de", "rad", draw.uniform(0.2, 0.45))
@@ -40,7 +40,7 @@ fn unicycle(draw: &mut Draw) -> Plant {
     })
     .position("x", "m", "r/2*(wl + wr)*cos(th)", 1.0)
     .position("y", "m", "r/2*(wl + wr)*sin(th)", 1.0)
-    .balance("th", "rad", "r/b*(wr - wl)", (0.0, 1.5))
+    .row("th", "rad", "r/b*(wr - wl)", (0.0, 1.5), Row::Rate)
     .drive("wl", "rad/s", 4.0, 3.0, false)
     .drive("wr", "rad/s", 4.0, 3.0, false)
     .parameter("r", "m", k)
@@ -189,4 +189,39 @@ fn lateral_car(draw: &mut Draw) -> Plant {
     .parameter("V", "m/s", speed)
     .coupled(&[(0, 1), (1, 0)])
     .timing(draw.uniform(25.0, 60.0), draw.uniform(10.0, 18.0), (0.1, 2.0))
+}
+
+fn omni(draw: &mut Draw) -> Plant {
+    // A platform on three wheels at 120 degrees; velocities in its own frame.
+    let m = draw.sheet(5.0, 30.0);
+    let r = draw.sheet(0.15, 0.4);
+    let inertia = digits(0.5 * m * r * r, 3);
+    let force = digits(m * draw.uniform(0.6, 1.5), 2);
+    Plant::new("omni", |p, x, u, _, d| {
+        let (sin, cos) = x[2].sin_cos();
+        let forward = 3f64.sqrt() / 2.0 * (u[0] - u[1]);
+        let aside = u[2] - 0.5 * u[0] - 0.5 * u[1];
+        d[0] = cos * x[3] - sin * x[4];
+        d[1] = sin * x[3] + cos * x[4];
+        d[2] = x[5];
+        d[3] = (forward - p[2] * x[3]) / p[0] + x[5] * x[4];
+        d[4] = (aside - p[2] * x[4]) / p[0] - x[5] * x[3];
+        d[5] = (p[4] * (u[0] + u[1] + u[2]) - p[3] * x[5]) / p[1];
+    })
+    .position("x", "m", "vx*cos(th) - vy*sin(th)", 1.0)
+    .position("y", "m", "vx*sin(th) + vy*cos(th)", 1.0)
+    .position("th", "rad", "w", 1.0)
+    .velocity("vx", "m/s", "(sqrt(3)/2*(f1 - f2) - c*vx)/m + vy*w", 0.3, None)
+    .velocity("vy", "m/s", "(f3 - (f1 + f2)/2 - c*vy)/m - vx*w", 0.3, None)
+    .angular("w", "(r*(f1 + f2 + f3) - cw*w)/J", 0.3, 2)
+    .control("f1", "N", force)
+    .control("f2", "N", force)
+    .control("f3", "N", force)
+    .parameter("m", "kg", m)
+    .parameter("J", "kg*m^2", inertia)
+    .parameter("c", "N*s/m", digits(m * draw.uniform(0.4, 1.0), 3))
+    .parameter("cw", "N*m*s", digits(inertia * draw.uniform(1.5, 4.0), 3))
+    .parameter("r", "m", r)
+    .coupled(&[(3, 4), (4, 3), (3, 5), (4, 5)])
+    .timing(draw.uniform(25.0, 50.0), draw.uniform(12.0, 20.0), (0.1, 1.0))
 }
