@@ -208,6 +208,10 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
         return None;
     }
     let sensing = Sensing::draw(&plant, &quiet, kind == Kind::Null, &mut draw);
+    if !sensing.plain {
+        // One trap at a time.
+        scene.setups.iter_mut().for_each(|s| s.linear = false);
+    }
     let scale: Vec<f64> = quiet.spread.iter().zip(&first).map(|(s, f)| s.max(1e-3 * f)).collect();
     sensing.feed_back(&plant, &mut scene.setups, seed, attempt);
     let nominal = run_all(&plant, &[], &scene.setups, &scale)?;
@@ -224,7 +228,7 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
     let search = Search { ruler: &ruler, setups: &scene.setups, given: scene.given, survey: &known, frame: &frame };
     let (effects, gap) = match kind {
         Kind::Null => {
-            let wrong = sensing.plain && draw.chance(0.1);
+            let wrong = sensing.plain && !scene.setups[0].linear && draw.chance(0.1);
             let effects = if wrong { within_tolerance(&plant, &mut draw) } else { Vec::new() };
             if !effects.is_empty() {
                 trap = "parameter within its tolerance".into();
