@@ -14,6 +14,8 @@ const LEFT: f64 = 56.0;
 const RIGHT: f64 = 12.0;
 const TOP: f64 = 26.0;
 const BOTTOM: f64 = 40.0;
+/// Width of a digit of a tick's label, generously.
+const CHARACTER: f64 = 7.0;
 
 /// What a chart draws; later marks lie over earlier ones.
 pub(crate) enum Mark<'a> {
@@ -149,8 +151,15 @@ struct Axis {
 }
 
 impl Axis {
+    /// With fewer ticks where their labels would run into each other.
     fn x(limits: (f64, f64)) -> Self {
-        Self::new(limits, (0.0, WIDTH - LEFT - RIGHT), 6.0)
+        let width = WIDTH - LEFT - RIGHT;
+        let with = |wanted: f64| Self::new(limits, (0.0, width), wanted);
+        let fits = |axis: &Self| {
+            let characters: usize = axis.ticks.iter().map(|t| axis.write(*t).chars().count() + 2).sum();
+            characters as f64 * CHARACTER <= width
+        };
+        [6.0, 4.0, 3.0, 2.0].into_iter().map(with).find(fits).unwrap_or_else(|| with(1.0))
     }
 
     fn y(limits: (f64, f64)) -> Self {
@@ -201,6 +210,13 @@ mod tests {
         let axis = Axis::y((0.0, 1e-5));
         assert_eq!(axis.ticks.len(), 6);
         assert_eq!(axis.write(axis.ticks[1]), "2e-6");
+    }
+
+    #[test]
+    fn labels_of_ticks_keep_apart() {
+        let axis = Axis::x((10_000.0, 10_000.003));
+        let characters: usize = axis.ticks.iter().map(|t| axis.write(*t).len()).sum();
+        assert!((1..=60).contains(&characters), "{:?}", axis.ticks);
     }
 
     #[test]

@@ -19,7 +19,7 @@ impl Counter {
 /// Residual against the variable that it depends on most, with the regions of the gap shaded.
 pub(crate) fn residual_curve(report: &Diagnosis, figure: &ResidualFigure, counter: &mut Counter) -> Option<Markup> {
     let curve = figure.curve.as_ref().filter(|curve| !curve.x.is_empty())?;
-    let shades = report
+    let shades: Vec<_> = report
         .gap
         .by_region
         .iter()
@@ -44,8 +44,9 @@ pub(crate) fn residual_curve(report: &Diagnosis, figure: &ResidualFigure, counte
         shades,
         y_range: padded(y_range),
     };
+    let gap = (!chart.shades.is_empty()).then_some(("gap", "region of the gap"));
     let explained = (!curve.explained.is_empty()).then_some(("after", "the included causes"));
-    let legend = [Some(("residual", "missing, with 95 % band")), explained, Some(("gap", "region of the gap"))];
+    let legend = [Some(("residual", "missing, with 95 % band")), explained, gap];
     Some(framed(
         html! { "What the equation of " (figure.state) " lacks, against " (curve.variable) },
         chart.draw(counter.next()),
@@ -74,10 +75,11 @@ pub(crate) fn residual_trace(
         shades,
         y_range: padded(y_range),
     };
+    let gap = (!chart.shades.is_empty()).then_some(("gap", "time of the gap"));
     framed(
         html! { "Run " (trace.run) ", equation of " (figure.state) },
         chart.draw(counter.next()),
-        [("residual", "missing, with 95 % band"), ("gap", "time of the gap")],
+        [Some(("residual", "missing, with 95 % band")), gap].into_iter().flatten(),
     )
 }
 

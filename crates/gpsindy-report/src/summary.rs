@@ -173,7 +173,11 @@ fn next(report: &Diagnosis, text: &mut Text) {
     }
     let experiments: Vec<String> = report.causes.iter().filter_map(|c| c.next_experiment.clone()).take(2).collect();
     text.list("Next", &experiments);
-    text.list("Note", &report.notes);
+    let mut notes: Vec<String> = report.notes.iter().take(ROWS).cloned().collect();
+    if report.notes.len() > ROWS {
+        notes.push(format!("{} more in the report", report.notes.len() - ROWS));
+    }
+    text.list("Note", &notes);
 }
 
 /// Ten characters for a share.
@@ -201,7 +205,7 @@ impl Text {
     fn say_at(&mut self, heading: &str, words: &str, indent: usize) {
         let head = format!("{heading:<indent$}");
         let head = if heading.is_empty() { head } else { self.painted(&head, "1") };
-        for (i, line) in wrap(words, self.width.saturating_sub(indent)).into_iter().enumerate() {
+        for (i, line) in wrap(words.trim_end(), self.width.saturating_sub(indent)).into_iter().enumerate() {
             let lead = if i == 0 { head.clone() } else { " ".repeat(indent) };
             self.lines.push((lead + &line).trim_end().to_string());
         }
