@@ -16,6 +16,7 @@ mod model;
 mod progress;
 mod refine;
 pub mod regress;
+mod score;
 mod simulate;
 mod smooth;
 mod weak;
@@ -29,6 +30,7 @@ pub use model::{
 };
 pub use progress::{Progress, Silent};
 pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};
+pub use score::{Errors, Score, Scoring, StateError, score};
 pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};
 pub use weak::{WeakForm, WeakRows};

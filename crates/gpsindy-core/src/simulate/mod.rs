@@ -204,7 +204,8 @@ impl Simulate {
     }
 }
 
-fn late_delays(system: &System) -> Vec<f64> {
+/// How much later `measured` reads each of the late states, s.
+pub(crate) fn late_delays(system: &System) -> Vec<f64> {
     let parameters = system.parameter_values();
     system.late_states().iter().map(|late| late.delay.evaluate_once(&parameters, 0.0)[0]).collect()
 }
