@@ -58,9 +58,12 @@ impl DenseWorkspace {
         self.lags.iter().map(|l| &l[..n]).collect()
     }
 
-    /// Factor of K with `jitter` (relative to the largest diagonal element) added; `false` where K is not positive definite.
+    /// Factor of K with `jitter` (relative to the variance of the process) added; `false` where K is not positive definite.
     fn factorise(&mut self, kernel: &Kernel, hyper: &[f64], points: &Points, jitter: f64) -> bool {
         let n = points.len();
+        if n == 0 {
+            return true;
+        }
         self.resize(n, points.dimension());
         let (kernel_hyper, noise) = split(hyper);
         let noise2 = (2.0 * noise).exp();
@@ -69,7 +72,7 @@ impl DenseWorkspace {
             self.fill_lags(points, j);
             values(kernel, kernel_hyper, &self.lag_slices(n - j), &mut matrix.col_as_slice_mut(j)[j..]);
         }
-        let extra = jitter * (0..n).map(|i| matrix[(i, i)]).fold(noise2, f64::max);
+        let extra = jitter * matrix[(0, 0)];
         for i in 0..n {
             matrix[(i, i)] += noise2 * points.noise_weight(i) + extra;
         }

@@ -3,6 +3,9 @@
 use super::dense::{self, DenseWorkspace};
 use super::kernel::Kernel;
 use super::points::Points;
+use super::state_smoother;
+use super::state_space;
+use super::toeplitz::{self, ToeplitzWorkspace};
 
 /// How a likelihood or posterior is computed. All three are exact and agree where they apply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -10,6 +13,10 @@ use super::points::Points;
 pub enum Engine {
     /// Any kernel, any inputs; O(n^3).
     Dense,
+    /// Any kernel on uniform times (within 1e-9 relative) without weights; O(n^2).
+    Toeplitz,
+    /// `Matern12`, `Matern32`, `Matern52` on ordered times; O(n).
+    StateSpace,
 }
 
 /// A kernel with its log hyperparameters (the log noise last) and a relative jitter.
@@ -19,7 +26,7 @@ pub struct Evaluation<'a> {
     pub kernel: &'a Kernel,
     /// Its log hyperparameters, then the log of the noise's standard deviation.
     pub hyper: &'a [f64],
-    /// Added to the diagonal, relative to its largest element; 0 unless a factorisation needed it.
+    /// Added to the diagonal, relative to the variance of the process; 0 unless a factorisation needed it.
     pub jitter: f64,
 }
 
@@ -39,23 +46,37 @@ pub struct LeaveOneOut {
 #[derive(Default)]
 pub struct Workspace {
     dense: DenseWorkspace,
+    toeplitz: ToeplitzWorkspace,
 }
 
 impl Evaluation<'_> {
-    /// The engine that is used for these points.
-    pub fn engine(&self, _points: &Points) -> Engine {
-        Engine::Dense
+    /// The engine of lowest cost for these points.
+    pub fn engine(&self, points: &Points) -> Engine {
+        if has_state_space(self.kernel) && points.ordered() {
+            Engine::StateSpace
+        } else if points.uniform_step().is_some() {
+            Engine::Toeplitz
+        } else {
+            Engine::Dense
+        }
     }
 
     /// Negative log marginal likelihood of zero-mean targets; fills `gradient` (with respect to
-    /// `hyper`) unless it is empty.
+    /// `hyper`) unless it is empty. Where the Toeplitz recursion is not to be trusted (little
+    /// noise) the dense engine answers.
     ///
     /// `None` where the covariance is not positive definite in floating point or a number overflows.
     pub fn likelihood(&self, points: &Points, gradient: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
-        self.likelihood_by(self.engine(points), points, gradient, workspace)
+        let engine = self.engine(points);
+        let result = self.likelihood_by(engine, points, gradient, workspace);
+        match (engine, result) {
+            (Engine::Toeplitz, None) => self.likelihood_by(Engine::Dense, points, gradient, workspace),
+            _ => result,
+        }
     }
 
-    /// [`Evaluation::likelihood`] by the engine that the caller names.
+    /// [`Evaluation::likelihood`] by the engine that the caller names; `None` also where that
+    /// engine does not apply.
     pub fn likelihood_by(
         &self,
         engine: Engine,
@@ -63,22 +84,40 @@ impl Evaluation<'_> {
         gradient: &mut [f64],
         workspace: &mut Workspace,
     ) -> Option<f64> {
+        let Self { kernel, hyper, jitter } = *self;
+        if points.is_empty() {
+            gradient.fill(0.0);
+            return Some(0.0);
+        }
         match engine {
-            Engine::Dense => {
-                dense::likelihood(self.kernel, self.hyper, points, self.jitter, gradient, &mut workspace.dense)
-            }
+            Engine::Dense => dense::likelihood(kernel, hyper, points, jitter, gradient, &mut workspace.dense),
+            Engine::Toeplitz => toeplitz::likelihood(kernel, hyper, points, jitter, gradient, &mut workspace.toeplitz),
+            Engine::StateSpace => state_space::likelihood(kernel, hyper, points, jitter, gradient),
         }
     }
 
     /// Leave-one-out quantities of zero-mean targets; `None` as for the likelihood.
     pub fn leave_one_out(&self, points: &Points, workspace: &mut Workspace) -> Option<LeaveOneOut> {
-        match self.engine(points) {
-            Engine::Dense => dense::leave_one_out(self.kernel, self.hyper, points, self.jitter, &mut workspace.dense),
+        let engine = self.engine(points);
+        let result = self.leave_one_out_by(engine, points, workspace);
+        match (engine, &result) {
+            (Engine::Toeplitz, None) => self.leave_one_out_by(Engine::Dense, points, workspace),
+            _ => result,
+        }
+    }
+
+    /// [`Evaluation::leave_one_out`] by the engine that the caller names.
+    pub fn leave_one_out_by(&self, engine: Engine, points: &Points, workspace: &mut Workspace) -> Option<LeaveOneOut> {
+        let Self { kernel, hyper, jitter } = *self;
+        match engine {
+            Engine::Dense => dense::leave_one_out(kernel, hyper, points, jitter, &mut workspace.dense),
+            Engine::Toeplitz => toeplitz::leave_one_out(kernel, hyper, points, jitter, &mut workspace.toeplitz),
+            Engine::StateSpace => state_smoother::leave_one_out(kernel, hyper, points, jitter),
         }
     }
 }
 
 /// Whether the kernel has a state-space form of linear cost.
-pub(crate) fn has_state_space(_kernel: &Kernel) -> bool {
-    false
+pub(crate) fn has_state_space(kernel: &Kernel) -> bool {
+    matches!(kernel, Kernel::Matern12 | Kernel::Matern32 | Kernel::Matern52)
 }

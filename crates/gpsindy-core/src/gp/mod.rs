@@ -5,6 +5,8 @@
 //! Gaussian process regression.
 
 #[cfg(test)]
+mod agreement;
+#[cfg(test)]
 mod contract;
 mod covariance;
 mod dense;
@@ -18,6 +20,9 @@ mod points;
 mod posterior;
 mod scale;
 mod start;
+mod state_smoother;
+mod state_space;
+mod toeplitz;
 
 pub use fit::{Candidate, Fit, FitSettings, Weakness, fit};
 pub use kernel::{Kernel, Role};

@@ -7,8 +7,9 @@
 use super::covariance::{derivatives, values};
 use super::dense;
 use super::fit::Fit;
-use super::likelihood::Evaluation;
+use super::likelihood::{Evaluation, has_state_space};
 use super::points::Points;
+use super::state_smoother;
 use crate::error::{Error, Result};
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
@@ -57,6 +58,11 @@ enum State {
         lower: Mat<f64>,
         weights: Vec<f64>,
     },
+    /// The smoother runs at every prediction, over measurements and times asked for together.
+    StateSpace {
+        points: Points,
+        jitter: f64,
+    },
 }
 
 impl Conditioned {
@@ -78,6 +84,8 @@ impl Conditioned {
             Points { targets: points.targets.iter().map(|v| (v - offset) / fit.scale).collect(), ..points.clone() };
         let engine = if n == 0 {
             State::Prior
+        } else if has_state_space(&fit.kernel) && standard.ordered() {
+            State::StateSpace { points: standard, jitter: fit.jitter }
         } else {
             let factor = |jitter: f64| {
                 let evaluation = Evaluation { kernel: &fit.kernel, hyper: &hyper, jitter };
@@ -126,9 +134,19 @@ impl Conditioned {
         let size = m * quantities.len();
         let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
         let prior: Vec<f64> = quantities.iter().flat_map(|&q| std::iter::repeat_n(self.prior_variance(q), m)).collect();
-        let mut covariance = joint.then(|| self.covariance(at, quantities, at, quantities));
+        let dense = !matches!(self.engine, State::StateSpace { .. });
+        let mut covariance = (joint && dense).then(|| self.covariance(at, quantities, at, quantities));
         match &self.engine {
             State::Prior => variance.copy_from_slice(&prior),
+            State::StateSpace { points, jitter } => {
+                let hyper = &self.evaluation.hyper;
+                let law = state_smoother::posterior(kernel, hyper, points, *jitter, &at[0], quantities, joint);
+                (mean, variance, covariance) = law.ok_or_else(|| Error::NotPositiveDefinite {
+                    what: "covariance".into(),
+                    size: points.len(),
+                    jitter: *jitter,
+                })?;
+            }
             State::Dense { lower, weights } => {
                 // n x size: covariance of the targets with what is asked for.
                 let mut cross = self.covariance(&self.inputs, &[Quantity::Value], at, quantities);

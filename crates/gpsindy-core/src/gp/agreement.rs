@@ -1,0 +1,139 @@
+//! The three engines are exact, so they must agree: likelihood, gradient, leave-one-out, posterior.
+
+use super::contract::{kernels, some_hyper};
+use super::posterior::Quantity;
+use super::{Conditioned, Engine, Evaluation, Fit, Kernel, Points, Workspace};
+
+fn uniform(n: usize) -> Points {
+    let time: Vec<f64> = (0..n).map(|i| 0.1 * i as f64).collect();
+    let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.2 * (5.0 * t).cos()).collect();
+    Points::in_time(&time, &values)
+}
+
+fn irregular(n: usize) -> Points {
+    let mut points = uniform(n);
+    points.inputs[0]
+        .iter_mut()
+        .enumerate()
+        .for_each(|(i, t)| *t += 0.04 * (2.3 * i as f64).sin() + if i > n / 2 { 3.0 } else { 0.0 });
+    points.inputs[0][5] = points.inputs[0][4];
+    points.noise_weights = (0..n).map(|i| 0.5 + (i % 4) as f64).collect();
+    points
+}
+
+fn agree(kernel: &Kernel, points: &Points, engine: Engine, noise: f64, tolerance: f64) {
+    let mut hyper = some_hyper(kernel, 1);
+    hyper.push(noise.ln());
+    let evaluation = Evaluation { kernel, hyper: &hyper, jitter: 0.0 };
+    let mut workspace = Workspace::default();
+    let (mut expected, mut found) = (vec![0.0; hyper.len()], vec![0.0; hyper.len()]);
+    let dense = evaluation.likelihood_by(Engine::Dense, points, &mut expected, &mut workspace).unwrap();
+    let fast = evaluation.likelihood_by(engine, points, &mut found, &mut workspace).unwrap();
+    assert!((dense - fast).abs() < tolerance * (1.0 + dense.abs()), "{kernel}: {dense} {fast}");
+    let value = evaluation.likelihood_by(engine, points, &mut [], &mut workspace).unwrap();
+    assert!((value - fast).abs() < 1e-12 * (1.0 + fast.abs()), "{kernel}: {value} {fast}");
+    let size = expected.iter().fold(1.0f64, |m, g| m.max(g.abs()));
+    for (e, f) in expected.iter().zip(&found) {
+        assert!((e - f).abs() < tolerance * size, "{kernel}: {expected:?} {found:?}");
+    }
+    let out = evaluation.leave_one_out_by(Engine::Dense, points, &mut workspace).unwrap();
+    let other = evaluation.leave_one_out_by(engine, points, &mut workspace).unwrap();
+    let largest = out.weights.iter().fold(0.0f64, |m, w| m.max(w.abs()));
+    for i in 0..points.len() {
+        assert!((out.weights[i] - other.weights[i]).abs() < tolerance * largest, "{kernel}");
+        assert!((out.diagonal[i] / other.diagonal[i] - 1.0).abs() < tolerance, "{kernel}");
+    }
+}
+
+#[test]
+fn toeplitz_agrees_with_dense() {
+    for kernel in kernels() {
+        for n in [2, 3, 17, 100] {
+            // Condition numbers reach n/noise^2 = 1e4; rounding of 1e-16 leaves 1e-12, the bound is the promise.
+            agree(&kernel, &uniform(n), Engine::Toeplitz, 0.1, 1e-8);
+        }
+        agree(&kernel, &uniform(60), Engine::Toeplitz, 0.01, 1e-8);
+    }
+}
+
+#[test]
+fn state_space_agrees_with_dense_on_irregular_weighted_times() {
+    for kernel in [Kernel::Matern12, Kernel::Matern32, Kernel::Matern52] {
+        for n in [8, 120] {
+            agree(&kernel, &irregular(n), Engine::StateSpace, 0.1, 1e-9);
+            agree(&kernel, &irregular(n), Engine::StateSpace, 0.01, 1e-9);
+        }
+        agree(&kernel, &uniform(120), Engine::StateSpace, 0.1, 1e-9);
+    }
+}
+
+#[test]
+fn toeplitz_refuses_little_noise_and_the_dense_engine_answers() {
+    let hyper = [0.0, 0.0, 1e-4f64.ln()];
+    let evaluation = Evaluation { kernel: &Kernel::SquaredExponential, hyper: &hyper, jitter: 0.0 };
+    let mut workspace = Workspace::default();
+    let points = uniform(50);
+    assert!(evaluation.likelihood_by(Engine::Toeplitz, &points, &mut [], &mut workspace).is_none());
+    let answer = evaluation.likelihood(&points, &mut [], &mut workspace);
+    assert_eq!(answer, evaluation.likelihood_by(Engine::Dense, &points, &mut [], &mut workspace));
+    assert!(answer.is_some());
+}
+
+/// A fit with given hyperparameters, scale one.
+fn with_hyper(kernel: Kernel, hyper: Vec<f64>, noise: f64) -> Fit {
+    Fit {
+        kernel,
+        hyper,
+        dimension: 1,
+        noise,
+        noise_floor: 1e-4,
+        scale: 1.0,
+        mean: 0.0,
+        nll: 0.0,
+        jitter: 0.0,
+        engine: Engine::Dense,
+        converged: true,
+        weak: vec![],
+        candidates: vec![],
+    }
+}
+
+#[test]
+fn the_smoother_agrees_with_the_dense_posterior() {
+    // A product with a constant-like second factor is the same process but has no state-space form.
+    let at = vec![vec![-0.5, 0.0, 0.31, 0.4, 2.0, 2.0, 1.2, 5.9, 9.0, 12.0]];
+    for kernel in [Kernel::Matern32, Kernel::Matern52] {
+        let hyper = vec![0.2, -0.1];
+        let smoother = Conditioned::new(&with_hyper(kernel.clone(), hyper.clone(), 0.05), &irregular(60)).unwrap();
+        let dense_kernel = kernel.clone().plus(Kernel::SquaredExponential);
+        let dense_hyper = vec![0.2, -0.1, -60.0, 0.0];
+        let dense = Conditioned::new(&with_hyper(dense_kernel, dense_hyper, 0.05), &irregular(60)).unwrap();
+        let both = [Quantity::Value, Quantity::Derivative];
+        let (a, b) = (smoother.predict(&at, &both, true).unwrap(), dense.predict(&at, &both, true).unwrap());
+        let (ca, cb) = (a.covariance.unwrap(), b.covariance.unwrap());
+        for i in 0..20 {
+            assert!(
+                (a.mean[i] - b.mean[i]).abs() < 1e-9 * (1.0 + b.mean[i].abs()),
+                "{kernel} {i}: {} {}",
+                a.mean[i],
+                b.mean[i]
+            );
+            assert!((a.variance[i] - b.variance[i]).abs() < 1e-9 * (1.0 + b.variance[i]), "{kernel} {i}");
+            for j in 0..20 {
+                assert!((ca[(i, j)] - cb[(i, j)]).abs() < 1e-9, "{kernel} {i} {j}: {} {}", ca[(i, j)], cb[(i, j)]);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_derivative_posterior_is_the_slope_of_the_mean() {
+    for kernel in kernels().into_iter().filter(Kernel::differentiable) {
+        let hyper = some_hyper(&kernel, 1);
+        let process = Conditioned::new(&with_hyper(kernel.clone(), hyper, 0.1), &uniform(50)).unwrap();
+        let mean = |t: f64| process.predict(&[vec![t]], &[Quantity::Value], false).unwrap().mean[0];
+        let slope = process.predict(&[vec![2.34]], &[Quantity::Derivative], false).unwrap().mean[0];
+        // Central difference: h^2 of truncation and 1e-14/h of rounding.
+        assert!((slope - (mean(2.34 + 1e-5) - mean(2.34 - 1e-5)) / 2e-5).abs() < 1e-6, "{kernel}");
+    }
+}
