@@ -77,6 +77,9 @@ fn figure(text: &mut String, name: &str, value: Option<f64>) {
 }
 
 fn reliability(text: &mut String, card: &ScoreCard) {
+    if card.calibration.brier.is_none() {
+        return;
+    }
     let bins = card.calibration.bins.iter().filter(|bin| bin.right.of > 0);
     line(text, "");
     line(text, "stated probability   causes   mean stated   right");
@@ -109,8 +112,11 @@ fn cases(text: &mut String, card: &ScoreCard) {
     }
 }
 
-/// `+` where verdict and causes are right, `~` where the verdict or the causes are, `-` where neither is.
+/// `+` where verdict and causes are right, `~` where one of the two is, `-` where neither is or nothing came.
 fn mark(case: &Judged) -> &'static str {
+    if case.verdict.is_none() {
+        return "-";
+    }
     let causes = match case.kind {
         Kind::Null => !case.any_included,
         Kind::Single => case.top_1 == Some(true),
