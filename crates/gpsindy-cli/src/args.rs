@@ -1,6 +1,6 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, man, simulate, smooth};
+use crate::commands::{completions, man, score, simulate, smooth};
 use clap::{Args, Parser, Subcommand};
 use gpsindy_files::LogOptions;
 use std::path::PathBuf;
@@ -43,6 +43,7 @@ pub(crate) struct Global {
 pub(crate) enum Command {
     Smooth(smooth::Smooth),
     Simulate(simulate::Simulate),
+    Score(score::Score),
     Completions(completions::Completions),
     Man(man::Man),
 }

@@ -5,6 +5,7 @@ mod args;
 mod commands;
 mod failure;
 mod screen;
+mod text;
 
 use args::Arguments;
 use clap::Parser;

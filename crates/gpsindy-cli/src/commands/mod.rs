@@ -2,6 +2,7 @@
 
 pub(crate) mod completions;
 pub(crate) mod man;
+pub(crate) mod score;
 pub(crate) mod simulate;
 pub(crate) mod smooth;
 
@@ -21,6 +22,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
     match &arguments.command {
         Command::Smooth(command) => smooth::run(command, screen),
         Command::Simulate(command) => simulate::run(command, screen),
+        Command::Score(command) => score::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
     }
