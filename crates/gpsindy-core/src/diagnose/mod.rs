@@ -1,5 +1,195 @@
 //! The diagnosis of the gap between a simulator and the logs of the machine.
+//!
+//! Where the gap lies, which unmodelled effect causes it, how far it shrinks on held-out logs; and when
+//! to say "no gap" or "none of these". Effects are judged in output space: each is written into the model
+//! and fitted by rollouts to the raw measurements, with initial states and tolerated parameters free.
 
+mod effect;
+mod evidence;
+mod fitted;
+mod hypothesis;
+mod localise;
+mod prepare;
 pub mod report;
+mod rival;
+mod scene;
+mod screen;
+mod search;
+mod settle;
+mod verify;
+mod weigh;
 
+pub use effect::{CustomEffect, CustomParameter, Effect, Family};
 pub use report::{Diagnosis, Verdict};
+
+use crate::data::Dataset;
+use crate::error::{Error, Result};
+use crate::model::{Dynamics, Model, System};
+use crate::progress::Progress;
+use crate::refine::{Hold, Refine};
+use fitted::Fitted;
+use scene::Scene;
+use search::Contest;
+use std::sync::Arc;
+
+/// Settings of a diagnosis.
+///
+/// | setting | default | range | purpose |
+/// | --- | --- | --- | --- |
+/// | `effects` | none | ids | only these effects are suspects; empty: all |
+/// | `without` | none | ids | these effects are no suspects |
+/// | `custom` | none | | effects of the user's own |
+/// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals, and of the detection |
+/// | `most_effects` | 4 | 1 to 6 | effects together, at most |
+/// | `hold` | estimated | | what the control does between samples |
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnose {
+    /// Ids of the effects that are suspects; empty: the whole catalogue.
+    pub effects: Vec<String>,
+    /// Ids of effects that are no suspects.
+    pub without: Vec<String>,
+    /// Effects of the user's own.
+    pub custom: Vec<CustomEffect>,
+    /// Confidence of intervals; a gap is detected when its p-value is at most one minus this.
+    pub confidence: f64,
+    /// Largest number of effects together.
+    pub most_effects: usize,
+    /// What controls do between samples; estimated where absent.
+    pub hold: Option<Hold>,
+}
+
+impl Default for Diagnose {
+    fn default() -> Self {
+        Self {
+            effects: Vec::new(),
+            without: Vec::new(),
+            custom: Vec::new(),
+            confidence: 0.95,
+            most_effects: 4,
+            hold: None,
+        }
+    }
+}
+
+/// A diagnosis and the corrected simulator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnosed {
+    /// The report.
+    pub diagnosis: Diagnosis,
+    /// The nominal model with the included causes added.
+    pub augmented: Model,
+}
+
+/// Training and held-out logs of one diagnosis.
+///
+/// Without held-out logs the last quarter of the runs is held out; of a single run its last quarter in time.
+///
+/// # Errors
+/// Too few samples to hold any out.
+pub fn hold_out(data: &Dataset) -> Result<(Dataset, Dataset)> {
+    let count = data.runs().len();
+    if count > 1 {
+        let train = count - (count / 4).max(1);
+        let first: Vec<usize> = (0..train).collect();
+        let last: Vec<usize> = (train..count).collect();
+        return Ok((data.with_runs(&first)?, data.with_runs(&last)?));
+    }
+    let run = &data.runs()[0];
+    if run.n_samples() < 16 {
+        return Err(Error::TooFewSamples { what: format!("run `{}`", run.name), needed: 16, found: run.n_samples() });
+    }
+    let (first, last) = (run.time[0], run.time[run.n_samples() - 1]);
+    let split = first + 0.75 * (last - first);
+    Ok((data.filter_samples(|_, t| t <= split)?, data.filter_samples(|_, t| t > split)?))
+}
+
+impl Diagnose {
+    /// Diagnoses the gap between `model` and the logs `train`, and verifies on the logs `holdout`.
+    ///
+    /// # Errors
+    /// A model that does not fit its logs (unknown names, missing columns), too few samples, a nominal model
+    /// that diverges whatever its initial state, or a request to stop.
+    pub fn run(&self, model: &Model, train: &Dataset, holdout: &Dataset, progress: &dyn Progress) -> Result<Diagnosed> {
+        self.run_system(&System::new(model)?, train, holdout, progress)
+    }
+
+    /// As [`Diagnose::run`] for a simulator of the user's own: names in `model`, rates from `simulator`.
+    ///
+    /// # Errors
+    /// As [`Diagnose::run`], and the simulator's own errors.
+    pub fn run_simulator(
+        &self,
+        model: &Model,
+        simulator: Arc<dyn Dynamics>,
+        train: &Dataset,
+        holdout: &Dataset,
+        progress: &dyn Progress,
+    ) -> Result<Diagnosed> {
+        self.run_system(&System::with_simulator(model, Some(simulator))?, train, holdout, progress)
+    }
+
+    fn run_system(
+        &self,
+        system: &System,
+        train: &Dataset,
+        holdout: &Dataset,
+        progress: &dyn Progress,
+    ) -> Result<Diagnosed> {
+        self.check()?;
+        let model = system.model();
+        let mut notes = Vec::new();
+
+        // Prepare: noise, outliers, hold, windows, integration steps.
+        let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;
+        let nominal = Fitted::nominal(system.clone(), experiment, &Refine::default())?;
+        let scene = Scene::new(system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
+
+        // Detect: does any suspect, or any smooth function, explain more than noise would?
+        let logged = nominal.experiment.columns.clone();
+        let hypotheses = self.suspects(hypothesis::enumerate(model, &logged, &self.custom)?)?;
+        let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
+        let contest = Contest { hypotheses, scene, settings, progress };
+        let first = contest.expand(&nominal, "suspects")?;
+        let rivals = rival::enumerate(model, &contest.scene, model.states.len());
+        let free_gains = contest.rivals(&nominal, &rivals);
+        let detected = settle::detect(&first, &free_gains, self.confidence, &nominal);
+
+        // Attribute: refit, weigh, add effects as long as they convince.
+        let outcome = match detected.gap {
+            true => settle::attribute(&contest, &nominal, first, &rivals, self.most_effects, &mut notes)?,
+            false => settle::Outcome::no_gap(&nominal, &first),
+        };
+
+        // Verify on held-out logs, localise, and write it down.
+        let closure = verify::closure(&nominal, &outcome.best, holdout, self.confidence, &mut notes)?;
+        let gap = localise::gap(&contest, &nominal, &outcome, &rivals, &free_gains, &detected);
+        weigh::report(self, &contest, &nominal, &outcome, &detected, gap, closure, (train, holdout), notes)
+    }
+
+    fn check(&self) -> Result<()> {
+        if !(0.5..=0.999).contains(&self.confidence) {
+            return Err(Error::range("confidence", "between 0.5 and 0.999", self.confidence));
+        }
+        if !(1..=6).contains(&self.most_effects) {
+            return Err(Error::range("most_effects", "between 1 and 6", self.most_effects));
+        }
+        let known = || Effect::ALL.iter().map(|e| e.id()).chain(self.custom.iter().map(|c| c.id.as_str()));
+        for id in self.effects.iter().chain(&self.without) {
+            if !known().any(|k| k == id) {
+                return Err(Error::unknown("effect", id, known()));
+            }
+        }
+        Ok(())
+    }
+
+    fn suspects(&self, mut all: Vec<hypothesis::Hypothesis>) -> Result<Vec<hypothesis::Hypothesis>> {
+        all.retain(|h| {
+            let chosen = self.effects.is_empty() || self.effects.iter().any(|e| e == h.id());
+            chosen && !self.without.iter().any(|e| e == h.id())
+        });
+        if all.is_empty() {
+            return Err(Error::invalid("no effect of the chosen ones can act in this model; choose others"));
+        }
+        Ok(all)
+    }
+}

@@ -241,6 +241,11 @@ impl System {
             }
         }
     }
+
+    /// The user's own simulator, where there is one.
+    pub(crate) fn simulator(&self) -> Option<&Arc<dyn Dynamics>> {
+        self.simulator.as_ref()
+    }
 }
 
 impl Dynamics for System {

@@ -3,6 +3,7 @@
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
 use crate::model::System;
+use std::sync::Arc;
 
 /// What a control does between two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,8 +42,8 @@ pub struct Window {
 /// Logs prepared for the fit of a system's parameters.
 #[derive(Debug, Clone)]
 pub struct Experiment {
-    /// The runs.
-    pub logs: Vec<Log>,
+    /// The runs; shared, so that an experiment with other windows costs little.
+    pub logs: Arc<Vec<Log>>,
     /// Which states the columns of `measured` are; the system's outputs of these numbers are compared.
     pub columns: Vec<usize>,
     /// Standard deviation of the noise of every logged column, in the column's unit.
@@ -92,7 +93,7 @@ impl Experiment {
             None => spread.clone(),
         };
         let scale = state_scales(system, &logs, &columns, &spread);
-        Ok(Self { logs, columns, noise, windows, hold: Hold::Zero, substeps: 1, scale })
+        Ok(Self { logs: logs.into(), columns, noise, windows, hold: Hold::Zero, substeps: 1, scale })
     }
 
     /// Position among the logged columns of state `state`, where it is logged.

@@ -87,7 +87,9 @@ pub(crate) struct Lanes<'a, const L: usize> {
 struct Node<const L: usize> {
     t: f64,
     x: Vec<[f64; L]>,
+    /// Rates just after the node, and just before the next one: a held control jumps in between.
     dx: Vec<[f64; L]>,
+    dx_end: Vec<[f64; L]>,
 }
 
 impl<'a, const L: usize> Lanes<'a, L> {
@@ -112,6 +114,19 @@ impl<'a, const L: usize> Lanes<'a, L> {
         Self { system, log, hold, histories, late, rates, outputs }
     }
 
+    /// The states themselves at the samples `first..=last`; `receive(sample, state, values)`.
+    pub(crate) fn roll_states(
+        &mut self,
+        span: (usize, usize),
+        initial: &[[f64; L]],
+        substeps: usize,
+        mut receive: impl FnMut(usize, usize, [f64; L]),
+    ) {
+        self.walk(span, initial, substeps, |_, sample, _, x, _, _| {
+            x.iter().enumerate().for_each(|(j, &value)| receive(sample, j, value));
+        });
+    }
+
     /// Measured outputs `columns` at the samples `first..=last`, from the states `initial` at `first`.
     ///
     /// `receive(sample, column, values)` is called for every sample and position in `columns`.
@@ -122,6 +137,22 @@ impl<'a, const L: usize> Lanes<'a, L> {
         columns: &[usize],
         substeps: usize,
         mut receive: impl FnMut(usize, usize, [f64; L]),
+    ) {
+        self.walk((first, last), initial, substeps, |lanes, sample, t, x, inputs, nodes| {
+            lanes.measure(t, x, inputs, nodes);
+            for (place, &column) in columns.iter().enumerate() {
+                receive(sample, place, lanes.system.outputs().output(&lanes.outputs, column));
+            }
+        });
+    }
+
+    /// Integrates, and shows the state at every sample to `look`.
+    fn walk(
+        &mut self,
+        (first, last): (usize, usize),
+        initial: &[[f64; L]],
+        substeps: usize,
+        mut look: impl FnMut(&mut Self, usize, f64, &[[f64; L]], &[Stages<L>], &[Node<L>]),
     ) {
         let log = self.log;
         let n = self.system.n_states();
@@ -143,13 +174,10 @@ impl<'a, const L: usize> Lanes<'a, L> {
                 self.load_inputs(&mut inputs, sample, a, a + step);
                 self.derivative(a, &x, &inputs, 0, &mut k[0]);
                 if keep {
-                    nodes.push(Node { t: a, x: x.clone(), dx: k[0].clone() });
+                    nodes.push(Node { t: a, x: x.clone(), dx: k[0].clone(), dx_end: Vec::new() });
                 }
                 if part == 0 {
-                    self.measure(t, &x, &inputs, &nodes);
-                    for (place, &column) in columns.iter().enumerate() {
-                        receive(sample, place, self.system.outputs().output(&self.outputs, column));
-                    }
+                    look(self, sample, t, &x, &inputs, &nodes);
                 }
                 if is_last {
                     return;
@@ -163,6 +191,9 @@ impl<'a, const L: usize> Lanes<'a, L> {
                     let (done, rest) = k.split_at_mut(stage_number + 1);
                     debug_assert_eq!(done.len(), stage_number + 1);
                     self.derivative(a + weight * step, &stage, &inputs, input, &mut rest[0]);
+                }
+                if let Some(node) = nodes.last_mut() {
+                    node.dx_end.clone_from(&k[3]);
                 }
                 for j in 0..n {
                     for lane in 0..L {
@@ -223,19 +254,15 @@ impl<'a, const L: usize> Lanes<'a, L> {
 
 /// Cubic Hermite value of a state at time `t`; before the first node its tangent is followed.
 fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64) -> f64 {
-    let after = nodes.partition_point(|node| node.t <= t);
-    let Some(b) = nodes.get(after.max(1)) else {
-        let node = &nodes[after.max(1) - 1];
-        return node.x[state][lane] + node.dx[state][lane] * (t - node.t);
-    };
-    let a = &nodes[after.max(1) - 1];
-    if after == 0 {
+    let after = nodes.partition_point(|node| node.t < t).max(1);
+    let a = &nodes[after - 1];
+    let (true, Some(b)) = (t > a.t, nodes.get(after)) else {
         return a.x[state][lane] + a.dx[state][lane] * (t - a.t);
-    }
+    };
     let h = b.t - a.t;
     let s = (t - a.t) / h;
     let (x0, x1) = (a.x[state][lane], b.x[state][lane]);
-    let (d0, d1) = (h * a.dx[state][lane], h * b.dx[state][lane]);
+    let (d0, d1) = (h * a.dx[state][lane], h * a.dx_end[state][lane]);
     let (s2, s3) = (s * s, s * s * s);
     (2.0 * s3 - 3.0 * s2 + 1.0) * x0 + (s3 - 2.0 * s2 + s) * d0 + (3.0 * s2 - 2.0 * s3) * x1 + (s3 - s2) * d1
 }

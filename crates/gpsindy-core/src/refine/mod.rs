@@ -7,7 +7,7 @@
 
 mod experiment;
 mod jacobian;
-mod lanes;
+pub(crate) mod lanes;
 
 pub use experiment::{Experiment, Hold, Log, Window};
 pub(crate) use jacobian::{Jacobian, Point};

@@ -1,0 +1,151 @@
+//! How well residuals fit, when the sensor's noise may be coloured: autoregressive noise, one model a column.
+//!
+//! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
+
+use nalgebra::DVector;
+
+/// Highest order of the noise models.
+const MAX_ORDER: usize = 6;
+
+/// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Colour {
+    pub(crate) coefficients: Vec<f64>,
+    /// Variance of the innovations and of the residual itself, in squared noise units.
+    pub(crate) innovation: f64,
+    pub(crate) variance: f64,
+    /// Values that are there.
+    pub(crate) count: usize,
+}
+
+/// Noise models of every column, pooled over the windows. `residuals`: sample by sample, NaN is missing.
+pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
+    (0..n_columns)
+        .map(|column| {
+            let mut covariance = [0.0; MAX_ORDER + 1];
+            let mut count = 0usize;
+            for window in residuals {
+                let series: Vec<f64> = window.iter().skip(column).step_by(n_columns).copied().collect();
+                count += series.iter().filter(|e| e.is_finite()).count();
+                for (lag, sum) in covariance.iter_mut().enumerate() {
+                    let pairs = series.iter().zip(&series[lag.min(series.len())..]);
+                    *sum += pairs.map(|(a, b)| a * b).filter(|p| p.is_finite()).sum::<f64>();
+                }
+            }
+            covariance.iter_mut().for_each(|c| *c /= count.max(1) as f64);
+            levinson(&covariance, count)
+        })
+        .collect()
+}
+
+/// The autoregressive model of the order with the lowest BIC.
+fn levinson(covariance: &[f64], count: usize) -> Colour {
+    let tiny = f64::MIN_POSITIVE;
+    let mut coefficients: Vec<f64> = Vec::new();
+    let mut innovation = covariance[0].max(tiny);
+    let variance = innovation;
+    let score = |v: f64, order: usize| count as f64 * v.ln() + (order as f64) * (count.max(2) as f64).ln();
+    let mut best = (score(innovation, 0), coefficients.clone(), innovation);
+    for order in 1..covariance.len().min(count / 10 + 1) {
+        let predicted: f64 = coefficients.iter().enumerate().map(|(k, a)| a * covariance[order - 1 - k]).sum();
+        let reflection = (covariance[order] - predicted) / innovation;
+        if !(reflection.abs() < 1.0) {
+            break;
+        }
+        let reversed: Vec<f64> = coefficients.iter().rev().map(|a| reflection * a).collect();
+        coefficients.iter_mut().zip(reversed).for_each(|(a, b)| *a -= b);
+        coefficients.push(reflection);
+        innovation = (innovation * (1.0 - reflection * reflection)).max(tiny);
+        if score(innovation, order) < best.0 {
+            best = (score(innovation, order), coefficients.clone(), innovation);
+        }
+    }
+    Colour { coefficients: best.1, innovation: best.2, variance, count }
+}
+
+impl Colour {
+    /// Filters one column of a window to unit, uncorrelated noise, in place. Missing values are zero.
+    pub(crate) fn whiten(&self, series: &mut [f64]) {
+        let scale = self.innovation.sqrt().recip();
+        let order = self.coefficients.len();
+        for i in (0..series.len()).rev() {
+            if i >= order {
+                let predicted: f64 = self.coefficients.iter().enumerate().map(|(k, a)| a * series[i - 1 - k]).sum();
+                series[i] = (series[i] - predicted) * scale;
+            } else {
+                // Not enough past: the value counts with its own variance.
+                series[i] *= self.variance.sqrt().recip();
+            }
+        }
+    }
+}
+
+/// Whitens interleaved columns of one window.
+pub(crate) fn whiten(colours: &[Colour], values: &mut DVector<f64>) {
+    let n_columns = colours.len();
+    for (column, colour) in colours.iter().enumerate() {
+        let mut series: Vec<f64> = values.iter().skip(column).step_by(n_columns).copied().collect();
+        colour.whiten(&mut series);
+        for (i, value) in series.into_iter().enumerate() {
+            values[i * n_columns + column] = value;
+        }
+    }
+}
+
+/// Log likelihood of the innovations, their variances at their best, up to a constant.
+pub(crate) fn log_likelihood(colours: &[Colour]) -> f64 {
+    -0.5 * colours.iter().map(|c| c.count as f64 * c.innovation.max(1e-12).ln()).sum::<f64>()
+}
+
+/// Chance that a chi-squared variable with `degrees` degrees of freedom exceeds `value`.
+pub(crate) fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
+    use statrs::distribution::{ChiSquared, ContinuousCDF};
+    if !(value > 0.0) {
+        return 1.0;
+    }
+    ChiSquared::new(degrees.max(1) as f64).map_or(1.0, |d| d.sf(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::{Rng, SeedableRng};
+
+    fn noise(seed: u64, count: usize) -> Vec<f64> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        (0..count).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
+    }
+
+    #[test]
+    fn an_autoregressive_series_gives_its_coefficient_back_and_becomes_white() {
+        let mut series = noise(1, 4000);
+        for i in 1..series.len() {
+            series[i] += 0.8 * series[i - 1];
+        }
+        let colour = colours(&[series.clone()], 1).remove(0);
+        // Standard error sqrt((1 - 0.8^2)/4000) = 0.01.
+        assert!((colour.coefficients[0] - 0.8).abs() < 0.04, "{colour:?}");
+        assert!((colour.innovation - 1.0).abs() < 0.1);
+        colour.whiten(&mut series);
+        let white = colours(&[series], 1).remove(0);
+        assert!(white.coefficients.is_empty(), "{white:?}");
+    }
+
+    #[test]
+    fn white_noise_is_taken_as_white() {
+        let colour = colours(&[noise(2, 3000)], 1).remove(0);
+        assert!(colour.coefficients.is_empty());
+        assert!((colour.variance - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn missing_values_are_left_out() {
+        let mut series = noise(3, 2000);
+        series.iter_mut().step_by(7).for_each(|v| *v = f64::NAN);
+        let colour = colours(&[series], 1).remove(0);
+        assert!((colour.variance - 1.0).abs() < 0.12);
+        assert!(colour.coefficients.len() <= 1);
+    }
+}

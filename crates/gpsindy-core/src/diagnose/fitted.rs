@@ -1,0 +1,156 @@
+//! A model with hypotheses in it, fitted to the training logs: one contestant.
+
+use super::evidence::{Colour, colours, log_likelihood};
+use super::hypothesis::{Added, Applied, Hypothesis};
+use super::settle::with_lagging;
+use crate::error::Result;
+use crate::model::{Model, System};
+use crate::refine::{Experiment, Free, Jacobian, Refine, Refined};
+
+/// A contestant: the nominal model with some hypotheses, and what its fit left over.
+#[derive(Clone)]
+pub(crate) struct Fitted {
+    pub(crate) hypotheses: Vec<Hypothesis>,
+    /// Parameters that each hypothesis brought: index in the model, and what is known of them.
+    pub(crate) added: Vec<Vec<(usize, Added)>>,
+    pub(crate) system: System,
+    pub(crate) experiment: Experiment,
+    /// Tolerated parameters first, then those of the hypotheses.
+    pub(crate) free: Vec<Free>,
+    pub(crate) refined: Refined,
+    pub(crate) jacobian: Jacobian,
+    pub(crate) colours: Vec<Colour>,
+}
+
+/// The parameters that the user believes in up to a tolerance, free with that belief.
+pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
+    model
+        .parameters
+        .iter()
+        .enumerate()
+        .filter_map(|(i, p)| {
+            let sd = p.tolerance? * p.value.abs();
+            (sd > 0.0).then(|| Free { prior: Some((p.value, sd)), ..Free::new(i, p.value.abs()) })
+        })
+        .collect()
+}
+
+impl Fitted {
+    /// The nominal model with its tolerated parameters and initial states fitted.
+    pub(crate) fn nominal(system: System, experiment: Experiment, settings: &Refine) -> Result<Self> {
+        let free = tolerated(system.model());
+        let (refined, jacobian) =
+            settings.fit_with_jacobian(&system, &experiment, &system.parameter_values(), &free, None)?;
+        let colours = colours(&refined.residuals, experiment.columns.len());
+        Ok(Self { hypotheses: Vec::new(), added: Vec::new(), system, experiment, free, refined, jacobian, colours })
+    }
+
+    /// One more hypothesis, fitted from `values` of its parameters.
+    pub(crate) fn with(
+        &self,
+        hypothesis: &Hypothesis,
+        applied: &Applied,
+        values: &[f64],
+        settings: &Refine,
+    ) -> Result<Self> {
+        let system = System::with_simulator(&applied.model, self.system.simulator().cloned())?;
+        let mut parameters = system.parameter_values();
+        parameters[..self.refined.parameters.len()].copy_from_slice(&self.refined.parameters);
+        let mut free = self.free.clone();
+        for ((index, added), &value) in applied.fitted.iter().zip(values) {
+            parameters[*index] = value.clamp(added.lower, added.upper);
+            free.retain(|f| f.parameter != *index);
+            free.push(Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) });
+        }
+        let mut experiment = self.experiment.clone();
+        for state in &applied.model.states[experiment.scale.len()..] {
+            let control = state.equation.variables().iter().find_map(|n| applied.model.control_index(n));
+            let largest = control.map_or(1.0, |c| {
+                let values = experiment.logs.iter().flat_map(|l| &l.controls[c]);
+                values.fold(0.0, |a: f64, v| a.max(v.abs()))
+            });
+            experiment.scale.push(if largest > 0.0 { largest } else { 1.0 });
+        }
+        let initial = with_lagging(&system, &experiment, self.refined.initial.clone(), self.system.n_states());
+        let (refined, jacobian) =
+            settings.fit_with_jacobian(&system, &experiment, &parameters, &free, Some(&initial))?;
+        let colours = colours(&refined.residuals, experiment.columns.len());
+        let mut hypotheses = self.hypotheses.clone();
+        hypotheses.push(hypothesis.clone());
+        let mut added = self.added.clone();
+        added.push(applied.fitted.clone());
+        Ok(Self { hypotheses, added, system, experiment, free, refined, jacobian, colours })
+    }
+
+    /// The same contestant on other windows or with another hold, fitted again from where it stands.
+    pub(crate) fn on(&self, experiment: &Experiment, settings: &Refine) -> Result<Self> {
+        let mut experiment = experiment.clone();
+        experiment.scale.clone_from(&self.experiment.scale);
+        let mut moved = Self { experiment, ..self.clone() };
+        let guess = crate::refine::guess_initial(&moved.system, &moved.experiment);
+        moved.refined.initial = with_lagging(&moved.system, &moved.experiment, guess, moved.nominal_states());
+        let (refined, jacobian) = settings.fit_with_jacobian(
+            &moved.system,
+            &moved.experiment,
+            &moved.refined.parameters,
+            &moved.free,
+            Some(&moved.refined.initial),
+        )?;
+        moved.colours = colours(&refined.residuals, moved.experiment.columns.len());
+        Ok(Self { refined, jacobian, ..moved })
+    }
+
+    /// Number of states without those that hypotheses added (lagging inputs).
+    pub(crate) fn nominal_states(&self) -> usize {
+        self.system.n_states() - self.hypotheses.iter().filter(|h| h.id() == "input_lag").count()
+    }
+
+    /// Number of values that were compared.
+    pub(crate) fn count(&self) -> usize {
+        self.colours.iter().map(|c| c.count).sum()
+    }
+
+    /// Number of parameters that the hypotheses brought.
+    pub(crate) fn complexity(&self) -> usize {
+        self.added.iter().map(Vec::len).sum()
+    }
+
+    /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
+    pub(crate) fn score(&self) -> f64 {
+        let beliefs: f64 = self
+            .free
+            .iter()
+            .filter_map(|f| f.prior.map(|(mean, sd)| ((self.refined.parameters[f.parameter] - mean) / sd).powi(2)))
+            .sum();
+        let count = self.count().max(2) as f64;
+        log_likelihood(&self.colours) - 0.5 * beliefs - 0.5 * self.complexity() as f64 * count.ln()
+    }
+
+    /// Mean squared residual in noise units.
+    pub(crate) fn misfit(&self) -> f64 {
+        let sum: f64 = self.colours.iter().map(|c| c.variance * c.count as f64).sum();
+        sum / self.count().max(1) as f64
+    }
+
+    /// The model with the fitted values in place.
+    pub(crate) fn model(&self) -> Model {
+        let mut model = self.system.model().clone();
+        for (parameter, &value) in model.parameters.iter_mut().zip(&self.refined.parameters) {
+            parameter.value = value;
+        }
+        model
+    }
+
+    /// Standard deviation of parameter `index` with the residual's own size and colour; NaN where it is not free.
+    pub(crate) fn deviation(&self, index: usize) -> f64 {
+        let Some(place) = self.free.iter().position(|f| f.parameter == index) else { return f64::NAN };
+        // Coloured residuals carry less than their number: the spectrum at zero frequency counts.
+        let inflation = self
+            .colours
+            .iter()
+            .map(|c| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3))
+            .fold(0.0, f64::max)
+            .max(self.misfit());
+        (self.refined.covariance[place][place] * inflation).sqrt()
+    }
+}

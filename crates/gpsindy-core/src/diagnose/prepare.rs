@@ -1,0 +1,272 @@
+//! Noise level of every column, outliers, windows and integration steps, before anything is judged.
+
+use crate::error::Result;
+use crate::model::System;
+use crate::refine::{Experiment, Free, Hold, Log, Refine};
+
+/// A spike this many robust standard deviations above its neighbours is taken out.
+const OUTLIER: f64 = 8.0;
+
+/// Share of a column's spread beyond which a rollout is no longer near the log: windows are then halved.
+const NEAR: f64 = 0.5;
+
+/// Growth of an initial error over a window beyond which the window is halved.
+const GROWTH: f64 = 100.0;
+
+/// Fewest samples of a window.
+const SHORTEST: usize = 24;
+
+/// Noise standard deviation of each column from differences of its samples, in its unit.
+///
+/// Differences of order 2 to 5, scaled to unit noise gain; the smallest is least spoilt by the signal.
+/// Never below the noise of the sensor's step.
+pub(crate) fn noise_levels(logs: &[Log], n_columns: usize) -> Vec<f64> {
+    (0..n_columns)
+        .map(|column| {
+            let by_order = (2..=5).map(|order| difference_noise(logs, column, order));
+            let smallest = by_order.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+            let step = resolution(logs, column) / 12f64.sqrt();
+            let size = logs
+                .iter()
+                .flat_map(|l| l.measured[column].iter())
+                .filter(|v| v.is_finite())
+                .fold(0.0, |a: f64, v| a.max(v.abs()));
+            let measured = if smallest.is_finite() { smallest } else { 0.0 };
+            // Without any noise at all the arithmetic of the log's digits remains.
+            measured.max(step).max(1e-9 * size).max(f64::MIN_POSITIVE)
+        })
+        .collect()
+}
+
+fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
+    let binomial = |k: usize| (0..k).fold(1.0, |b, i| b * (order - i) as f64 / (i + 1) as f64);
+    let weights: Vec<f64> = (0..=order).map(|k| if k % 2 == 0 { binomial(k) } else { -binomial(k) }).collect();
+    let gain: f64 = weights.iter().map(|w| w * w).sum();
+    let mut squares: Vec<f64> = logs
+        .iter()
+        .flat_map(|l| l.measured[column].windows(order + 1))
+        .map(|w| w.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>().powi(2))
+        .filter(|s| s.is_finite())
+        .collect();
+    if squares.is_empty() {
+        return 0.0;
+    }
+    squares.sort_by(f64::total_cmp);
+    // The largest fiftieth may be outliers and jumps; a normal variable keeps 0.857 of its variance without it.
+    let kept = squares.len() - squares.len() / 50;
+    let trimmed = squares[..kept].iter().sum::<f64>() / kept as f64;
+    let share_kept = if squares.len() >= 50 { 0.857 } else { 1.0 };
+    (trimmed / share_kept / gain).sqrt()
+}
+
+/// Smallest step between different values, where the column looks quantised; else zero.
+fn resolution(logs: &[Log], column: usize) -> f64 {
+    let mut values: Vec<f64> =
+        logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite()).collect();
+    let total = values.len();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    if values.len() < 2 || values.len() * 2 > total {
+        return 0.0;
+    }
+    values.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min)
+}
+
+/// Marks isolated spikes as missing; returns how many.
+pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
+    let mut removed = 0;
+    for log in logs {
+        for (column, &noise) in log.measured.iter_mut().zip(noise) {
+            let bend: Vec<f64> = column.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
+            let mut sizes: Vec<f64> = bend.iter().map(|b| b.abs()).filter(|b| b.is_finite()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let typical = sizes.get(sizes.len() / 2).map_or(0.0, |m| 1.4826 * m).max(1.2 * noise);
+            let spikes: Vec<usize> = (1..bend.len().saturating_sub(1))
+                .filter(|&i| {
+                    // A spike bends its neighbours half as much the other way; a corner does not.
+                    let neighbours = -0.5 * bend[i];
+                    let like = |b: f64| (b - neighbours).abs() < 0.4 * bend[i].abs();
+                    bend[i].abs() > OUTLIER * typical && like(bend[i - 1]) && like(bend[i + 1])
+                })
+                .collect();
+            removed += spikes.len();
+            for i in spikes {
+                column[i + 1] = f64::NAN;
+            }
+        }
+    }
+    removed
+}
+
+/// Windows short enough that the model stays near the logs and initial errors do not explode.
+///
+/// Starts from whole runs and halves. Returns the experiment and, where they had to be cut, their length in s.
+pub(crate) fn choose_windows(
+    system: &System,
+    experiment: Experiment,
+    parameters: &[f64],
+    free: &[Free],
+) -> Result<(Experiment, Option<f64>)> {
+    let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
+    let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
+    let settings = Refine { max_iterations: 6, tolerance: 1e-3 };
+    let mut parts = 1usize;
+    loop {
+        let length = longest / parts as f64;
+        let cut = if parts == 1 { whole_runs(experiment.clone()) } else { experiment.clone().with_windows_of(length) };
+        let smallest = samples / (2 * parts) < SHORTEST;
+        match settings.fit_with_jacobian(system, &cut, parameters, free, None) {
+            Ok((fit, jacobian)) => {
+                let fits = near(&cut, &fit.residuals) && growth(&cut, &jacobian) < GROWTH;
+                if fits || smallest {
+                    return Ok((cut, (parts > 1).then_some(length)));
+                }
+            }
+            Err(error) if smallest => return Err(error),
+            Err(_) => {}
+        }
+        parts *= 2;
+    }
+}
+
+pub(crate) fn whole_runs(mut experiment: Experiment) -> Experiment {
+    experiment.windows = experiment
+        .logs
+        .iter()
+        .enumerate()
+        .map(|(i, l)| crate::refine::Window { log: i, first: 0, last: l.time.len() - 1 })
+        .collect();
+    experiment
+}
+
+fn near(experiment: &Experiment, residuals: &[Vec<f64>]) -> bool {
+    let n_columns = experiment.columns.len();
+    (0..n_columns).all(|c| {
+        let values = || residuals.iter().flat_map(|w| w.iter().skip(c).step_by(n_columns)).filter(|e| e.is_finite());
+        let count = values().count().max(1) as f64;
+        let rms = (values().map(|e| e * e).sum::<f64>() / count).sqrt() * experiment.noise[c];
+        rms <= NEAR * experiment.scale[experiment.columns[c]] || rms <= 3.0 * experiment.noise[c]
+    })
+}
+
+/// How much larger an initial error is in the last tenth of a window than the state itself is.
+fn growth(experiment: &Experiment, jacobian: &crate::refine::Jacobian) -> f64 {
+    let n_columns = experiment.columns.len();
+    let mut largest: f64 = 0.0;
+    for block in &jacobian.blocks {
+        let rows = block.derivative.nrows();
+        for j in 0..jacobian.n_states {
+            for row in (rows - (rows / 10).max(n_columns.min(rows)))..rows {
+                let c = row % n_columns;
+                let moved = block.derivative[(row, j)] * experiment.noise[c] * experiment.scale[j];
+                largest = largest.max((moved / experiment.scale[experiment.columns[c]]).abs());
+            }
+        }
+    }
+    largest
+}
+
+/// Doubles the integration steps until the outputs no longer change by a tenth of the noise.
+pub(crate) fn choose_substeps(
+    system: &System,
+    mut experiment: Experiment,
+    parameters: &[f64],
+    initial: &[Vec<f64>],
+) -> Experiment {
+    const MOST: usize = 32;
+    let outputs = |e: &Experiment| super::screen::outputs(system, e, parameters, initial);
+    let mut coarse = outputs(&experiment);
+    while experiment.substeps < MOST {
+        let finer = Experiment { substeps: 2 * experiment.substeps, ..experiment.clone() };
+        let fine = outputs(&finer);
+        let count = fine.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let change: f64 = coarse.iter().flatten().zip(fine.iter().flatten()).map(|(a, b)| (a - b) * (a - b)).sum();
+        if (change / count).sqrt() < 0.1 {
+            return experiment;
+        }
+        experiment = finer;
+        coarse = fine;
+    }
+    experiment
+}
+
+/// What the control does between the samples: held, unless interpolation fits clearly better.
+pub(crate) fn choose_hold(system: &System, experiment: &Experiment, parameters: &[f64], free: &[Free]) -> Hold {
+    if system.n_controls() == 0 {
+        return Hold::Zero;
+    }
+    let settings = Refine { max_iterations: 6, tolerance: 1e-4 };
+    let n_columns = experiment.columns.len();
+    let likelihood = |hold: Hold| {
+        let tried = Experiment { hold, ..experiment.clone() };
+        settings.fit(system, &tried, parameters, free, None).map_or(f64::NEG_INFINITY, |fit| {
+            super::evidence::log_likelihood(&super::evidence::colours(&fit.residuals, n_columns))
+        })
+    };
+    // Ten nats: far beyond what chance gives one binary choice.
+    if likelihood(Hold::Linear) > likelihood(Hold::Zero) + 10.0 { Hold::Linear } else { Hold::Zero }
+}
+
+/// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen; says what it did in `notes`.
+pub(crate) fn experiment(
+    system: &System,
+    data: &crate::data::Dataset,
+    hold: Option<Hold>,
+    notes: &mut Vec<String>,
+) -> Result<Experiment> {
+    let mut experiment = Experiment::new(system, data, None)?;
+    check_columns(system, &experiment)?;
+    let n_columns = experiment.columns.len();
+    experiment.noise = noise_levels(&experiment.logs, n_columns);
+    let noise = experiment.noise.clone();
+    let removed = remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &noise);
+    if removed > 0 {
+        notes.push(format!("{removed} isolated spike(s) in the logs were left out as outliers"));
+        experiment.noise = noise_levels(&experiment.logs, n_columns);
+    }
+    let free = super::fitted::tolerated(system.model());
+    let parameters = system.parameter_values();
+    let start = crate::refine::guess_initial(system, &experiment);
+    experiment = choose_substeps(system, experiment, &parameters, &start);
+    let (mut experiment, cut) = choose_windows(system, experiment, &parameters, &free)?;
+    experiment.hold = match hold {
+        Some(hold) => hold,
+        None => choose_hold(system, &experiment, &parameters, &free),
+    };
+    if hold.is_none() && experiment.hold == Hold::Linear {
+        notes.push(
+            "the control looks interpolated between samples, not held: no delay below one sample is claimed".into(),
+        );
+    }
+    if let Some(length) = cut {
+        notes.push(format!(
+            "rollouts are restarted every {length:.3} s in the fits, because the nominal model leaves the logs on longer ones"
+        ));
+    }
+    Ok(experiment)
+}
+
+/// Every state must be logged, be the rate of one that is, or have a start that its equation or `initial` gives.
+fn check_columns(system: &System, experiment: &Experiment) -> Result<()> {
+    use crate::error::Error;
+    let model = system.model();
+    for (j, state) in model.states.iter().enumerate() {
+        let is_rate = model.integral_of(j).is_some_and(|i| experiment.column_of(i).is_some());
+        let own = |name: &String| *name == state.name || model.state_index(name).is_none();
+        let follows_input = state.equation.variables().iter().all(own);
+        let known_start = model.initial.contains_key(&state.name);
+        if experiment.column_of(j).is_none() && !is_rate && !follows_input && !known_start {
+            return Err(Error::invalid(format!(
+                "the logs have no column for state `{}`, and no logged state has it as its rate; log it, rename a column, or give it an [initial] value",
+                state.name
+            )));
+        }
+    }
+    let needed = 8;
+    for log in experiment.logs.iter() {
+        if log.time.len() < needed {
+            return Err(Error::TooFewSamples { what: format!("run `{}`", log.name), needed, found: log.time.len() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,291 @@
+//! Screening: what each hypothesis would do to the outputs, with everything that is free projected out.
+//!
+//! A column is the change of the whitened outputs when the hypothesis is switched on at its start values.
+//! Initial states and free parameters are eliminated first (Frisch and Waugh 1933), so that an effect
+//! which a retuned parameter or another start could imitate gains nothing.
+
+use super::evidence::{Colour, whiten};
+use super::fitted::Fitted;
+use super::hypothesis::{Applied, Combine, Start};
+use super::settle::with_lagging;
+use crate::model::System;
+use crate::refine::{Experiment, lanes::Lanes};
+use nalgebra::{DMatrix, DVector};
+
+const LANES: usize = 8;
+
+/// Residuals of a fit after whitening and projection, and what is needed to treat columns alike.
+pub(crate) struct Basis {
+    colours: Vec<Colour>,
+    /// Per window: orthonormal directions of the initial state, residual, free parameters' directions.
+    windows: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)>,
+    /// Inverse of the free parameters' Gram matrix, and their product with the residual.
+    inverse: DMatrix<f64>,
+    slope: DVector<f64>,
+}
+
+/// What a start of a hypothesis would gain.
+#[derive(Debug, Clone)]
+pub(crate) struct Gain {
+    /// Decrease of twice the negative log likelihood, by a straight line.
+    pub(crate) gain: f64,
+    /// Start values of the added parameters for a fit.
+    pub(crate) values: Vec<f64>,
+    /// Degrees of freedom of this start.
+    pub(crate) degrees: usize,
+}
+
+impl Basis {
+    /// `colours`: the noise to whiten by; white noise of the residual's own size where `white`.
+    pub(crate) fn new(fitted: &Fitted, white: bool) -> Self {
+        let colours: Vec<Colour> = fitted
+            .colours
+            .iter()
+            .map(|c| match white {
+                true => Colour { coefficients: Vec::new(), innovation: 1.0, variance: 1.0, count: c.count },
+                false => c.clone(),
+            })
+            .collect();
+        let n = fitted.jacobian.n_states;
+        let q = fitted.free.len();
+        let mut gram = DMatrix::zeros(q, q);
+        let mut slope = DVector::zeros(q);
+        for (i, free) in fitted.free.iter().enumerate() {
+            if let Some((_, sd)) = free.prior {
+                gram[(i, i)] += 1.0 / (sd * sd);
+            }
+        }
+        let windows = fitted
+            .jacobian
+            .blocks
+            .iter()
+            .map(|block| {
+                let mut residual = block.residual.clone();
+                whiten(&colours, &mut residual);
+                let mut derivative = block.derivative.clone();
+                for mut column in derivative.column_iter_mut() {
+                    let mut values = column.clone_owned();
+                    whiten(&colours, &mut values);
+                    column.copy_from(&values);
+                }
+                let directions = orthonormal(derivative.columns(0, n).into_owned());
+                let mut free = derivative.columns(n, q).into_owned();
+                free -= &directions * directions.tr_mul(&free);
+                residual -= &directions * directions.tr_mul(&residual);
+                gram += free.tr_mul(&free);
+                slope += free.tr_mul(&residual);
+                (directions, residual, free)
+            })
+            .collect();
+        let ridge = gram.diagonal().max() * 1e-12 + f64::MIN_POSITIVE;
+        let inverse = (gram + DMatrix::identity(q, q) * ridge).try_inverse().unwrap_or_else(|| DMatrix::zeros(q, q));
+        Self { colours, windows, inverse, slope }
+    }
+
+    /// Products of columns (one list of windows each) among themselves and with the residual.
+    fn products(&self, columns: &mut [Vec<DVector<f64>>]) -> (DMatrix<f64>, DVector<f64>) {
+        let k = columns.len();
+        let q = self.inverse.nrows();
+        let mut gram = DMatrix::zeros(k, k);
+        let mut slope = DVector::zeros(k);
+        let mut mixed = DMatrix::zeros(q, k);
+        for (w, (directions, residual, free)) in self.windows.iter().enumerate() {
+            for column in columns.iter_mut() {
+                let values = &mut column[w];
+                whiten(&self.colours, values);
+                *values -= directions * directions.tr_mul(values);
+            }
+            for i in 0..k {
+                slope[i] += columns[i][w].dot(residual);
+                mixed.column_mut(i).axpy(1.0, &free.tr_mul(&columns[i][w]), 1.0);
+                for j in 0..=i {
+                    gram[(i, j)] += columns[i][w].dot(&columns[j][w]);
+                }
+            }
+        }
+        gram.fill_upper_triangle_with_lower_triangle();
+        let eliminated = &self.inverse * &mixed;
+        (gram - mixed.tr_mul(&eliminated), slope - eliminated.tr_mul(&self.slope))
+    }
+
+    /// Best straight-line gain of columns that belong together.
+    fn gain(&self, start: &Start, columns: &mut [Vec<DVector<f64>>]) -> Gain {
+        let before: Vec<f64> = columns.iter().map(|c| c.iter().map(DVector::norm_squared).sum()).collect();
+        let (gram, slope) = self.products(columns);
+        let nothing = Gain { gain: 0.0, values: start.columns[0].clone(), degrees: 1 };
+        // What is left after the projection must not be rounding error.
+        let usable = |i: usize| gram[(i, i)] > 1e-9 * before[i] && gram[(i, i)].is_finite() && gram[(i, i)] > 0.0;
+        match start.combine {
+            Combine::Keep if usable(0) => {
+                // The column is a finite step: taken in full, half or double, not at any length.
+                let length = (slope[0] / gram[(0, 0)]).clamp(0.5, 2.0);
+                Gain { gain: 2.0 * length * slope[0] - length * length * gram[(0, 0)], ..nothing }
+            }
+            Combine::Amplitude if usable(0) => {
+                let length = slope[0] / gram[(0, 0)];
+                let mut values = start.columns[0].clone();
+                values[0] *= length;
+                Gain { gain: length * slope[0], values, degrees: 1 }
+            }
+            Combine::Sinusoid | Combine::Pair if usable(0) && usable(1) => {
+                let Some(factor) = (&gram + DMatrix::from_diagonal(&(gram.diagonal() * 1e-9))).cholesky() else {
+                    return nothing;
+                };
+                let lengths = factor.solve(&slope);
+                let mut values = start.columns[0].clone();
+                if start.combine == Combine::Sinusoid {
+                    values[0] *= lengths[0].hypot(lengths[1]);
+                    if let Some(phase) = values.last_mut() {
+                        *phase += lengths[1].atan2(lengths[0]);
+                    }
+                } else {
+                    values[0] *= lengths[0];
+                    values[1] = start.columns[1][1] * lengths[1];
+                }
+                Gain { gain: lengths.dot(&slope), values, degrees: 2 }
+            }
+            Combine::Span => span_gain(&gram, &slope, &before, nothing),
+            _ => nothing,
+        }
+    }
+}
+
+/// Gain of all directions that the columns span, by the eigenvectors that are not rounding error.
+fn span_gain(gram: &DMatrix<f64>, slope: &DVector<f64>, before: &[f64], nothing: Gain) -> Gain {
+    // Columns of very different size would hide each other: scale to what they were before the projection.
+    let scale =
+        DVector::from_iterator(before.len(), before.iter().map(|b| if *b > 0.0 { b.sqrt().recip() } else { 0.0 }));
+    let scaled = DMatrix::from_fn(gram.nrows(), gram.ncols(), |i, j| gram[(i, j)] * scale[i] * scale[j]);
+    if !scaled.iter().all(|v| v.is_finite()) {
+        return nothing;
+    }
+    let eigen = scaled.symmetric_eigen();
+    let slope = eigen.eigenvectors.tr_mul(&slope.component_mul(&scale));
+    let mut gain = 0.0;
+    let mut degrees = 0;
+    for (value, part) in eigen.eigenvalues.iter().zip(slope.iter()) {
+        if *value > 1e-6 {
+            gain += part * part / value;
+            degrees += 1;
+        }
+    }
+    Gain { gain, degrees: degrees.max(1), ..nothing }
+}
+
+/// Orthonormal basis of the columns that are not negligible (modified Gram-Schmidt).
+fn orthonormal(mut matrix: DMatrix<f64>) -> DMatrix<f64> {
+    let mut kept: Vec<DVector<f64>> = Vec::new();
+    for column in matrix.column_iter_mut() {
+        let size = column.norm();
+        let mut values = column.clone_owned();
+        for _ in 0..2 {
+            for other in &kept {
+                let part = other.dot(&values);
+                values.axpy(-part, other, 1.0);
+            }
+        }
+        let left = values.norm();
+        if left > 1e-8 * size && left > 0.0 {
+            kept.push(values / left);
+        }
+    }
+    if kept.is_empty() { DMatrix::zeros(matrix.nrows(), 0) } else { DMatrix::from_columns(&kept) }
+}
+
+/// Gains of every start of an applied hypothesis under several bases, best start first under the first basis.
+pub(crate) fn gains(applied: &Applied, fitted: &Fitted, bases: &[&Basis]) -> Vec<Vec<Gain>> {
+    let Ok(system) = System::with_simulator(&applied.model, fitted.system.simulator().cloned()) else {
+        return Vec::new();
+    };
+    let initial = with_lagging(&system, &fitted.experiment, fitted.refined.initial.clone(), fitted.system.n_states());
+    let per_pass = |starts: &[Start]| starts.iter().map(|s| s.columns.len()).sum::<usize>();
+    let mut all = Vec::with_capacity(applied.starts.len());
+    let mut rest = &applied.starts[..];
+    while !rest.is_empty() {
+        let count = (1..=rest.len()).rev().find(|&c| per_pass(&rest[..c]) <= LANES).unwrap_or(1);
+        let (now, later) = rest.split_at(count);
+        let wanted: Vec<&Vec<f64>> = now.iter().flat_map(|s| &s.columns).collect();
+        let passes = wanted.chunks(LANES).map(|part| responses(&system, applied, fitted, &initial, part));
+        let mut columns: Vec<Vec<DVector<f64>>> = passes.flatten().collect();
+        for start in now {
+            let own: Vec<Vec<DVector<f64>>> = columns.drain(..start.columns.len()).collect();
+            let finite = own.iter().flatten().all(|v| v.iter().all(|x| x.is_finite()));
+            let gains = bases.iter().map(|basis| match finite {
+                true => basis.gain(start, &mut own.clone()),
+                false => Gain { gain: 0.0, values: start.columns[0].clone(), degrees: 1 },
+            });
+            all.push(gains.collect());
+        }
+        rest = later;
+    }
+    all
+}
+
+/// Change of the noise-scaled outputs for every column; zero where nothing was measured.
+fn responses(
+    system: &System,
+    applied: &Applied,
+    fitted: &Fitted,
+    initial: &[Vec<f64>],
+    columns: &[&Vec<f64>],
+) -> Vec<Vec<DVector<f64>>> {
+    let experiment = &fitted.experiment;
+    let mut values = applied.model.parameters.iter().map(|p| p.value).collect::<Vec<_>>();
+    values[..fitted.refined.parameters.len()].copy_from_slice(&fitted.refined.parameters);
+    let mut parameters: Vec<[f64; LANES]> = values.iter().map(|&v| [v; LANES]).collect();
+    for (lane, column) in columns.iter().enumerate() {
+        for ((index, _), value) in applied.fitted.iter().zip(column.iter()) {
+            parameters[*index][lane] = *value;
+        }
+    }
+    let n_columns = experiment.columns.len();
+    let mut out: Vec<Vec<DVector<f64>>> = vec![Vec::with_capacity(experiment.windows.len()); columns.len()];
+    let mut lanes: Option<(usize, Lanes<'_, LANES>)> = None;
+    for (w, window) in experiment.windows.iter().enumerate() {
+        let log = &experiment.logs[window.log];
+        let lanes = match &mut lanes {
+            Some((index, lanes)) if *index == window.log => lanes,
+            other => &mut other.insert((window.log, Lanes::new(system, log, experiment.hold, &parameters))).1,
+        };
+        let block = &fitted.jacobian.blocks[w];
+        let rows = block.residual.len();
+        let mut results = vec![DVector::zeros(rows); columns.len()];
+        let start: Vec<[f64; LANES]> = initial[w].iter().map(|&v| [v; LANES]).collect();
+        lanes.roll((window.first, window.last), &start, &experiment.columns, experiment.substeps, |i, c, v| {
+            let row = (i - window.first) * n_columns + c;
+            if block.present[row] {
+                let base = log.measured[c][i] / experiment.noise[c] - block.residual[row];
+                for (lane, result) in results.iter_mut().enumerate() {
+                    result[row] = v[lane] / experiment.noise[c] - base;
+                }
+            }
+        });
+        for (list, result) in out.iter_mut().zip(results) {
+            list.push(result);
+        }
+    }
+    out
+}
+
+/// Noise-scaled outputs of a model, one list a window.
+pub(crate) fn outputs(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[f64],
+    initial: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let parameters: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
+    let windows = experiment.windows.iter().zip(initial);
+    windows
+        .map(|(window, start)| {
+            let log = &experiment.logs[window.log];
+            let mut lanes = Lanes::<1>::new(system, log, experiment.hold, &parameters);
+            let start: Vec<[f64; 1]> = start.iter().map(|&v| [v]).collect();
+            let mut values = Vec::new();
+            lanes.roll((window.first, window.last), &start, &experiment.columns, experiment.substeps, |_, c, v| {
+                values.push(v[0] / experiment.noise[c]);
+            });
+            values
+        })
+        .collect()
+}

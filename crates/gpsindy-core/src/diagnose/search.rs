@@ -1,0 +1,315 @@
+//! The contest: screen every hypothesis at a contestant, refit the promising ones, go on from the best.
+
+use super::evidence::chi_squared_tail;
+use super::fitted::Fitted;
+use super::hypothesis::{Applied, Combine, Hypothesis};
+use super::rival::Rival;
+use super::scene::Scene;
+use super::screen::{Basis, Gain, gains};
+use crate::error::Result;
+use crate::progress::{Progress, step};
+use crate::refine::Refine;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+
+/// How many contestants go on to the next round.
+const BEAM: usize = 3;
+
+/// How many hypotheses are refitted at a contestant.
+const SHORTLIST: usize = 14;
+
+/// Mean squared residual (in noise units) that one more effect must remove to be worth a name.
+///
+/// An effect below a fifth of the sensor's noise changes no decision, and the smoothed corners of
+/// Coulomb friction, or a coarse integration, can feign one of that size in a long log.
+pub(crate) const MATERIAL: f64 = 0.04;
+
+/// Evidence (nats beyond BIC) that one more effect must bring.
+const CONVINCING: f64 = 5.0;
+
+/// All that a contest needs to know.
+pub(crate) struct Contest<'a> {
+    pub(crate) hypotheses: Vec<Hypothesis>,
+    pub(crate) scene: Scene,
+    pub(crate) settings: Refine,
+    pub(crate) progress: &'a dyn Progress,
+}
+
+/// What a screening says of one hypothesis.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Summary {
+    pub(crate) gain: f64,
+    pub(crate) degrees: usize,
+    /// Standard deviation of the effect's size and its unit, where the size is what was screened.
+    pub(crate) resolution: Option<(f64, String)>,
+}
+
+/// What was found one step on from a contestant.
+pub(crate) struct Expansion {
+    /// Contestants with one more effect, best first.
+    pub(crate) fits: Vec<Fitted>,
+    /// Straight-line gain of every hypothesis under coloured noise, in their order.
+    pub(crate) screened: Vec<Summary>,
+    /// How many starts were tried in all: what the search must pay for.
+    pub(crate) tried: usize,
+}
+
+impl Expansion {
+    /// Chance that pure noise gives as large a gain somewhere in the search (Bonferroni).
+    pub(crate) fn p_value(&self) -> f64 {
+        let best = self.screened.iter().map(|s| chi_squared_tail(s.gain, s.degrees));
+        (best.fold(1.0, f64::min) * self.tried as f64).min(1.0)
+    }
+}
+
+/// One screened hypothesis: its gains by start, under white and under coloured noise.
+struct Screened {
+    applied: Applied,
+    gains: Vec<Vec<Gain>>,
+}
+
+impl Screened {
+    fn best(&self, basis: usize) -> f64 {
+        self.gains.iter().map(|g| g[basis].gain).fold(0.0, f64::max)
+    }
+}
+
+impl Screened {
+    fn summary(&self) -> Summary {
+        let all = self.applied.starts.iter().zip(&self.gains).map(|(start, g)| (start, &g[1]));
+        let Some((start, best)) = all.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain)) else { return Summary::default() };
+        let resolution = (start.combine != Combine::Keep && best.gain > 0.0)
+            .then(|| {
+                self.applied.fitted.first().map(|(_, a)| ((best.values[0] / best.gain.sqrt()).abs(), a.unit.clone()))
+            })
+            .flatten();
+        Summary { gain: best.gain, degrees: best.degrees, resolution }
+    }
+}
+
+impl Contest<'_> {
+    /// Log prior odds: families alike, members alike within their family.
+    pub(crate) fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
+        let mut families: BTreeMap<_, usize> = BTreeMap::new();
+        for h in &self.hypotheses {
+            *families.entry(h.family()).or_default() += 1;
+        }
+        let members = families.get(&hypothesis.family()).copied().unwrap_or(1);
+        -((families.len().max(1) * members) as f64).ln()
+    }
+
+    /// Score with prior odds.
+    pub(crate) fn score(&self, fitted: &Fitted) -> f64 {
+        fitted.score() + fitted.hypotheses.iter().map(|h| self.log_prior(h)).sum::<f64>()
+    }
+
+    /// Screens everything at `base` and refits what is promising.
+    pub(crate) fn expand(&self, base: &Fitted, stage: &str) -> Result<Expansion> {
+        let scene = Scene { peaks: peaks(base), ..self.scene.clone() };
+        let white = Basis::new(base, true);
+        let coloured = Basis::new(base, false);
+        step(self.progress, stage, 0, 2)?;
+        let screened: Vec<Option<Screened>> = self
+            .hypotheses
+            .par_iter()
+            .map(|hypothesis| {
+                if base.hypotheses.contains(hypothesis) || base.refit_already(hypothesis) {
+                    return None;
+                }
+                let applied = hypothesis.apply(base.system.model(), &scene).ok()?;
+                let gains = gains(&applied, base, &[&white, &coloured]);
+                Some(Screened { applied, gains })
+            })
+            .collect();
+        step(self.progress, stage, 1, 2)?;
+        let tried = screened.iter().flatten().map(|s| s.gains.len()).sum();
+        let summary = screened.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
+        let jobs = self.jobs(&screened);
+        let mut fits: Vec<Fitted> = jobs
+            .par_iter()
+            .filter_map(|(h, values)| {
+                let screened = screened[*h].as_ref()?;
+                base.with(&self.hypotheses[*h], &screened.applied, values, &self.settings).ok()
+            })
+            .collect();
+        sort_by_score(&mut fits, |f| self.score(f));
+        keep_first_of_each(&mut fits);
+        step(self.progress, stage, 2, 2)?;
+        Ok(Expansion { fits, screened: summary, tried })
+    }
+
+    /// Which hypotheses are refitted, and from which values: the best by either noise model, and the best of each family.
+    fn jobs(&self, screened: &[Option<Screened>]) -> Vec<(usize, Vec<f64>)> {
+        let mut chosen: Vec<usize> = Vec::new();
+        for basis in [0, 1] {
+            let mut order: Vec<(usize, f64)> =
+                screened.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
+            order.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let largest = order.first().map_or(0.0, |o| o.1);
+            chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));
+            let mut families = Vec::new();
+            for (h, gain) in order {
+                if gain > 0.2 * largest && !families.contains(&self.hypotheses[h].family()) {
+                    families.push(self.hypotheses[h].family());
+                    chosen.push(h);
+                }
+            }
+        }
+        chosen.sort_unstable();
+        chosen.dedup();
+        let starts = |h: usize| {
+            let mut order: Vec<&Vec<Gain>> = screened[h].iter().flat_map(|s| &s.gains).collect();
+            order.sort_by(|a, b| b[0].gain.total_cmp(&a[0].gain));
+            order.into_iter().take(2).map(move |g| (h, g[0].values.clone())).collect::<Vec<_>>()
+        };
+        chosen.into_iter().flat_map(starts).collect()
+    }
+
+    /// Adds effects as long as they convince; returns the winner and the expansion at every winner's parent.
+    pub(crate) fn run(&self, nominal: &Fitted, first: Expansion, most: usize) -> Result<Fitted> {
+        let mut best = nominal.clone();
+        let mut beam: Vec<Fitted> = first.fits.into_iter().take(BEAM).collect();
+        for round in 1..=most {
+            let Some(leader) = beam.first() else { break };
+            if !self.is_convincing(leader, &best) {
+                break;
+            }
+            best = leader.clone();
+            if round == most || best.misfit() < 1e-12 {
+                break;
+            }
+            let mut next = Vec::new();
+            for contestant in &beam {
+                let stage = format!("effects together: {}", round + 1);
+                next.extend(self.expand(contestant, &stage)?.fits.into_iter().take(2 * BEAM));
+            }
+            sort_by_score(&mut next, |f| self.score(f));
+            keep_first_of_each(&mut next);
+            next.truncate(BEAM);
+            beam = next;
+        }
+        Ok(best)
+    }
+
+    /// Whether `richer` says enough more than `simpler` to be preferred.
+    pub(crate) fn is_convincing(&self, richer: &Fitted, simpler: &Fitted) -> bool {
+        let evidence = self.score(richer) - self.score(simpler);
+        let removed = simpler.misfit() - richer.misfit();
+        evidence > CONVINCING && removed > MATERIAL * richer.misfit().min(1.0)
+    }
+
+    /// Gain and degrees of freedom of every rival at `base`, under coloured noise.
+    pub(crate) fn rivals(&self, base: &Fitted, rivals: &[Rival]) -> Vec<(f64, usize)> {
+        let coloured = Basis::new(base, false);
+        rivals
+            .par_iter()
+            .map(|rival| {
+                let applied = rival.apply(base.system.model(), &self.scene);
+                let found = gains(&applied, base, &[&coloured]);
+                found.first().map_or((0.0, 1), |g| (g[0].gain, g[0].degrees))
+            })
+            .collect()
+    }
+}
+
+impl Fitted {
+    /// Whether the hypothesis frees a parameter that a hypothesis of this contestant has freed.
+    fn refit_already(&self, hypothesis: &Hypothesis) -> bool {
+        hypothesis.id() == "parameter_error"
+            && self.added.iter().flatten().any(|(_, added)| hypothesis.variables.contains(&added.name))
+    }
+}
+
+pub(crate) fn sort_by_score(fits: &mut [Fitted], score: impl Fn(&Fitted) -> f64) {
+    fits.sort_by(|a, b| score(b).total_cmp(&score(a)));
+}
+
+/// Keeps the first contestant with each set of hypotheses.
+pub(crate) fn keep_first_of_each(fits: &mut Vec<Fitted>) {
+    let mut seen: Vec<Vec<Hypothesis>> = Vec::new();
+    fits.retain(|fit| {
+        let same = |other: &Vec<Hypothesis>| {
+            other.len() == fit.hypotheses.len() && fit.hypotheses.iter().all(|h| other.contains(h))
+        };
+        if seen.iter().any(same) {
+            return false;
+        }
+        seen.push(fit.hypotheses.clone());
+        true
+    });
+}
+
+/// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.
+fn peaks(fitted: &Fitted) -> Vec<f64> {
+    const GRID: usize = 400;
+    const LINES: usize = 5;
+    let experiment = &fitted.experiment;
+    let n_columns = experiment.columns.len();
+    let window_time = |w: &crate::refine::Window| {
+        let time = &experiment.logs[w.log].time;
+        time[w.last] - time[w.first]
+    };
+    let longest = experiment.windows.iter().map(window_time).fold(0.0, f64::max);
+    let total = experiment
+        .logs
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(l.time[0]), b.max(l.time[l.time.len() - 1])));
+    if longest <= 0.0 {
+        return Vec::new();
+    }
+    let spacing = PI / longest;
+    let highest = 0.8 * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
+    let count = GRID.min((highest / spacing) as usize);
+    let mut found: Vec<f64> = Vec::new();
+    for differenced in [false, true] {
+        let power: Vec<f64> =
+            (1..=count).into_par_iter().map(|k| power_at(fitted, spacing * k as f64, n_columns, differenced)).collect();
+        let mut lines: Vec<usize> = (0..power.len())
+            .filter(|&k| {
+                let near = |i: usize| power.get(i).copied().unwrap_or(0.0);
+                power[k] >= near(k + 1) && (k == 0 || power[k] >= near(k - 1))
+            })
+            .collect();
+        lines.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
+        found.extend(lines.iter().take(LINES).map(|&k| spacing * (k + 1) as f64));
+    }
+    found.sort_by(f64::total_cmp);
+    found.dedup();
+    // Logs on one clock resolve finer than one log alone: offer what lies between, too.
+    let fine = PI / (total.1 - total.0).max(longest);
+    let around = ((0.5 * spacing / fine).ceil() as i32).clamp(1, 6);
+    found
+        .iter()
+        .flat_map(|&w| (-around..=around).map(move |k| w + fine * f64::from(k)))
+        .filter(|&w| w > 0.0 && w < TAU * 1e9)
+        .collect()
+}
+
+/// Power of the residual at one angular frequency, summed over windows and columns.
+fn power_at(fitted: &Fitted, omega: f64, n_columns: usize, differenced: bool) -> f64 {
+    let mut power = 0.0;
+    for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
+        let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
+        // Long windows are thinned to what the frequency needs: eight samples a period.
+        let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
+        let stride = ((TAU / omega / 8.0 / period) as usize).max(1);
+        for c in 0..n_columns {
+            let (mut real, mut imaginary) = (0.0, 0.0);
+            let mut last = 0.0;
+            for (i, &t) in time.iter().enumerate().step_by(stride) {
+                let value = residual[i * n_columns + c];
+                if !value.is_finite() {
+                    continue;
+                }
+                let used = if differenced { value - last } else { value };
+                last = value;
+                let (s, k) = (omega * t).sin_cos();
+                real += used * k;
+                imaginary += used * s;
+            }
+            power += (real * real + imaginary * imaginary) * (stride * stride) as f64 / time.len() as f64;
+        }
+    }
+    power
+}
