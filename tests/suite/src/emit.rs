@@ -4,7 +4,7 @@ use crate::case::{Case, HELD_OUT, Kind};
 use crate::effect::{Act, Effect, Variable};
 use crate::plant::Plant;
 use crate::simulate::rows_of;
-use crate::twins::accept;
+use crate::twins::{Fitted, accept};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -154,8 +154,9 @@ pub fn answer(case: &Case, id: &str) -> Answer {
             let mut list: Vec<(&str, usize, Vec<Variable>)> =
                 covers(effect).into_iter().map(|(name, variables)| (name, effect.state, variables)).collect();
             if let Some(outcome) = outcome {
-                // And whatever was seen to cover half of the gap.
-                let near = outcome.near.iter().filter(|f| f.left < 0.5 * outcome.gap);
+                // And whatever was seen in the same equation to cover half of the gap.
+                let here = |f: &&Fitted| f.name.state == effect.state && f.left < 0.5 * outcome.gap;
+                let near = outcome.near.iter().filter(here);
                 list.extend(near.map(|f| (f.name.effect, f.name.state, f.name.variables.clone())));
             }
             for (i, entry) in list.iter().enumerate() {

@@ -14,6 +14,7 @@ pub mod integrate;
 pub mod plant;
 pub mod plants;
 pub mod random;
+mod scene;
 pub mod sensor;
 pub mod simulate;
 pub mod survey;

@@ -80,3 +80,38 @@ fn a_wrong_damping_is_also_a_viscous_friction() {
         assert!(list.iter().any(|a| a.effect == *id), "{}: {id} is missing", case.plant.name);
     }
 }
+
+#[test]
+fn a_probe_that_reads_too_high_is_also_a_wrong_room() {
+    use gpsindy_suite::effect::{Act, Effect, Sensor};
+    use gpsindy_suite::gap::{Log, Ruler};
+    use gpsindy_suite::plants::families;
+    use gpsindy_suite::random::Draw;
+    use gpsindy_suite::simulate::{Commands, Machine, Setup};
+    use gpsindy_suite::survey::survey;
+    use gpsindy_suite::twins::{accept, compete};
+    // The kettle is linear with one column: a sensor bias, a bias of the heat and another room temperature are one.
+    let plant = families().into_iter().map(|f| f(&mut Draw::new(1, 1))).find(|p| p.name == "kettle").unwrap();
+    let setup = Setup {
+        times: (0..600).map(f64::from).collect(),
+        start: vec![plant.states[0].start.0],
+        commands: Commands::Open((0..600).map(|k| vec![plant.controls[0].centre * f64::from(k / 60 % 3)]).collect()),
+        linear: false,
+    };
+    let effect =
+        Effect { id: "sensor_bias", state: 0, variables: vec![], act: Act::Sensor { law: Sensor::Bias { c: 1.0 } } };
+    let calm = Machine::new(&plant, &[], &[10.0], 1e-8).run(&setup).unwrap();
+    let known = survey(&plant, &[calm]);
+    let trace = Machine::new(&plant, std::slice::from_ref(&effect), &[10.0], 1e-8).run(&setup).unwrap();
+    let ruler = Ruler { plant: &plant, noise: &[0.2], scale: &[10.0], reset: 0.0 };
+    let outcome = compete(&ruler, &known, &[Log { times: &setup.times, trace: &trace }], false, &effect, 0);
+    let list = accept(&plant, &known, &effect, 0, outcome.as_ref());
+    for id in ["sensor_bias", "bias", "input_bias"] {
+        assert!(list.iter().any(|a| a.effect == id), "{id} is missing");
+    }
+    let room = |a: &gpsindy_suite::twins::Accept| {
+        a.effect == "parameter_error" && plant.parameters[1].name == "Te" && a.variables.len() == 1
+    };
+    assert!(list.iter().any(room));
+    assert!(!list.iter().any(|a| ["input_gain", "input_delay", "cubic_stiffness"].contains(&a.effect)), "{list:?}");
+}
