@@ -72,7 +72,7 @@ catalogue! {
         "a steady push that does not depend on anything",
     ViscousFriction "viscous_friction" Friction "-c*z" "c: damping rate"
         "oscillations die faster, steady speed falls in proportion",
-    CoulombFriction "coulomb_friction" Friction "-c*sign(z)" "c: friction level"
+    CoulombFriction "coulomb_friction" Friction "-c*sign(z)" "c: friction level, w: speed within which the sign is smoothed"
         "decay by equal steps, standing still, a jump of the rate at every reversal",
     StribeckFriction "stribeck_friction" Friction "-(c + (s - c)*exp(-(z/w)^2))*sign(z)" "c: level at speed, s: level near zero, w: speed that parts them"
         "sticks more than it slides: jerky motion at low speed",

@@ -82,6 +82,19 @@ impl Fitted {
         Ok(Self { hypotheses, added, system, experiment, free, refined, jacobian, colours })
     }
 
+    /// The same contestant, its fit carried on.
+    pub(crate) fn again(self, settings: &Refine) -> Self {
+        let start = Some(self.refined.initial.as_slice());
+        let fit = settings.fit_with_jacobian(&self.system, &self.experiment, &self.refined.parameters, &self.free, start);
+        match fit {
+            Ok((refined, jacobian)) => {
+                let colours = colours(&refined.residuals, self.experiment.columns.len());
+                Self { refined, jacobian, colours, ..self }
+            }
+            Err(_) => self,
+        }
+    }
+
     /// The same contestant on other windows or with another hold, fitted again from where it stands.
     pub(crate) fn on(&self, experiment: &Experiment, settings: &Refine) -> Result<Self> {
         let mut experiment = experiment.clone();

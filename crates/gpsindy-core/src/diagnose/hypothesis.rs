@@ -232,8 +232,9 @@ impl Writer<'_> {
             }
             Effect::CoulombFriction => {
                 let c = self.add("c", 0.0, rate, POSITIVE, &unit);
-                self.add_term(c.times(smooth_sign(z, size)).negated());
-                vec![amplitude(&[small])]
+                let w = self.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+                self.add_term(c.times(z.over(w).apply(Function::Tanh)).negated());
+                vec![amplitude(&[small, 0.02 * size])]
             }
             Effect::StribeckFriction => {
                 let c = self.add("c", 0.0, rate, POSITIVE, &unit);

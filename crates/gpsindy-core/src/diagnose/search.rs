@@ -16,6 +16,11 @@ use std::f64::consts::{PI, TAU};
 /// How many contestants go on to the next round.
 const BEAM: usize = 3;
 
+/// Steps of a first fit, how many contestants are fitted to the end, and how many nats behind the best they may be.
+const ROUGH: usize = 4;
+const FINALISTS: usize = 5;
+const NEAR: f64 = 30.0;
+
 /// How many hypotheses are refitted at a contestant.
 const SHORTLIST: usize = 14;
 
@@ -125,18 +130,35 @@ impl Contest<'_> {
         step(self.progress, stage, 1, 2)?;
         let tried = screened.iter().flatten().map(|s| s.gains.len()).sum();
         let summary = screened.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
-        let jobs = self.jobs(&screened);
+        let promising = screened.iter().flatten().any(|s| self.is_promising(base, s.best(0).max(s.best(1))));
+        let jobs = if promising { self.jobs(&screened) } else { Vec::new() };
+        let rough = Refine { max_iterations: ROUGH, ..self.settings.clone() };
         let mut fits: Vec<Fitted> = jobs
             .par_iter()
             .filter_map(|(h, values)| {
                 let screened = screened[*h].as_ref()?;
-                base.with(&self.hypotheses[*h], &screened.applied, values, &self.settings).ok()
+                base.with(&self.hypotheses[*h], &screened.applied, values, &rough).ok()
             })
             .collect();
         sort_by_score(&mut fits, |f| self.score(f));
         keep_first_of_each(&mut fits);
+        // Those that may still win are fitted to the end.
+        let last = fits.get(FINALISTS - 1).map_or(f64::NEG_INFINITY, |f| self.score(f));
+        let near = fits.first().map_or(0.0, |f| self.score(f)) - NEAR;
+        fits = fits
+            .into_par_iter()
+            .map(|fit| if self.score(&fit) >= last.min(near) { fit.again(&self.settings) } else { fit })
+            .collect();
+        sort_by_score(&mut fits, |f| self.score(f));
         step(self.progress, stage, 2, 2)?;
         Ok(Expansion { fits, screened: summary, tried })
+    }
+
+    /// Whether a straight-line gain is large enough for one more effect to be convincing and material.
+    ///
+    /// Half of what would be needed, because a straight line underrates a curved effect.
+    fn is_promising(&self, base: &Fitted, gain: f64) -> bool {
+        gain > CONVINCING && gain > 0.5 * MATERIAL * base.count() as f64 * base.misfit().min(1.0)
     }
 
     /// Which hypotheses are refitted, and from which values: the best by either noise model, and the best of each family.
@@ -180,7 +202,11 @@ impl Contest<'_> {
                 break;
             }
             let mut next = Vec::new();
-            for contestant in &beam {
+            for (place, contestant) in beam.iter().enumerate() {
+                // Where nothing is left at the leader, the others need not be tried with more.
+                if place > 0 && next.is_empty() {
+                    break;
+                }
                 let stage = format!("effects together: {}", round + 1);
                 next.extend(self.expand(contestant, &stage)?.fits.into_iter().take(2 * BEAM));
             }

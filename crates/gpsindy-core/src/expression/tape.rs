@@ -148,6 +148,7 @@ impl Tape {
     }
 
     /// As [`Tape::evaluate`], with the user's own simulator.
+    #[inline(always)] // compiled anew inside the caller's choice of vector instructions
     pub(crate) fn evaluate_with<const L: usize>(&self, registers: &mut [[f64; L]], simulator: SimulatorFunction<'_>) {
         for step in &self.instructions {
             match step {

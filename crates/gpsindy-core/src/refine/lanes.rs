@@ -55,6 +55,7 @@ impl<const L: usize> History<L> {
         }
     }
 
+    #[inline(always)]
     fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
         match hold {
             Hold::Zero if !self.shifted => [self.values[sample]; 3],
@@ -122,8 +123,11 @@ impl<'a, const L: usize> Lanes<'a, L> {
         substeps: usize,
         mut receive: impl FnMut(usize, usize, [f64; L]),
     ) {
-        self.walk(span, initial, substeps, |_, sample, _, x, _, _| {
-            x.iter().enumerate().for_each(|(j, &value)| receive(sample, j, value));
+        // The widest vector instructions of this processor; the bits are the same with any.
+        pulp::Arch::new().dispatch(|| {
+            self.walk(span, initial, substeps, |_, sample, _, x, _, _| {
+                x.iter().enumerate().for_each(|(j, &value)| receive(sample, j, value));
+            });
         });
     }
 
@@ -138,15 +142,18 @@ impl<'a, const L: usize> Lanes<'a, L> {
         substeps: usize,
         mut receive: impl FnMut(usize, usize, [f64; L]),
     ) {
-        self.walk((first, last), initial, substeps, |lanes, sample, t, x, inputs, nodes| {
-            lanes.measure(t, x, inputs, nodes);
-            for (place, &column) in columns.iter().enumerate() {
-                receive(sample, place, lanes.system.outputs().output(&lanes.outputs, column));
-            }
+        pulp::Arch::new().dispatch(|| {
+            self.walk((first, last), initial, substeps, |lanes, sample, t, x, inputs, nodes| {
+                lanes.measure(t, x, inputs, nodes);
+                for (place, &column) in columns.iter().enumerate() {
+                    receive(sample, place, lanes.system.outputs().output(&lanes.outputs, column));
+                }
+            });
         });
     }
 
     /// Integrates, and shows the state at every sample to `look`.
+    #[inline(always)]
     fn walk(
         &mut self,
         (first, last): (usize, usize),
@@ -205,6 +212,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         }
     }
 
+    #[inline(always)]
     fn load_inputs(&mut self, inputs: &mut [Stages<L>], sample: usize, a: f64, b: f64) {
         let log = self.log;
         let m = self.system.n_controls();
@@ -223,6 +231,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         }
     }
 
+    #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], stage: usize, dx: &mut [[f64; L]]) {
         let n = x.len();
         self.rates[..n].copy_from_slice(x);
@@ -236,6 +245,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         }
     }
 
+    #[inline(always)]
     fn measure(&mut self, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], nodes: &[Node<L>]) {
         let n = x.len();
         self.outputs[..n].copy_from_slice(x);
