@@ -184,19 +184,19 @@ pub struct Outcome {
     pub count: usize,
 }
 
-/// Lets all rivals try the clean logs of one effect.
+/// Lets all rivals try some clean logs: those of one effect, the truth, or of several (`None`).
 pub fn compete(
     ruler: &Ruler,
     survey: &Survey,
     logs: &[Log],
     linear: bool,
-    truth: &Effect,
+    truth: Option<&Effect>,
     of: usize,
 ) -> Option<Outcome> {
     let plant = ruler.plant;
     let interval = logs.first().map_or(1.0, |l| l.times[1] - l.times[0]);
     let contest = Contest::new(ruler, logs, linear)?;
-    let mark = footprint(plant, survey, &truth.act, truth.state);
+    let mark = truth.and_then(|t| footprint(plant, survey, &t.act, t.state));
     let mut near = Vec::new();
     for rival in rivals(plant, survey, interval) {
         let there = (rival.at)(rival.usual);
