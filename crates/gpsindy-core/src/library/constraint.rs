@@ -171,9 +171,11 @@ mod tests {
     fn forbidden_terms_leave_the_allowed_ones() {
         let library =
             Library::new(&["x", "v"], &[], &LibrarySettings { degree: 1, ..LibrarySettings::default() }).unwrap();
-        let mut constraints = Constraints::default();
-        constraints.forbidden = vec![Forbidden::parse("x:x").unwrap(), Forbidden::parse("*:1").unwrap()];
-        constraints.signed = vec![Signed::parse("v:v=-").unwrap()];
+        let constraints = Constraints {
+            forbidden: vec![Forbidden::parse("x:x").unwrap(), Forbidden::parse("*:1").unwrap()],
+            signed: vec![Signed::parse("v:v=-").unwrap()],
+            ..Constraints::default()
+        };
         assert_eq!(constraints.allowed("x", &library).unwrap(), [2]);
         assert_eq!(constraints.allowed("v", &library).unwrap(), [1, 2]);
         assert_eq!(constraints.signs("v", &library).unwrap(), [None, None, Some(false)]);

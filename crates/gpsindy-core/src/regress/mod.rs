@@ -14,6 +14,7 @@ mod select;
 mod sqrt_lasso;
 mod ssr;
 mod stlsq;
+mod subset;
 mod whiten;
 
 pub use ensemble::{Ensemble, Stability};
@@ -25,6 +26,8 @@ pub use select::{Candidates, Choice, Selection, choose_by};
 pub use sqrt_lasso::SqrtLasso;
 pub use ssr::{Ssr, SsrRule};
 pub use stlsq::Stlsq;
+pub use subset::Subset;
+pub(crate) use subset::gains;
 pub use whiten::Whitening;
 
 use crate::error::Result;
@@ -70,7 +73,7 @@ impl Fit {
 /// assert!((fit.coefficients[1] - 3.0).abs() < 1e-9);
 /// # Ok::<(), gpsindy_core::Error>(())
 /// ```
-pub trait Regressor: std::fmt::Debug + Sync {
+pub trait Regressor: std::fmt::Debug + Send + Sync {
     /// Name as the user writes it.
     fn name(&self) -> &'static str;
 

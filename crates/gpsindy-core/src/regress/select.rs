@@ -171,14 +171,16 @@ fn held_out_errors(
 #[cfg(test)]
 mod tests {
     use super::super::testing::random_problem;
-    use super::super::{Lasso, SqrtLasso, Ssr, Stlsq};
+    use super::super::{Lasso, SqrtLasso, Ssr, Stlsq, Subset};
     use super::*;
 
     #[test]
     fn every_method_finds_an_easy_support_by_cross_validation_and_by_bic() {
         let truth = [(1, 1.0), (5, -2.0), (8, 0.5)];
-        let methods: [&dyn Regressor; 5] =
-            [&Lasso::default(), &SqrtLasso::default(), &Stlsq::default(), &Ssr::by_residual(), &Ssr::by_coefficient()];
+        let ssr = (Ssr::by_residual(), Ssr::by_coefficient());
+        let (lasso, sqrt_lasso, stlsq, subset) =
+            (Lasso::default(), SqrtLasso::default(), Stlsq::default(), Subset::default());
+        let methods: [&dyn Regressor; 6] = [&lasso, &sqrt_lasso, &stlsq, &ssr.0, &ssr.1, &subset];
         let folds = Folds::new(&[100, 100], 5, 2).unwrap();
         for seed in 0..5 {
             let (theta, target) = random_problem(200, 10, &truth, 0.02, 100 + seed);

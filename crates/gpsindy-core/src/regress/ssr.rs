@@ -97,15 +97,20 @@ impl Regressor for Ssr {
             return Err(Error::range("number of terms", &format!("from 0 to {p}"), found));
         }
         let all = self.eliminate(problem);
-        let r = problem.n_rows() as f64;
-        // A residual of rounding size would make the logarithm reward one more term for nothing.
-        let floor = 1e-26 * problem.target_square();
-        let bic = |k: usize| r * (all[p - k].residual.max(floor) / r).ln() + k as f64 * r.ln();
-        let best =
-            (0..=p.min(problem.n_rows().saturating_sub(1))).min_by(|&x, &y| bic(x).total_cmp(&bic(y))).unwrap_or(0);
+        let sparse_first: Vec<Fit> = all.iter().rev().cloned().collect();
+        let best = smallest_bic(problem, &sparse_first);
         let size = |level: f64| if level.is_nan() { best } else { level as usize };
         Ok(levels.iter().map(|&level| Fit { level: size(level) as f64, ..all[p - size(level)].clone() }).collect())
     }
+}
+
+/// Place of the smallest `r ln(residual / r) + k ln r` among fits of growing size.
+pub(super) fn smallest_bic(problem: &Reduced, fits: &[Fit]) -> usize {
+    let r = problem.n_rows() as f64;
+    // A residual of rounding size would make the logarithm reward one more term for nothing.
+    let floor = 1e-26 * problem.target_square() + f64::MIN_POSITIVE;
+    let bic = |k: usize| r * (fits[k].residual.max(floor) / r).ln() + fits[k].n_terms() as f64 * r.ln();
+    (0..fits.len()).filter(|&k| k < problem.n_rows()).min_by(|&x, &y| bic(x).total_cmp(&bic(y))).unwrap_or(0)
 }
 
 #[cfg(test)]
