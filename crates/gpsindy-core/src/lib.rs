@@ -11,6 +11,7 @@ mod differentiate;
 mod error;
 mod expression;
 pub mod gp;
+mod identify;
 pub mod library;
 mod model;
 mod progress;
@@ -25,6 +26,7 @@ pub use data::{Channel, Dataset, Run};
 pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
+pub use identify::{Choice, Delay, Identification, Identify, StateReport, Target};
 pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Model, Parameter, SCHEMA as MODEL_SCHEMA, State, System,
 };

@@ -184,23 +184,13 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
                 if effects.len() == 1 { None } else { run_all(&plant, std::slice::from_ref(effect), given, &scale) };
             let alone = alone.as_ref().unwrap_or(&traces);
             let logs: Vec<Log> = given.iter().zip(alone).map(|(s, trace)| Log { times: &s.times, trace }).collect();
-            outcomes.push(compete(&ruler, &known, &logs, false, Some(effect), k));
+            outcomes.push(compete(&ruler, &known, &logs, false, effect, k));
         }
     }
     // What hardly shows in the given runs cannot be asked of anybody.
     let shown = |o: &Outcome| (o.gap / o.count as f64).sqrt() > 0.6f64.max(0.25 * gap.snr.min(12.0));
     if !outcomes.iter().all(|o| o.as_ref().is_some_and(shown)) {
         return None;
-    }
-    if kind == Kind::Pair {
-        // Two effects that one covers are not two.
-        let given = scene.setups[..scene.given].iter().zip(&traces);
-        let logs: Vec<Log> = given.map(|(s, trace)| Log { times: &s.times, trace }).collect();
-        let both = compete(&ruler, &known, &logs, false, None, 0)?;
-        let best = both.near.iter().map(|f| f.left).fold(both.gap, f64::min);
-        if (best / both.count as f64).sqrt() < 0.7 {
-            return None;
-        }
     }
     if kind == Kind::Outside {
         // What one effect of the catalogue covers within the noise is not outside it.

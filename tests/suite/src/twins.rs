@@ -184,19 +184,19 @@ pub struct Outcome {
     pub count: usize,
 }
 
-/// Lets all rivals try some clean logs: those of one effect, the truth, or of several (`None`).
+/// Lets all rivals try the clean logs of one effect.
 pub fn compete(
     ruler: &Ruler,
     survey: &Survey,
     logs: &[Log],
     linear: bool,
-    truth: Option<&Effect>,
+    truth: &Effect,
     of: usize,
 ) -> Option<Outcome> {
     let plant = ruler.plant;
     let interval = logs.first().map_or(1.0, |l| l.times[1] - l.times[0]);
     let contest = Contest::new(ruler, logs, linear)?;
-    let mark = truth.and_then(|t| footprint(plant, survey, &t.act, t.state));
+    let mark = footprint(plant, survey, &truth.act, truth.state);
     let mut near = Vec::new();
     for rival in rivals(plant, survey, interval) {
         let there = (rival.at)(rival.usual);

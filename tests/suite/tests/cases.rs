@@ -72,7 +72,7 @@ fn a_wrong_damping_is_also_a_viscous_friction() {
     let ruler = Ruler { plant: &case.plant, noise: &case.noise, scale: &case.survey.spread, reset: 0.0 };
     let setup = &case.runs[0].setup;
     let trace = Machine::new(&case.plant, std::slice::from_ref(&effect), &case.survey.spread, 1e-8).run(setup).unwrap();
-    let outcome = compete(&ruler, &case.survey, &[Log { times: &setup.times, trace: &trace }], false, Some(&effect), 0);
+    let outcome = compete(&ruler, &case.survey, &[Log { times: &setup.times, trace: &trace }], false, &effect, 0);
     let list = accept(&case.plant, &case.survey, &effect, 0, outcome.as_ref());
     // The puck has one damping for two axes: a wrong number would act on both.
     let expected = ["viscous_friction", "linear_stiffness", "coupling", "parameter_error"];
@@ -104,7 +104,7 @@ fn a_probe_that_reads_too_high_is_also_a_wrong_room() {
     let known = survey(&plant, &[calm]);
     let trace = Machine::new(&plant, std::slice::from_ref(&effect), &[10.0], 1e-8).run(&setup).unwrap();
     let ruler = Ruler { plant: &plant, noise: &[0.2], scale: &[10.0], reset: 0.0 };
-    let outcome = compete(&ruler, &known, &[Log { times: &setup.times, trace: &trace }], false, Some(&effect), 0);
+    let outcome = compete(&ruler, &known, &[Log { times: &setup.times, trace: &trace }], false, &effect, 0);
     let list = accept(&plant, &known, &effect, 0, outcome.as_ref());
     for id in ["sensor_bias", "bias", "input_bias"] {
         assert!(list.iter().any(|a| a.effect == id), "{id} is missing");

@@ -1,0 +1,360 @@
+//! The second look at the equations: coefficients by the integrator on the raw measurements, terms dropped, added and
+//! exchanged by evidence.
+//!
+//! At a fit the trajectories are linear in all candidate coefficients to first order, so the search for a better support is
+//! again a sparse regression, with the sensitivities of the trajectories as its columns; what it proposes is then fitted in full.
+//!
+//! Evidence: `sum_c n_c ln(rss_c / n_c) + k (ln n + 2 ln p)`, n values, k of p candidate terms.
+//!
+//! Source: Bock 1983 (fit through the integrator); Chen and Chen 2008, Extended Bayesian information criteria.
+
+use super::equations::Equations;
+use super::track::Track;
+use crate::data::Dataset;
+use crate::error::{Error, Result};
+use crate::model::System;
+use crate::refine::{Experiment, Free, Jacobian, Point, Refine, Window};
+use crate::regress::{Reduced, gains};
+use faer::Mat;
+
+/// Moves that are tried in full each round, the most promising first.
+const TRIALS: usize = 5;
+
+/// Rounds of drop, add and exchange.
+const ROUNDS: usize = 25;
+
+/// Residuals below this share of a column's spread count as none: what is left is the integrator's.
+const FLOOR: f64 = 1e-7;
+
+/// How the search looks at the data.
+pub(super) struct Search<'a> {
+    pub(super) data: &'a Dataset,
+    /// Substeps of the integration between two samples.
+    pub(super) substeps: usize,
+    /// Noise of every state's column (then of given derivatives) to start from.
+    pub(super) noise: Vec<f64>,
+    /// The runs smoothed: rollouts start on them.
+    pub(super) tracks: &'a [Track],
+    /// Typical size of each coefficient (n x p).
+    pub(super) scales: &'a [Vec<f64>],
+}
+
+/// A fitted set of equations.
+#[derive(Debug, Clone)]
+pub(super) struct Trial {
+    pub(super) equations: Equations,
+    /// Standard error of each coefficient (n x p), 0 where a term is out.
+    pub(super) errors: Vec<Vec<f64>>,
+    /// Standard error of each delay that was estimated.
+    pub(super) delay_errors: Vec<f64>,
+    /// Initial state of every window.
+    pub(super) initial: Vec<Vec<f64>>,
+    /// Root mean square residual of each column, in its unit.
+    pub(super) noise: Vec<f64>,
+    /// Evidence, smaller is better.
+    pub(super) score: f64,
+    /// Share of the values that count as independent.
+    pub(super) share: f64,
+    pub(super) converged: bool,
+}
+
+impl Search<'_> {
+    /// The logs cut into windows of about `window` seconds.
+    fn experiment(&self, equations: &Equations, window: f64, noise: &[f64]) -> Result<Experiment> {
+        let system = equations.model(&equations.support(), true).compile()?;
+        let mut experiment = Experiment::new(&system, self.data, Some(noise))?.with_windows_of(window);
+        experiment.substeps = self.substeps;
+        Ok(experiment)
+    }
+
+    /// Fits coefficients, delays and initial states of `equations`; `near` is a fit to start from.
+    pub(super) fn fit(&self, equations: &Equations, window: f64, near: Option<&Trial>) -> Result<Trial> {
+        let mut noise = near.map_or_else(|| self.noise.clone(), |trial| trial.noise.clone());
+        let support = equations.support();
+        let model = equations.model(&support, true);
+        let system = model.compile()?;
+        let mut experiment = self.experiment(equations, window, &noise)?;
+        let starts: Vec<Vec<f64>> = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
+        let mut initial = match near {
+            Some(trial) if trial.initial.len() == starts.len() => trial.initial.clone(),
+            _ => starts,
+        };
+        let free = self.free(equations, &support);
+        let mut parameters = system.parameter_values();
+        let refine = Refine { max_iterations: 25, tolerance: 1e-5 };
+        // Once with the noise assumed, and again where the residuals tell another.
+        for round in 0..3 {
+            let refined = refine.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
+            parameters.clone_from(&refined.parameters);
+            initial.clone_from(&refined.initial);
+            let (squares, counts) = sums(&experiment, &refined.residuals);
+            let spread = &experiment.scale;
+            let found: Vec<f64> = (0..noise.len())
+                .map(|c| {
+                    let freedom =
+                        (counts[c] - (free.len() + initial.len() * spread.len()) as f64 / noise.len() as f64).max(1.0);
+                    (squares[c] / freedom).sqrt().max(FLOOR * spread[experiment.columns[c]])
+                })
+                .collect();
+            let settled = found.iter().zip(&noise).all(|(new, old)| (new / old - 1.0).abs() < 0.15);
+            noise.clone_from(&found);
+            experiment.noise.clone_from(&found);
+            if !(settled || round == 2) {
+                continue;
+            }
+            let share = independent_share(&refined.residuals, noise.len());
+            let n: f64 = counts.iter().sum();
+            let misfit: f64 = (0..noise.len())
+                .map(|c| {
+                    let least = FLOOR * spread[experiment.columns[c]];
+                    counts[c] * (squares[c] / counts[c].max(1.0)).max(least * least).ln()
+                })
+                .sum();
+            let mut fitted = equations.clone();
+            fitted.take(&support, &parameters);
+            let scaled = |k: usize| refined.covariance[k][k].max(0.0).sqrt();
+            let mut errors = vec![vec![0.0; equations.n_terms()]; equations.n_states()];
+            let mut k = 0;
+            for (s, terms) in support.iter().enumerate() {
+                for &j in terms {
+                    errors[s][j] = scaled(k);
+                    k += 1;
+                }
+            }
+            let delay_errors = (k..free.len()).map(scaled).collect();
+            let score = share * misfit + self.penalty(equations, n * share) * equations.n_active() as f64;
+            let converged = refined.converged;
+            return Ok(Trial { equations: fitted, errors, delay_errors, initial, noise, score, share, converged });
+        }
+        Err(Error::NotConverged { what: "refinement".into(), why: "the noise does not settle; give it".into() })
+    }
+
+    /// Smoothed states at the start of a window; 0 for what stands for a logged derivative.
+    fn start(&self, system: &System, window: &Window) -> Vec<f64> {
+        let track = &self.tracks[window.log];
+        let value = |s: usize| if s < track.mean.ncols() { track.mean[(window.first, s)] } else { 0.0 };
+        (0..system.n_states()).map(value).collect()
+    }
+
+    /// Mean squared error, in units of the noise, of rollouts from the smoothed states; infinite where one diverges.
+    pub(super) fn rollout_error(&self, equations: &Equations, window: f64) -> Result<f64> {
+        let system = equations.model(&equations.support(), true).compile()?;
+        let experiment = self.experiment(equations, window, &self.noise)?;
+        let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
+        let point = Point { parameters: system.parameter_values(), initial };
+        match Jacobian::new(&system, &experiment, &point, &[]) {
+            Ok(jacobian) => Ok(jacobian.cost(&point, &[]) / experiment.n_values() as f64),
+            Err(Error::Diverged { .. }) => Ok(f64::INFINITY),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn penalty(&self, equations: &Equations, n: f64) -> f64 {
+        n.max(2.0).ln() + 2.0 * (equations.n_candidates().max(1) as f64).ln()
+    }
+
+    fn free(&self, equations: &Equations, terms: &[Vec<usize>]) -> Vec<Free> {
+        let mut free = Vec::new();
+        for (s, terms) in terms.iter().enumerate() {
+            for &j in terms {
+                let scale = self.scales[s][j].max(equations.coefficients[s][j].abs());
+                let mut one = Free::new(free.len(), scale);
+                match equations.signs[s][j] {
+                    Some(true) => one.lower = 0.0,
+                    Some(false) => one.upper = 0.0,
+                    None => {}
+                }
+                free.push(one);
+            }
+        }
+        for &(_, _, period) in &equations.free_delays() {
+            free.push(Free { lower: 0.0, ..Free::new(free.len(), period) });
+        }
+        free
+    }
+
+    /// Drops, adds and exchanges terms while that lowers the evidence.
+    pub(super) fn improve(&self, start: Trial, window: f64, keep_going: &dyn Fn() -> Result<()>) -> Result<Trial> {
+        let mut best = start;
+        for _ in 0..ROUNDS {
+            keep_going()?;
+            let linear = self.linearise(&best, window)?;
+            let mut found = None;
+            for support in linear.proposals() {
+                let mut equations = best.equations.clone();
+                equations.set_support(&support, &linear.solution(&support));
+                let Ok(trial) = self.fit(&equations, window, Some(&best)) else { continue };
+                if trial.score < best.score - 1e-6 * best.score.abs().max(1.0) {
+                    found = Some(trial);
+                    break;
+                }
+            }
+            match found {
+                Some(trial) => best = trial,
+                None => break,
+            }
+        }
+        Ok(best)
+    }
+
+    /// Trajectories around `trial` as a linear function of every candidate coefficient, initial states projected out.
+    fn linearise(&self, trial: &Trial, window: f64) -> Result<Linear> {
+        let equations = &trial.equations;
+        let all = equations.allowed.clone();
+        let model = equations.model(&all, true);
+        let system = model.compile()?;
+        let experiment = self.experiment(equations, window, &trial.noise)?;
+        let free = self.free(equations, &all);
+        let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
+        let jacobian = Jacobian::new(&system, &experiment, &point, &free)?;
+        let (n, q) = (system.n_states(), free.len());
+        let candidates: Vec<(usize, usize)> =
+            all.iter().enumerate().flat_map(|(s, terms)| terms.iter().map(move |&j| (s, j))).collect();
+        let now: Vec<f64> = candidates.iter().map(|&(s, j)| equations.coefficients[s][j]).collect();
+        let rows: usize = jacobian.blocks.iter().map(|b| b.residual.len()).sum();
+        let mut theta = Mat::zeros(rows, q);
+        let mut target = Vec::with_capacity(rows);
+        let mut top = 0;
+        for block in &jacobian.blocks {
+            let mut derivative = block.derivative.columns(n, q).into_owned();
+            let mut residual = block.residual.clone();
+            for (k, value) in now.iter().enumerate() {
+                residual.axpy(*value, &derivative.column(k), 1.0);
+            }
+            // Columns of initial states that nothing measures are zero and stay out.
+            let seen: Vec<usize> = (0..n).filter(|&j| block.derivative.column(j).norm() > 0.0).collect();
+            if !seen.is_empty() {
+                let basis = block.derivative.select_columns(&seen).qr().q();
+                derivative -= &basis * basis.tr_mul(&derivative);
+                residual -= &basis * basis.tr_mul(&residual);
+            }
+            for k in 0..q {
+                for (i, value) in derivative.column(k).iter().enumerate() {
+                    theta[(top + i, k)] = *value;
+                }
+            }
+            target.extend(residual.iter());
+            top += block.residual.len();
+        }
+        let n_values = experiment.n_values() as f64;
+        Ok(Linear {
+            problem: Reduced::new(theta.as_ref(), &target)?,
+            active: (0..candidates.len()).filter(|&k| now[k] != 0.0).collect(),
+            always: (candidates.len()..q).collect(),
+            candidates,
+            penalty: self.penalty(equations, n_values * trial.share) / trial.share,
+            shape: (equations.n_states(), equations.n_terms()),
+        })
+    }
+}
+
+/// The linearised problem: unit noise, one column a candidate, then the delays.
+struct Linear {
+    problem: Reduced,
+    candidates: Vec<(usize, usize)>,
+    active: Vec<usize>,
+    always: Vec<usize>,
+    /// Fall of the sum of squares that one more term must bring.
+    penalty: f64,
+    shape: (usize, usize),
+}
+
+impl Linear {
+    fn with_always(&self, active: &[usize]) -> Vec<usize> {
+        active.iter().chain(&self.always).copied().collect()
+    }
+
+    /// All single moves from `active` with what they would change in the evidence, best first.
+    fn moves(&self, active: &[usize]) -> Vec<(f64, Vec<usize>)> {
+        let (gain, now) = gains(&self.problem, &self.with_always(active));
+        let mut moves = Vec::new();
+        let open = |j: &usize| !active.contains(j);
+        for j in (0..self.candidates.len()).filter(open) {
+            let mut next = active.to_vec();
+            next.push(j);
+            moves.push((self.penalty - gain[j], next));
+        }
+        for place in 0..active.len() {
+            let mut without = active.to_vec();
+            without.remove(place);
+            let (gain, left) = gains(&self.problem, &self.with_always(&without));
+            moves.push((left - now - self.penalty, without.clone()));
+            let mut order: Vec<usize> = (0..self.candidates.len()).filter(open).collect();
+            order.sort_by(|&x, &y| gain[y].total_cmp(&gain[x]));
+            for j in order.into_iter().take(3) {
+                let mut next = without.clone();
+                next.push(j);
+                moves.push((left - gain[j] - now, next));
+            }
+        }
+        moves.sort_by(|x, y| x.0.total_cmp(&y.0));
+        moves
+    }
+
+    /// Supports worth a full fit: where single moves lead to in the linear problem, then the best single moves.
+    fn proposals(&self) -> Vec<Vec<usize>> {
+        let mut far = self.active.clone();
+        for _ in 0..ROUNDS {
+            match self.moves(&far).into_iter().next() {
+                Some((change, next)) if change < -1e-9 => far = next,
+                _ => break,
+            }
+        }
+        let mut proposals = Vec::new();
+        let mut add = |mut support: Vec<usize>| {
+            support.sort_unstable();
+            if support != self.active && !proposals.contains(&support) {
+                proposals.push(support);
+            }
+        };
+        add(far);
+        // A move that the linear problem holds for slightly worse may still win in full.
+        for (_, next) in self.moves(&self.active).into_iter().take_while(|m| m.0 < 0.5 * self.penalty).take(TRIALS) {
+            add(next);
+        }
+        proposals
+    }
+
+    /// The linear problem's coefficients on `support` (n x p).
+    fn solution(&self, support: &[usize]) -> Vec<Vec<f64>> {
+        let fit = self.problem.refit(&self.with_always(support));
+        let mut coefficients = vec![vec![0.0; self.shape.1]; self.shape.0];
+        for &k in support {
+            let (s, j) = self.candidates[k];
+            // An exact zero would read as a term that is out.
+            coefficients[s][j] = if fit.coefficients[k] == 0.0 { f64::MIN_POSITIVE } else { fit.coefficients[k] };
+        }
+        coefficients
+    }
+}
+
+/// Sum of squares and number of values of each column, in the column's unit.
+fn sums(experiment: &Experiment, residuals: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
+    let columns = experiment.noise.len();
+    let (mut squares, mut counts) = (vec![0.0; columns], vec![0.0; columns]);
+    for window in residuals {
+        for (i, value) in window.iter().enumerate().filter(|(_, v)| v.is_finite()) {
+            let c = i % columns;
+            squares[c] += (value * experiment.noise[c]).powi(2);
+            counts[c] += 1.0;
+        }
+    }
+    (squares, counts)
+}
+
+/// `(1 - rho) / (1 + rho)` with rho the lag-one autocorrelation of the residuals, between 0.02 and 1.
+///
+/// Where the model is not the truth its residuals are slow, and n of them tell less than n.
+fn independent_share(residuals: &[Vec<f64>], columns: usize) -> f64 {
+    let (mut product, mut square) = (0.0, 0.0);
+    for window in residuals {
+        for (now, next) in window.iter().zip(window.iter().skip(columns)) {
+            if now.is_finite() && next.is_finite() {
+                product += now * next;
+                square += 0.5 * (now * now + next * next);
+            }
+        }
+    }
+    let rho = if square > 0.0 { (product / square).clamp(0.0, 0.99) } else { 0.0 };
+    ((1.0 - rho) / (1.0 + rho)).max(0.02)
+}
