@@ -28,7 +28,8 @@ pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
 pub use identify::{Choice, Delay, Identification, Identify, StateReport, Target};
 pub use model::{
-    Control, Dynamics, IdentificationRecord, Input, InputKind, Model, Parameter, SCHEMA as MODEL_SCHEMA, State, System,
+    Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
+    State, System,
 };
 pub use progress::{Progress, Silent};
 pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};

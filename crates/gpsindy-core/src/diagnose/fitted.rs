@@ -85,7 +85,8 @@ impl Fitted {
     /// The same contestant, its fit carried on.
     pub(crate) fn again(self, settings: &Refine) -> Self {
         let start = Some(self.refined.initial.as_slice());
-        let fit = settings.fit_with_jacobian(&self.system, &self.experiment, &self.refined.parameters, &self.free, start);
+        let fit =
+            settings.fit_with_jacobian(&self.system, &self.experiment, &self.refined.parameters, &self.free, start);
         match fit {
             Ok((refined, jacobian)) => {
                 let colours = colours(&refined.residuals, self.experiment.columns.len());

@@ -4,8 +4,10 @@
 //! that `diagnose` writes are the same [`Model`]. [`System`] is a model compiled for evaluation.
 
 mod check;
+mod export;
 mod system;
 
+pub use export::Language;
 pub use system::{Dynamics, Input, InputKind, System};
 
 use crate::error::Result;

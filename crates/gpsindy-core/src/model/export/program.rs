@@ -1,0 +1,407 @@
+//! A model taken apart for a programming language: rates, outputs, and inputs with a history.
+
+use super::super::{InputKind, Model};
+use super::dialect::{identifier, no_equations};
+use crate::error::{Error, Result};
+use crate::expression::{Expression, Function};
+
+/// Names that the generated programs use themselves in one language or another, and keywords of all of them.
+const RESERVED: &[&str] = &[
+    "and",
+    "abstract",
+    "as",
+    "assert",
+    "async",
+    "auto",
+    "await",
+    "become",
+    "begin",
+    "bool",
+    "box",
+    "break",
+    "case",
+    "catch",
+    "char",
+    "class",
+    "const",
+    "continue",
+    "control",
+    "crate",
+    "def",
+    "default",
+    "del",
+    "do",
+    "double",
+    "dx",
+    "dyn",
+    "elif",
+    "else",
+    "elseif",
+    "end",
+    "enum",
+    "except",
+    "export",
+    "extern",
+    "f",
+    "false",
+    "fabs",
+    "final",
+    "finally",
+    "float",
+    "fmax",
+    "fmin",
+    "fn",
+    "for",
+    "from",
+    "function",
+    "global",
+    "goto",
+    "history",
+    "if",
+    "impl",
+    "import",
+    "in",
+    "inline",
+    "int",
+    "is",
+    "lambda",
+    "late",
+    "let",
+    "local",
+    "long",
+    "loop",
+    "macro",
+    "match",
+    "math",
+    "middle",
+    "mod",
+    "module",
+    "move",
+    "mut",
+    "nonlocal",
+    "not",
+    "or",
+    "outputs",
+    "override",
+    "parameters",
+    "pass",
+    "pow",
+    "power",
+    "priv",
+    "pub",
+    "quote",
+    "raise",
+    "rates",
+    "record",
+    "ref",
+    "register",
+    "restrict",
+    "return",
+    "self",
+    "short",
+    "signal",
+    "signed",
+    "simulate",
+    "sizeof",
+    "state",
+    "static",
+    "struct",
+    "super",
+    "switch",
+    "time",
+    "trait",
+    "true",
+    "try",
+    "type",
+    "typedef",
+    "typeof",
+    "union",
+    "unsafe",
+    "unsigned",
+    "unsized",
+    "use",
+    "using",
+    "virtual",
+    "void",
+    "volatile",
+    "where",
+    "while",
+    "with",
+    "yield",
+    "None",
+    "True",
+    "False",
+    "Self",
+    "PARAMETERS",
+    "STATES",
+    "CONTROLS",
+    "INITIAL_STATE",
+    "N_STATES",
+    "N_CONTROLS",
+    "N_HISTORY",
+    "N_LATE",
+    "Record",
+    "algorithm",
+    "connect",
+    "constant",
+    "der",
+    "discrete",
+    "each",
+    "earlier",
+    "encapsulated",
+    "equation",
+    "expandable",
+    "extends",
+    "flow",
+    "half",
+    "impure",
+    "initial",
+    "initial_state",
+    "inner",
+    "input",
+    "last",
+    "operator",
+    "outer",
+    "output",
+    "package",
+    "parameter",
+    "partial",
+    "protected",
+    "public",
+    "pure",
+    "pushed",
+    "redeclare",
+    "replaceable",
+    "stream",
+    "then",
+    "when",
+    "within",
+    "elsewhen",
+    "Real",
+    "sp",
+    "states_list",
+    "controls_list",
+    "parameters_list",
+    "equations",
+    "values",
+    "M_PI_2",
+    "bisect",
+    "record_t",
+    "y",
+    "NULL",
+    "INFINITY",
+    "NAN",
+    "e",
+    "im",
+    "missing",
+    "nothing",
+    "Inf",
+    "NaN",
+    "M_PI",
+];
+
+/// An input with a history: entry `i` of the list is the variable [`history_name`]`(i)`.
+pub(super) struct History {
+    pub(super) kind: InputKind,
+    /// A function of controls, parameters and earlier entries.
+    pub(super) signal: Expression,
+    /// The delay in s or the width of the play.
+    pub(super) amount: Expression,
+    /// The whole as the model writes it.
+    pub(super) text: String,
+}
+
+/// What the programs of all languages are written from.
+pub(super) struct Program<'a> {
+    pub(super) model: &'a Model,
+    pub(super) rates: Vec<Expression>,
+    /// What the columns of a log read, where that is not the states themselves.
+    pub(super) outputs: Option<Vec<Expression>>,
+    pub(super) history: Vec<History>,
+    /// States that outputs read late, and the delay in s.
+    pub(super) late: Vec<(usize, Expression)>,
+}
+
+pub(super) fn history_name(index: usize) -> String {
+    format!("history {index}")
+}
+
+pub(super) fn late_name(index: usize) -> String {
+    format!("late {index}")
+}
+
+/// Index of a variable that [`history_name`] or [`late_name`] made.
+fn index_after(name: &str, prefix: &str) -> Option<usize> {
+    name.strip_prefix(prefix)?.strip_prefix(' ')?.parse().ok()
+}
+
+impl<'a> Program<'a> {
+    pub(super) fn new(model: &'a Model) -> Result<Self> {
+        let mut program = Self { model, rates: Vec::new(), outputs: None, history: Vec::new(), late: Vec::new() };
+        for state in &model.states {
+            let rate = program.extract(&state.equation)?;
+            program.rates.push(rate);
+        }
+        if model.states.iter().any(|s| s.measured.is_some()) {
+            let mut outputs = Vec::new();
+            for state in &model.states {
+                let own = Expression::variable(&state.name);
+                outputs.push(program.extract(state.measured.as_ref().unwrap_or(&own))?);
+            }
+            program.outputs = Some(outputs);
+        }
+        Ok(program)
+    }
+
+    fn extract(&mut self, expression: &Expression) -> Result<Expression> {
+        Ok(match expression {
+            Expression::Number(_) | Expression::Pi | Expression::Time | Expression::Variable(_) => expression.clone(),
+            Expression::Negate(a) => Expression::Negate(self.extract(a)?.into()),
+            Expression::Binary(operator, a, b) => {
+                Expression::Binary(*operator, self.extract(a)?.into(), self.extract(b)?.into())
+            }
+            Expression::Call(Function::Delay, arguments) if self.state(&arguments[0]).is_some() => {
+                let entry = (self.state(&arguments[0]).unwrap_or(0), arguments[1].clone());
+                let index = self.late.iter().position(|e| *e == entry).unwrap_or(self.late.len());
+                if index == self.late.len() {
+                    self.late.push(entry);
+                }
+                Expression::Variable(late_name(index))
+            }
+            Expression::Call(function @ (Function::Delay | Function::Play), arguments) => {
+                self.extract_history(*function, &arguments[0], &arguments[1])?
+            }
+            Expression::Call(function, arguments) => {
+                Expression::Call(*function, arguments.iter().map(|a| self.extract(a)).collect::<Result<_>>()?)
+            }
+            Expression::Simulator(..) => return Err(no_equations()),
+        })
+    }
+
+    fn extract_history(&mut self, function: Function, signal: &Expression, amount: &Expression) -> Result<Expression> {
+        if function == Function::Play {
+            if let Expression::Call(Function::Delay, inner) = signal {
+                // The play of a delayed control is the delayed play: only that needs no samples in between.
+                let played = Expression::Call(Function::Play, vec![inner[0].clone(), amount.clone()]);
+                return self.extract_history(Function::Delay, &played, &inner[1]);
+            }
+            let mut delayed = false;
+            signal.visit(&mut |part| delayed |= matches!(part, Expression::Call(Function::Delay, _)));
+            if delayed {
+                return Err(Error::invalid(format!(
+                    "`play({signal}, {amount})` can't be exported: its signal is delayed in part; delay the play instead"
+                )));
+            }
+        }
+        let text = format!("{}({signal}, {amount})", function.name());
+        if let Some(index) = self.history.iter().position(|h| h.text == text) {
+            return Ok(Expression::Variable(history_name(index)));
+        }
+        let signal = self.extract(signal)?;
+        let kind = if function == Function::Delay { InputKind::Delay } else { InputKind::Play };
+        self.history.push(History { kind, signal, amount: amount.clone(), text });
+        Ok(Expression::Variable(history_name(self.history.len() - 1)))
+    }
+
+    fn state(&self, expression: &Expression) -> Option<usize> {
+        match expression {
+            Expression::Variable(name) => self.model.state_index(name),
+            _ => None,
+        }
+    }
+
+    /// The identifier of a name, or what `history` and `late` make of such a variable.
+    pub(super) fn name(&self, name: &str, history: &dyn Fn(usize) -> String, late: &dyn Fn(usize) -> String) -> String {
+        if let Some(index) = index_after(name, "history") {
+            return history(index);
+        }
+        index_after(name, "late").map_or_else(|| identifier(name, RESERVED), late)
+    }
+
+    /// The identifier of a name of the model.
+    pub(super) fn identifier(&self, name: &str) -> String {
+        identifier(name, RESERVED)
+    }
+
+    /// Indices of the states, controls and parameters that stand in `expressions`.
+    pub(super) fn used(&self, expressions: &[&Expression]) -> [Vec<usize>; 3] {
+        let used = |name: &str| expressions.iter().any(|e| e.contains(name));
+        let model = self.model;
+        [
+            (0..model.states.len()).filter(|&j| used(&model.states[j].name)).collect(),
+            (0..model.controls.len()).filter(|&j| used(&model.controls[j].name)).collect(),
+            (0..model.parameters.len()).filter(|&j| used(&model.parameters[j].name)).collect(),
+        ]
+    }
+
+    /// Lines that bind the names in `expressions`: `bind(list, place, identifier)` with list "state", "control" or "parameters".
+    pub(super) fn bindings(&self, expressions: &[&Expression], bind: &dyn Fn(&str, usize, &str) -> String) -> String {
+        let [states, controls, parameters] = self.used(expressions);
+        let model = self.model;
+        let mut lines = String::new();
+        for j in states {
+            lines += &bind("state", j, &self.identifier(&model.states[j].name));
+        }
+        for j in controls {
+            lines += &bind("control", j, &self.identifier(&model.controls[j].name));
+        }
+        for j in parameters {
+            lines += &bind("parameters", j, &self.identifier(&model.parameters[j].name));
+        }
+        lines
+    }
+
+    /// Whether `function` stands in any expression.
+    pub(super) fn calls(&self, function: Function) -> bool {
+        let mut found = false;
+        let all = self.rates.iter().chain(self.outputs.iter().flatten()).chain(self.history.iter().map(|h| &h.signal));
+        for expression in all.chain(self.history.iter().map(|h| &h.amount)) {
+            expression.visit(&mut |part| found |= matches!(part, Expression::Call(f, _) if *f == function));
+        }
+        found
+    }
+
+    /// Whether there is a play.
+    pub(super) fn plays(&self) -> bool {
+        self.history.iter().any(|h| h.kind == InputKind::Play)
+    }
+
+    /// The initial state, zero where the model says nothing.
+    pub(super) fn initial(&self) -> Vec<f64> {
+        self.model.states.iter().map(|s| self.model.initial.get(&s.name).copied().unwrap_or(0.0)).collect()
+    }
+
+    /// `name [unit]`
+    pub(super) fn labelled(name: &str, unit: &str) -> String {
+        if unit.is_empty() { name.into() } else { format!("{name} [{unit}]") }
+    }
+
+    /// Comment lines, without comment marks, that say what the lists hold.
+    pub(super) fn legend(&self, first: usize) -> Vec<String> {
+        let model = self.model;
+        let name = if model.name.is_empty() { "a model" } else { &model.name };
+        let mut lines = vec![format!("{name}: rates of its states, written by gpsindy.")];
+        let place = |i: usize| i + first;
+        for (i, s) in model.states.iter().enumerate() {
+            lines.push(format!("state[{}]: {}", place(i), Self::labelled(&s.name, &s.unit)));
+        }
+        for (i, c) in model.controls.iter().enumerate() {
+            lines.push(format!("control[{}]: {}", place(i), Self::labelled(&c.name, &c.unit)));
+        }
+        for (i, h) in self.history.iter().enumerate() {
+            let meaning = match h.kind {
+                InputKind::Delay => "as it was that many seconds earlier; before the record its first sample",
+                InputKind::Play => "through a play of that total width, centred at the first sample",
+            };
+            lines.push(format!("history[{}]: {}, {meaning}", place(i), h.text));
+        }
+        for (i, (state, delay)) in self.late.iter().enumerate() {
+            let state = &model.states[*state].name;
+            lines.push(format!("late[{}]: state {state} as it was {delay} s earlier; the caller keeps it", place(i)));
+        }
+        if !self.history.is_empty() {
+            lines.push("Delays and plays are made from a record of samples between which controls are held.".into());
+        }
+        lines
+    }
+}
