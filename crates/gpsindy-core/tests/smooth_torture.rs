@@ -82,7 +82,9 @@ fn series(sort: Sort, random: &mut Random, longest: usize) -> (Vec<f64>, Vec<f64
     let mut time: Vec<f64> = (0..n).map(|i| i as f64).collect();
     match sort {
         Sort::Gaps => time.iter_mut().enumerate().for_each(|(i, t)| *t += if i > n / 2 { 100.0 } else { 0.0 }),
-        Sort::NearDuplicates => time.iter_mut().enumerate().for_each(|(i, t)| *t = (i / 2) as f64 + 1e-7 * (i % 2) as f64),
+        Sort::NearDuplicates => {
+            time.iter_mut().enumerate().for_each(|(i, t)| *t = (i / 2) as f64 + 1e-7 * (i % 2) as f64)
+        }
         Sort::Bursts => time.iter_mut().enumerate().for_each(|(i, t)| *t = *t * 0.01 + 10.0 * (i / 5) as f64),
         _ if random.uniform() < 0.5 => time.iter_mut().for_each(|t| *t += 0.3 * random.uniform()),
         _ => {}

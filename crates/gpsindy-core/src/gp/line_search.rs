@@ -21,14 +21,16 @@ const MAX_TRIALS: usize = 40;
 pub(crate) struct WeakWolfe {
     /// No coordinate moves further than this in one step.
     pub(crate) longest_move: f64,
+    /// A step whose expected decrease is below this is not worth a trial: rounding hides it.
+    pub(crate) negligible: f64,
     direction: Vec<f64>,
     first: f64,
 }
 
 impl WeakWolfe {
-    /// A search whose steps move no coordinate further than `longest_move`.
-    pub(crate) fn new(longest_move: f64) -> Self {
-        Self { longest_move, direction: Vec::new(), first: 1.0 }
+    /// A search whose steps move no coordinate further than `longest_move` and expect at least `negligible`.
+    pub(crate) fn new(longest_move: f64, negligible: f64) -> Self {
+        Self { longest_move, negligible, direction: Vec::new(), first: 1.0 }
     }
 }
 
@@ -84,6 +86,9 @@ where
                     break;
                 }
                 low = step;
+            }
+            if high.is_finite() && -slope * (low + high) < 2.0 * self.negligible {
+                break;
             }
             step = if high.is_finite() { 0.5 * (low + high) } else { (2.0 * step).min(cap) };
         }

@@ -10,8 +10,8 @@ use std::cell::RefCell;
 ///
 /// | setting | default | purpose |
 /// | --- | --- | --- |
-/// | `tolerance_gradient` | 1e-6 | norm of the gradient at which it stops |
-/// | `tolerance_cost` | 1e-10 | change of the cost between iterations at which it stops |
+/// | `tolerance_gradient` | 1e-5 | norm of the gradient at which it stops |
+/// | `tolerance_cost` | 1e-8 | change of the cost between iterations at which it stops |
 /// | `max_iterations` | 100 | of each of the at most five L-BFGS runs |
 /// | `longest_move` | 2 | largest change of a coordinate in one step (a factor e^2 of a hyperparameter) |
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +24,7 @@ pub(crate) struct Optimiser {
 
 impl Default for Optimiser {
     fn default() -> Self {
-        Self { tolerance_gradient: 1e-6, tolerance_cost: 1e-10, max_iterations: 100, longest_move: 2.0 }
+        Self { tolerance_gradient: 1e-5, tolerance_cost: 1e-8, max_iterations: 100, longest_move: 2.0 }
     }
 }
 
@@ -83,7 +83,7 @@ impl Optimiser {
     }
 
     fn descend<F: FnMut(&[f64], &mut [f64]) -> Option<f64>>(&self, objective: &Objective<F>, from: Vec<f64>) -> bool {
-        let solver = LBFGS::new(WeakWolfe::new(self.longest_move), MEMORY)
+        let solver = LBFGS::new(WeakWolfe::new(self.longest_move, 0.01 * self.tolerance_cost), MEMORY)
             .with_tolerance_grad(self.tolerance_gradient)
             .and_then(|s| s.with_tolerance_cost(self.tolerance_cost));
         let Ok(solver) = solver else { return false };

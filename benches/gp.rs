@@ -1,0 +1,66 @@
+//! Likelihood with gradient by each engine: `cargo bench -p gpsindy-core --bench gp`.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use gpsindy_core::gp::{Engine, Evaluation, FitSettings, Kernel, Points, Workspace, fit};
+use std::hint::black_box;
+
+fn points(n: usize) -> Points {
+    let time: Vec<f64> = (0..n).map(|i| 0.1 * i as f64).collect();
+    let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.1 * (37.0 * t * t).sin()).collect();
+    Points::in_time(&time, &values)
+}
+
+/// Squared exponential, amplitude, length and noise of order one, 1 and 0.14.
+fn quadratic_and_cubic(c: &mut Criterion) {
+    let mut group = c.benchmark_group("likelihood and gradient, se");
+    group.sample_size(10);
+    for n in [300, 1000, 3000] {
+        let points = points(n);
+        for engine in [Engine::Dense, Engine::Toeplitz] {
+            let (mut workspace, mut gradient) = (Workspace::default(), [0.0; 3]);
+            group.bench_function(BenchmarkId::new(format!("{engine:?}"), n), |b| {
+                b.iter(|| {
+                    let hyper = black_box([0.0, 0.0, -2.0]);
+                    let evaluation = Evaluation { kernel: &Kernel::SquaredExponential, hyper: &hyper, jitter: 0.0 };
+                    evaluation.likelihood_by(engine, &points, &mut gradient, &mut workspace)
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+/// The throughput is points a second: 1e9 over it are nanoseconds a point.
+fn linear(c: &mut Criterion) {
+    let mut group = c.benchmark_group("likelihood and gradient, state space");
+    group.sample_size(10);
+    for n in [1000usize, 100_000] {
+        group.throughput(Throughput::Elements(n as u64));
+        let points = points(n);
+        for kernel in [Kernel::Matern12, Kernel::Matern32, Kernel::Matern52] {
+            let (mut workspace, mut gradient) = (Workspace::default(), [0.0; 3]);
+            group.bench_function(BenchmarkId::new(kernel.to_string(), n), |b| {
+                b.iter(|| {
+                    let hyper = black_box([0.0, 0.0, -2.0]);
+                    let evaluation = Evaluation { kernel: &kernel, hyper: &hyper, jitter: 0.0 };
+                    evaluation.likelihood_by(Engine::StateSpace, &points, &mut gradient, &mut workspace)
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+fn whole_fit(c: &mut Criterion) {
+    let runs = [points(240)];
+    let mut group = c.benchmark_group("fit, 240 samples");
+    group.sample_size(10);
+    for kernel in [Kernel::SquaredExponential, Kernel::Matern52, Kernel::RationalQuadratic] {
+        let kernels = [kernel];
+        group.bench_function(kernels[0].to_string(), |b| b.iter(|| fit(&kernels, &runs, &FitSettings::default())));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, quadratic_and_cubic, linear, whole_fit);
+criterion_main!(benches);
