@@ -162,7 +162,9 @@ fn complaints(seeds: std::ops::Range<u64>, longest: usize) -> Vec<String> {
 
 #[test]
 fn three_hundred_nasty_series_are_smoothed_or_flagged() {
-    let found = complaints(0..306, 40);
+    let mut found = complaints(0..306, 40);
+    // A handful of points once drew a periodic process far beyond their values.
+    found.extend(complaint(6892, 60));
     assert!(found.is_empty(), "{} complaints: {:#?}", found.len(), &found[..found.len().min(10)]);
 }
 

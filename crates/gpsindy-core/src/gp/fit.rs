@@ -137,6 +137,8 @@ impl Fit {
 
 /// Jitter ladder, relative to the diagonal; tried only where the one before fails.
 const JITTER: [f64; 4] = [0.0, 1e-10, 1e-8, 1e-6];
+/// Fewer points than this are a reason to trust a fit less.
+const FEW_POINTS: usize = 8;
 /// A fit that leaves more than this share of the variance unpredicted ...
 const UNPREDICTED: f64 = 0.25;
 /// ... while it calls less than this share of the leave-one-out error noise, interpolates.
@@ -157,7 +159,7 @@ pub fn fit(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> Resul
     let Some(standard) = standardise(runs, &scale) else {
         return Ok(constant_fit(first, runs, dimension, &scale));
     };
-    let (kernels, replaced) = affordable(kernels, runs, settings);
+    let (kernels, replaced) = affordable(&tellable(kernels, runs, dimension), runs, settings);
     let bounds = Bounds::of(&standard, &scale, settings);
     let mut fits: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, &standard, &bounds, settings)).collect();
     if !fits.iter().flatten().any(|f| f.predicts) {
@@ -199,6 +201,14 @@ fn check(runs: &[Points], settings: &FitSettings) -> Result<usize> {
         return Err(Error::range("noise", "above 0", settings.noise.unwrap_or(f64::NAN)));
     }
     Ok(dimension)
+}
+
+/// The kernels without those that need a period, where there are too few points to tell one.
+fn tellable(kernels: &[Kernel], runs: &[Points], dimension: usize) -> Vec<Kernel> {
+    let plain = |k: &&Kernel| !k.roles(dimension).contains(&Role::Period);
+    let kept: Vec<Kernel> = kernels.iter().filter(plain).cloned().collect();
+    let few = runs.iter().map(Points::len).sum::<usize>() < FEW_POINTS;
+    if few && !kept.is_empty() { kept } else { kernels.to_vec() }
 }
 
 /// The kernels whose cost is bearable, or a Matern kernel of linear cost where none is.
@@ -406,7 +416,7 @@ fn finish(
     kernel.rescale(dimension, &mut hyper, scale.deviation.ln());
     let n: usize = runs.iter().map(Points::len).sum();
     let weak = [
-        (n < 8, Weakness::FewPoints),
+        (n < FEW_POINTS, Weakness::FewPoints),
         (noise > 0.98, Weakness::NoSignal),
         (!best.predicts, Weakness::Interpolates),
         (best.at_bound, Weakness::AtBound),
