@@ -36,9 +36,8 @@ pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
 }
 
 impl Fitted {
-    /// The nominal model with its tolerated parameters and initial states fitted.
-    pub(crate) fn nominal(system: System, experiment: Experiment, settings: &Refine) -> Result<Self> {
-        let free = tolerated(system.model());
+    /// The nominal model with its initial states and the parameters in `free` fitted.
+    pub(crate) fn nominal(system: System, experiment: Experiment, free: Vec<Free>, settings: &Refine) -> Result<Self> {
         let (refined, jacobian) =
             settings.fit_with_jacobian(&system, &experiment, &system.parameter_values(), &free, None)?;
         let colours = colours(&refined.residuals, experiment.columns.len());
@@ -155,16 +154,32 @@ impl Fitted {
         model
     }
 
+    /// How far the logs alone move each tolerated parameter from its nominal value, in standard deviations
+    /// of what the logs tell of it: (index in the model, squared distance).
+    pub(crate) fn moved(&self) -> Vec<(usize, f64)> {
+        self.free
+            .iter()
+            .enumerate()
+            .filter_map(|(place, f)| {
+                let (mean, sd) = f.prior?;
+                let information = 1.0 / self.refined.covariance[place][place] - 1.0 / (sd * sd);
+                let distance = self.refined.parameters[f.parameter] - mean;
+                let squared = distance * distance * information / self.inflation();
+                (information > 0.0 && squared.is_finite()).then_some((f.parameter, squared))
+            })
+            .collect()
+    }
+
+    /// By how much coloured or large residuals carry less than their number.
+    fn inflation(&self) -> f64 {
+        // A slow quantity averages the noise, so the spectrum at zero frequency counts.
+        let spectrum = |c: &Colour| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3);
+        self.colours.iter().map(spectrum).fold(0.0, f64::max).max(self.misfit())
+    }
+
     /// Standard deviation of parameter `index` with the residual's own size and colour; NaN where it is not free.
     pub(crate) fn deviation(&self, index: usize) -> f64 {
         let Some(place) = self.free.iter().position(|f| f.parameter == index) else { return f64::NAN };
-        // Coloured residuals carry less than their number: the spectrum at zero frequency counts.
-        let inflation = self
-            .colours
-            .iter()
-            .map(|c| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3))
-            .fold(0.0, f64::max)
-            .max(self.misfit());
-        (self.refined.covariance[place][place] * inflation).sqrt()
+        (self.refined.covariance[place][place] * self.inflation()).sqrt()
     }
 }

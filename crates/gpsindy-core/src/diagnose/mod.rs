@@ -141,7 +141,8 @@ impl Diagnose {
 
         // Prepare: noise, outliers, hold, windows, integration steps.
         let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;
-        let nominal = Fitted::nominal(system.clone(), experiment, &Refine::default())?;
+        let tolerated = fitted::tolerated(model);
+        let nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
         let scene = Scene::new(system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
 
         // Detect: does any suspect, or any smooth function, explain more than noise would?
@@ -161,9 +162,10 @@ impl Diagnose {
         };
 
         // Verify on held-out logs, localise, and write it down.
-        let closure = verify::closure(&nominal, &outcome.best, holdout, self.confidence, &mut notes)?;
-        let gap = localise::gap(&contest, &nominal, &outcome, &rivals, &free_gains, &detected);
-        weigh::report(self, &contest, &nominal, &outcome, &detected, gap, closure, (train, holdout), notes)
+        let nominal = outcome.nominal.as_ref().unwrap_or(&nominal);
+        let closure = verify::closure(nominal, &outcome.best, holdout, self.confidence, &mut notes)?;
+        let gap = localise::gap(&contest, nominal, &outcome, &rivals, &free_gains, &detected);
+        weigh::report(self, &contest, nominal, &outcome, &detected, gap, closure, (train, holdout), notes)
     }
 
     fn check(&self) -> Result<()> {

@@ -31,7 +31,7 @@ const SHORTLIST: usize = 14;
 pub(crate) const MATERIAL: f64 = 0.04;
 
 /// Evidence (nats beyond BIC) that one more effect must bring.
-const CONVINCING: f64 = 5.0;
+pub(crate) const CONVINCING: f64 = 5.0;
 
 /// All that a contest needs to know.
 pub(crate) struct Contest<'a> {

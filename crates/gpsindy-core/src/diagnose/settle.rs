@@ -3,10 +3,14 @@
 use super::evidence::chi_squared_tail;
 use super::fitted::Fitted;
 use super::rival::Rival;
-use super::search::{Contest, Expansion, Summary, keep_first_of_each, sort_by_score};
+use super::search::{CONVINCING, Contest, Expansion, MATERIAL, Summary, keep_first_of_each, sort_by_score};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Refine};
+use rayon::prelude::*;
+
+/// Contestants at most this many nats behind the best are fitted to the last digit before they are weighed.
+const FINISH: f64 = 30.0;
 
 /// Whether there is a gap.
 #[derive(Debug, Clone)]
@@ -29,6 +33,8 @@ pub(crate) struct Left {
 
 /// What the contest found.
 pub(crate) struct Outcome {
+    /// The nominal model that the winner is compared with, where it is not the first one.
+    pub(crate) nominal: Option<Fitted>,
     pub(crate) best: Fitted,
     /// For every effect of the winner: contestants that differ from the winner in that effect alone, the winner included.
     pub(crate) alternatives: Vec<Vec<Fitted>>,
@@ -42,6 +48,7 @@ pub(crate) struct Outcome {
 impl Outcome {
     pub(crate) fn no_gap(nominal: &Fitted, first: &Expansion) -> Self {
         Self {
+            nominal: None,
             best: nominal.clone(),
             alternatives: Vec::new(),
             singles: first.fits.clone(),
@@ -58,13 +65,8 @@ fn rival_p_value(gains: &[(f64, usize)]) -> f64 {
 }
 
 pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
-    let beliefs: f64 = nominal
-        .free
-        .iter()
-        .filter_map(|f| f.prior.map(|(mean, sd)| ((nominal.refined.parameters[f.parameter] - mean) / sd).powi(2)))
-        .fold(0.0, f64::max);
-    let tolerated = nominal.free.len().max(1) as f64;
-    let strained = (chi_squared_tail(beliefs, 1) * tolerated).min(1.0);
+    let moved = nominal.moved().into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
+    let strained = (chi_squared_tail(moved, 1) * nominal.free.len().max(1) as f64).min(1.0);
     // Three searches, each paid for.
     let p_value = (3.0 * first.p_value().min(rival_p_value(rivals)).min(strained)).min(1.0);
     Detected { gap: p_value <= 1.0 - confidence, p_value }
@@ -81,8 +83,13 @@ pub(crate) fn attribute(
 ) -> Result<Outcome> {
     let singles: Vec<Fitted> = first.fits.clone();
     let rough = contest.run(nominal, first, most)?;
-    let (nominal, mut best) = lengthen(nominal, rough, notes)?;
-    let thorough = Refine { max_iterations: 40, tolerance: 1e-7 };
+    let windows = rough.experiment.windows.clone();
+    let (lengthened, rough) = lengthen(nominal, rough, notes)?;
+    let n_tolerated = lengthened.free.len();
+    let (nominal, mut best) = charge_tolerated(contest, lengthened, rough, notes)?;
+    let unchanged = best.experiment.windows == windows && nominal.free.len() == n_tolerated;
+    let mut known = (best.hypotheses.len() == 1 && unchanged).then(|| singles.clone());
+    let thorough = Refine { max_iterations: 20, tolerance: 1e-6 };
     let mut alternatives: Vec<Vec<Fitted>> = Vec::new();
     // Swap: leave each effect out in turn, and let all others apply for its place.
     let mut swaps = 0;
@@ -116,7 +123,7 @@ pub(crate) fn attribute(
     let last = contest.expand(&best, "what is left")?;
     let gains = contest.rivals(&best, rivals);
     let left = left_over(&best, &last, &gains, rivals);
-    Ok(Outcome { best, alternatives, singles, left, screened: last.screened })
+    Ok(Outcome { nominal: Some(nominal), best, alternatives, singles, left, screened: last.screened })
 }
 
 /// Initial states with every lagging input (states from `known` on) starting at its control.
@@ -137,15 +144,55 @@ pub(crate) fn with_lagging(
     initial
 }
 
-/// The winner without the effect at `place`, fitted again from the nominal model.
-fn without(contest: &Contest<'_>, nominal: &Fitted, best: &Fitted, place: usize) -> Result<Fitted> {
-    let mut fit = nominal.clone();
-    for (i, hypothesis) in best.hypotheses.iter().enumerate().filter(|(i, _)| *i != place) {
+/// Tolerated parameters that the logs move clearly and materially are causes, and must win their place like any other.
+///
+/// Returns the nominal model without their tolerance, and the winner with them as hypotheses.
+fn charge_tolerated(
+    contest: &Contest<'_>,
+    nominal: Fitted,
+    best: Fitted,
+    notes: &mut Vec<String>,
+) -> Result<(Fitted, Fitted)> {
+    let count = best.count().max(2) as f64;
+    let convincing = |squared: f64| {
+        squared > 2.0 * CONVINCING + count.ln() && squared > MATERIAL * count * best.misfit().min(1.0)
+    };
+    let charged: Vec<usize> = best.moved().into_iter().filter(|m| convincing(m.1)).map(|m| m.0).collect();
+    if charged.is_empty() {
+        return Ok((nominal, best));
+    }
+    let free = nominal.free.iter().filter(|f| !charged.contains(&f.parameter)).cloned().collect();
+    let base = Fitted::nominal(nominal.system.clone(), nominal.experiment.clone(), free, &contest.settings)?;
+    let mut fit = base.clone();
+    for &index in &charged {
+        let parameter = &nominal.system.model().parameters[index];
+        let Some(hypothesis) = contest.hypotheses.iter().find(|h| h.id() == "parameter_error" && h.variables[0] == parameter.name) else {
+            return Ok((nominal, best));
+        };
+        let applied = hypothesis.apply(fit.system.model(), &contest.scene)?;
+        fit = fit.with(hypothesis, &applied, &[best.refined.parameters[index]], &contest.settings)?;
+        let name = &parameter.name;
+        notes.push(format!("the logs move parameter `{name}` from its nominal value; it is reported as a cause even where it stays within its tolerance"));
+    }
+    let all: Vec<usize> = (0..best.hypotheses.len()).collect();
+    Ok((base, again_with(contest, fit, &best, &all)?))
+}
+
+/// `fit` with the effects `places` of `best`, fitted from where they stand there.
+fn again_with(contest: &Contest<'_>, mut fit: Fitted, best: &Fitted, places: &[usize]) -> Result<Fitted> {
+    for &i in places {
+        let hypothesis = &best.hypotheses[i];
         let applied = hypothesis.apply(fit.system.model(), &contest.scene)?;
         let values: Vec<f64> = best.added[i].iter().map(|(index, _)| best.refined.parameters[*index]).collect();
         fit = fit.with(hypothesis, &applied, &values, &contest.settings)?;
     }
     Ok(fit)
+}
+
+/// The winner without the effect at `place`, fitted again from the nominal model.
+fn without(contest: &Contest<'_>, nominal: &Fitted, best: &Fitted, place: usize) -> Result<Fitted> {
+    let others: Vec<usize> = (0..best.hypotheses.len()).filter(|i| *i != place).collect();
+    again_with(contest, nominal.clone(), best, &others)
 }
 
 /// Once the model is better, rollouts may be longer: whole runs again where the winner allows it.

@@ -9,8 +9,8 @@ use crate::refine::{Experiment, Refine, Window, guess_initial};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 
-/// Samples from whose fit a held-out rollout starts.
-const START: usize = 40;
+/// Share of a held-out rollout to whose first samples its start is fitted.
+const START: f64 = 0.25;
 
 /// Blocks of a run for the interval, and bootstrap draws.
 const BLOCKS: usize = 8;
@@ -23,13 +23,16 @@ pub(crate) struct Verification {
 }
 
 /// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
-fn rollouts(fitted: &Fitted, experiment: &Experiment) -> Vec<Vec<f64>> {
+fn rollouts(fitted: &Fitted, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
     let own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
     // The start is fitted to the first samples only, with every parameter fixed.
     let starts: Vec<Window> = own
         .windows
         .iter()
-        .map(|w| Window { last: w.last.min(w.first + START.min((w.last - w.first) / 4 + 6)), ..*w })
+        .map(|w| {
+            let samples = (START * (w.last - w.first) as f64) as usize;
+            Window { last: w.last.min(w.first + samples.max(8)), ..*w }
+        })
         .collect();
     let beginning = Experiment { windows: starts, ..own.clone() };
     let guess = super::settle::with_lagging(
@@ -40,9 +43,9 @@ fn rollouts(fitted: &Fitted, experiment: &Experiment) -> Vec<Vec<f64>> {
     );
     let settings = Refine { max_iterations: 15, tolerance: 1e-6 };
     let initial = settings
-        .fit(&fitted.system, &beginning, &fitted.refined.parameters, &[], Some(&guess))
+        .fit(&fitted.system, &beginning, parameters, &[], Some(&guess))
         .map_or(guess, |fit| fit.initial);
-    let scaled = super::screen::outputs(&fitted.system, &own, &fitted.refined.parameters, &initial);
+    let scaled = super::screen::outputs(&fitted.system, &own, parameters, &initial);
     let n_columns = own.columns.len();
     let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();
     scaled.into_iter().map(unscale).collect()
@@ -80,9 +83,10 @@ pub(crate) fn closure(
         experiment = experiment.with_windows_of(length);
         notes.push(format!("held-out rollouts are restarted every {length:.3} s, as in the fit: longer ones magnify any error of the start"));
     }
-    let before = rollouts(nominal, &experiment);
+    // Before: the model exactly as it was handed in, tolerated parameters included.
+    let before = rollouts(nominal, &system.parameter_values(), &experiment);
     let changed = !best.hypotheses.is_empty();
-    let after = if changed { rollouts(best, &experiment) } else { before.clone() };
+    let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
 
     let floor = noise_floor(best, &noise);
     let blocks = blocks(&experiment, &spread, &before, &after);

@@ -179,8 +179,8 @@ fn spread(logs: &[Log], column: usize) -> f64 {
     }
 }
 
-/// Typical sizes: of a logged state its spread; of an unlogged velocity what its position does in a tenth
-/// of the log; of any other state one.
+/// Typical sizes: of a logged state its spread; of an unlogged velocity the slopes of its
+/// position; of any other state one.
 fn state_scales(system: &System, logs: &[Log], columns: &[usize], spreads: &[f64]) -> Vec<f64> {
     let model = system.model();
     (0..model.states.len())
@@ -190,13 +190,20 @@ fn state_scales(system: &System, logs: &[Log], columns: &[usize], spreads: &[f64
             }
             let position = model.integral_of(j).and_then(|i| columns.iter().position(|&c| c == i));
             let Some(c) = position else { return 1.0 };
-            let mut total = 0.0;
-            let mut duration = 0.0;
+            // Over a fortieth of the log, so that noise and encoder steps do not count as motion.
+            let mut sum = 0.0;
+            let mut count = 0.0;
             for log in logs {
-                total += log.measured[c].windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| d.is_finite()).sum::<f64>();
-                duration += log.time[log.time.len() - 1] - log.time[0];
+                let lag = (log.time.len() / 40).max(1);
+                for i in lag..log.time.len() {
+                    let rate = (log.measured[c][i] - log.measured[c][i - lag]) / (log.time[i] - log.time[i - lag]);
+                    if rate.is_finite() {
+                        sum += rate * rate;
+                        count += 1.0;
+                    }
+                }
             }
-            (total / duration.max(f64::MIN_POSITIVE)).max(f64::MIN_POSITIVE)
+            (sum / f64::max(count, 1.0)).sqrt().max(f64::MIN_POSITIVE)
         })
         .collect()
 }
