@@ -42,7 +42,7 @@ pub struct Conditioned {
     inputs: Vec<Vec<f64>>,
     offset: f64,
     scale: f64,
-    engine: State,
+    engine: Prepared,
 }
 
 struct Owned {
@@ -51,7 +51,7 @@ struct Owned {
     hyper: Vec<f64>,
 }
 
-enum State {
+enum Prepared {
     /// No points: the prior.
     Prior,
     Dense {
@@ -59,7 +59,7 @@ enum State {
         weights: Vec<f64>,
     },
     /// The smoother runs at every prediction, over measurements and times asked for together.
-    StateSpace {
+    Smoother {
         points: Points,
         jitter: f64,
     },
@@ -83,9 +83,9 @@ impl Conditioned {
         let standard =
             Points { targets: points.targets.iter().map(|v| (v - offset) / fit.scale).collect(), ..points.clone() };
         let engine = if n == 0 {
-            State::Prior
+            Prepared::Prior
         } else if has_state_space(&fit.kernel) && standard.ordered() {
-            State::StateSpace { points: standard, jitter: fit.jitter }
+            Prepared::Smoother { points: standard, jitter: fit.jitter }
         } else {
             let factor = |jitter: f64| {
                 let evaluation = Evaluation { kernel: &fit.kernel, hyper: &hyper, jitter };
@@ -95,7 +95,7 @@ impl Conditioned {
                 .into_iter()
                 .find_map(factor)
                 .ok_or_else(|| Error::NotPositiveDefinite { what: "covariance".into(), size: n, jitter: 1e-6 })?;
-            State::Dense { lower: workspace.lower().clone(), weights }
+            Prepared::Dense { lower: workspace.lower().clone(), weights }
         };
         let evaluation = Owned { kernel: fit.kernel.clone(), hyper };
         Ok(Self {
@@ -134,11 +134,11 @@ impl Conditioned {
         let size = m * quantities.len();
         let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
         let prior: Vec<f64> = quantities.iter().flat_map(|&q| std::iter::repeat_n(self.prior_variance(q), m)).collect();
-        let dense = !matches!(self.engine, State::StateSpace { .. });
+        let dense = !matches!(self.engine, Prepared::Smoother { .. });
         let mut covariance = (joint && dense).then(|| self.covariance(at, quantities, at, quantities));
         match &self.engine {
-            State::Prior => variance.copy_from_slice(&prior),
-            State::StateSpace { points, jitter } => {
+            Prepared::Prior => variance.copy_from_slice(&prior),
+            Prepared::Smoother { points, jitter } => {
                 let hyper = &self.evaluation.hyper;
                 let law = state_smoother::posterior(kernel, hyper, points, *jitter, &at[0], quantities, joint);
                 (mean, variance, covariance) = law.ok_or_else(|| Error::NotPositiveDefinite {
@@ -147,7 +147,7 @@ impl Conditioned {
                     jitter: *jitter,
                 })?;
             }
-            State::Dense { lower, weights } => {
+            Prepared::Dense { lower, weights } => {
                 // n x size: covariance of the targets with what is asked for.
                 let mut cross = self.covariance(&self.inputs, &[Quantity::Value], at, quantities);
                 for (j, mean) in mean.iter_mut().enumerate() {

@@ -31,7 +31,7 @@ pub(super) fn posterior(
     at: &[f64],
     quantities: &[Quantity],
     joint: bool,
-) -> Option<(Vec<f64>, Vec<f64>, Option<Mat<f64>>)> {
+) -> Option<Law> {
     match kernel {
         Kernel::Matern12 => predict::<1, Half>(hyper, points, jitter, at, quantities, joint),
         Kernel::Matern32 => predict::<2, ThreeHalves>(hyper, points, jitter, at, quantities, joint),
@@ -39,6 +39,9 @@ pub(super) fn posterior(
         _ => None,
     }
 }
+
+/// Means, variances and (where asked for) joint covariance.
+pub(super) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
 
 /// A time, with a measurement (target, noise weight) or without.
 #[derive(Clone, Copy)]
@@ -183,7 +186,7 @@ fn predict<const M: usize, S: Form<M>>(
     at: &[f64],
     quantities: &[Quantity],
     joint: bool,
-) -> Option<(Vec<f64>, Vec<f64>, Option<Mat<f64>>)> {
+) -> Option<Law> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = events(points, at);
     let filtered = forward::<M, S>(&scaled, &events)?;
