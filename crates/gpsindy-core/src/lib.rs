@@ -20,6 +20,7 @@ pub mod regress;
 mod score;
 mod simulate;
 mod smooth;
+pub mod systems;
 mod weak;
 
 pub use data::{Channel, Dataset, Run};

@@ -270,3 +270,38 @@ fn wrong_sizes_and_settings_are_told() {
     let few = Simulate { max_steps: 1, ..Simulate::default() };
     assert!(run(few, &[1.0]).contains("more than 1 steps"));
 }
+
+/// A simulator of the user's own that knows no negative state.
+struct Own;
+
+impl gpsindy_core::Dynamics for Own {
+    fn n_states(&self) -> usize {
+        1
+    }
+
+    fn n_controls(&self) -> usize {
+        0
+    }
+
+    fn derivative(&self, _: f64, x: &[f64], _: &[f64], dx: &mut [f64]) -> gpsindy_core::Result<()> {
+        if x[0] < 0.0 {
+            return Err(Error::Callback("below zero".into()));
+        }
+        dx[0] = -1.0;
+        Ok(())
+    }
+}
+
+#[test]
+fn the_error_of_the_users_own_simulator_is_passed_on() {
+    let call = Expression::Simulator(0, vec![Expression::Time, Expression::variable("x")]);
+    let m = Model { states: vec![State::new("x", call)], ..Model::default() };
+    let system = System::with_simulator(&m, Some(std::sync::Arc::new(Own))).unwrap();
+    let excitation = drive(&system, &grid(21, 0.1), Hold::Zero, |_| 0.0);
+    assert!(
+        (Simulate::default().rollout_range(&system, &excitation, &[1.0], 0..5).unwrap().states[(4, 0)] - 0.6).abs()
+            < 1e-9
+    );
+    let error = Simulate::default().rollout(&system, &excitation, &[1.0]).unwrap_err();
+    assert_eq!(error.to_string(), "below zero");
+}

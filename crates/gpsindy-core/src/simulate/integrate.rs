@@ -314,19 +314,19 @@ impl<'a> Walker<'a> {
     fn check_bound(&self, rates: &Rates<'_>, t: f64, x: &[f64]) -> Result<()> {
         match x.iter().position(|v| v.is_nan() || v.abs() > self.settings.bound) {
             None => Ok(()),
-            Some(state) => Err(diverged(rates, t, state, x[state])),
+            Some(state) => Err(rates.failure().unwrap_or_else(|| diverged(rates, t, state, x[state]))),
         }
     }
 
     fn no_rate(&self, rates: &Rates<'_>, t: f64) -> Error {
         let state = self.slope.iter().position(|f| !f.is_finite()).unwrap_or(0);
-        diverged(rates, t, state, self.slope[state])
+        rates.failure().unwrap_or_else(|| diverged(rates, t, state, self.slope[state]))
     }
 
     fn too_small(&self, rates: &Rates<'_>, t: f64) -> Error {
         let end = if self.march.stiff_from.is_some() { &self.implicit.end } else { &self.explicit.end };
         if let Some(state) = end.iter().position(|v| !v.is_finite() || v.abs() > 1e6) {
-            return diverged(rates, t, state, end[state]);
+            return rates.failure().unwrap_or_else(|| diverged(rates, t, state, end[state]));
         }
         Error::NotConverged {
             what: format!("integration of model `{}`", rates.system.model().name),

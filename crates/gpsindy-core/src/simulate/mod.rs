@@ -114,7 +114,7 @@ impl Simulate {
     ///
     /// # Errors
     /// [`Error::Diverged`] with time, state and value; [`Error::NotConverged`] where steps become too small
-    /// or too many; wrong sizes and settings.
+    /// or too many; [`Error::Callback`] from the user's own simulator; wrong sizes and settings.
     pub fn rollout_range(
         &self,
         system: &System,

@@ -1,6 +1,7 @@
 //! The rates of a system driven by an excitation, as the integrators call them.
 
 use super::excitation::{Excitation, Moment};
+use crate::error::Error;
 use crate::model::System;
 
 /// Evaluates rates and outputs; holds the registers between calls.
@@ -12,6 +13,8 @@ pub(super) struct Rates<'a> {
     signals: Vec<f64>,
     segment: (f64, f64),
     n_behind: usize,
+    /// Time and states at which the user's own simulator last gave no number.
+    failing: Option<(f64, Vec<f64>)>,
 }
 
 impl<'a> Rates<'a> {
@@ -24,7 +27,7 @@ impl<'a> Rates<'a> {
             outputs[first + i] = [value];
         }
         let n_behind = first + system.n_parameters();
-        Self { system, excitation, rates, outputs, signals: Vec::new(), segment: (0.0, 0.0), n_behind }
+        Self { system, excitation, rates, outputs, signals: Vec::new(), segment: (0.0, 0.0), n_behind, failing: None }
     }
 
     /// Goes to the segment from `a` to `b`, s, which no break point divides.
@@ -54,6 +57,9 @@ impl<'a> Rates<'a> {
         for (j, rate) in dx.iter_mut().enumerate() {
             *rate = self.system.rates().output(&self.rates, j)[0];
         }
+        if self.system.simulator().is_some() && dx.iter().any(|f| f.is_nan()) {
+            self.failing = Some((t, x.to_vec()));
+        }
     }
 
     /// What `measured` says at sample time `t`, states `x` and late states `late`.
@@ -76,5 +82,13 @@ impl<'a> Rates<'a> {
     /// Whether the rates depend on time by themselves.
     pub(super) fn read_time(&self) -> bool {
         self.system.rates().reads(self.n_behind)
+    }
+
+    /// The error of the user's own simulator where it last gave no number.
+    pub(super) fn failure(&self) -> Option<Error> {
+        let (simulator, (t, x)) = (self.system.simulator()?, self.failing.as_ref()?);
+        let (n, m) = (simulator.n_states().min(x.len()), simulator.n_controls().min(self.signals.len()));
+        let mut dx = vec![0.0; simulator.n_states()];
+        simulator.derivative(*t, &x[..n], &self.signals[..m], &mut dx).err()
     }
 }
