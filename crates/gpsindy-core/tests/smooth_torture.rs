@@ -1,6 +1,8 @@
 //! Random series of every nasty sort: the smoother never panics, never answers with what is not a
 //! number, and says where its answer is weak.
 
+#![allow(clippy::unwrap_used)]
+
 use faer::Mat;
 use gpsindy_core::gp::{Kernel, Weakness};
 use gpsindy_core::{Channel, Dataset, Run, Silent, Smoother};

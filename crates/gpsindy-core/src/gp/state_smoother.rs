@@ -3,6 +3,8 @@
 //!
 //! Source: Bryson & Frazier 1963; de Jong & Mackinnon 1988, Covariances for smoothed estimates in
 //! state space models.
+// Indices of small matrices read as in the formulas.
+#![allow(clippy::needless_range_loop)]
 
 use super::kernel::Kernel;
 use super::likelihood::LeaveOneOut;

@@ -6,6 +6,8 @@
 //! only the noise ratio `rho = noise^2/s^2` and lambda remain, and their sensitivities run along.
 //! Source: Hartikainen & Sarkka 2010, Kalman filtering and smoothing solutions to temporal
 //! Gaussian process regression models; Sarkka 2013, Bayesian Filtering and Smoothing.
+// Indices of small matrices read as in the formulas.
+#![allow(clippy::needless_range_loop)]
 
 use super::kernel::Kernel;
 use super::points::Points;
