@@ -1,6 +1,6 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, man, score, simulate, smooth};
+use crate::commands::{completions, diagnose, effects, exam, man, score, simulate, smooth};
 use clap::{Args, Parser, Subcommand};
 use gpsindy_files::LogOptions;
 use std::path::PathBuf;
@@ -44,6 +44,9 @@ pub(crate) enum Command {
     Smooth(smooth::Smooth),
     Simulate(simulate::Simulate),
     Score(score::Score),
+    Diagnose(diagnose::Diagnose),
+    Exam(exam::Exam),
+    Effects(effects::Effects),
     Completions(completions::Completions),
     Man(man::Man),
 }

@@ -32,6 +32,22 @@ impl Screen {
         self.json
     }
 
+    /// The same screen without notes.
+    pub(crate) fn quietly(&self) -> Self {
+        Self { quiet: true, ..*self }
+    }
+
+    /// Whether colours can be seen on stdout.
+    pub(crate) fn colour(&self) -> bool {
+        self.colour && std::io::stdout().is_terminal()
+    }
+
+    /// Width of the terminal in characters; 100 where stdout is none.
+    pub(crate) fn width(&self) -> usize {
+        let size = if std::io::stdout().is_terminal() { terminal_size::terminal_size() } else { None };
+        size.map_or(100, |(width, _)| usize::from(width.0).clamp(40, 110))
+    }
+
     /// Writes a result to stdout.
     pub(crate) fn out(&self, text: &str) -> Outcome {
         let mut stdout = std::io::stdout().lock();

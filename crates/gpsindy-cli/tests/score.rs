@@ -58,7 +58,10 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     let folder = Folder::new();
     folder.write("m.toml", DECAY).write("log.csv", &fast()).write("y.csv", "t,y\n0,1\n1,2\n");
     for (arguments, expected) in [
-        ("score m.toml --data y.csv", "state `x` is unknown"),
+        (
+            "score m.toml --data y.csv",
+            "y.csv: no column is a state of the model (x); found: y; name them with --rename",
+        ),
         ("score m.toml --data log.csv --window 0", "`window` must be above 0 s, found 0"),
         ("score m.toml", "the following required arguments were not provided: --data <LOG>..."),
         ("score m.toml --data log.csv none.csv", "none.csv: cannot be read: there is no such file"),

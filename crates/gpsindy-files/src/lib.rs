@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod effects;
 mod error;
 mod header;
 mod log;
@@ -12,6 +13,7 @@ mod model;
 mod output;
 mod table;
 
+pub use effects::{parse_effects, read_effects};
 pub use error::{Error, Result};
 pub use header::Header;
 pub use log::{Log, LogOptions};

@@ -1,6 +1,9 @@
 //! One file a command: its arguments, what it does, what it prints.
 
 pub(crate) mod completions;
+pub(crate) mod diagnose;
+pub(crate) mod effects;
+pub(crate) mod exam;
 pub(crate) mod man;
 pub(crate) mod score;
 pub(crate) mod simulate;
@@ -23,6 +26,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         Command::Smooth(command) => smooth::run(command, screen),
         Command::Simulate(command) => simulate::run(command, screen),
         Command::Score(command) => score::run(command, screen),
+        Command::Diagnose(command) => diagnose::run(command, screen),
+        Command::Exam(command) => exam::run(command, screen),
+        Command::Effects(command) => effects::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
     }
@@ -79,10 +85,26 @@ fn dataset(
     Ok(data)
 }
 
-/// The columns that a model needs: its controls, and those of its states that the logs carry.
+/// The columns that a model reads: its controls, which the logs must carry, and its states, which they may.
+fn columns_of(model: &Model) -> (Vec<String>, Vec<String>) {
+    let controls = model.controls.iter().map(|c| c.name.clone()).collect();
+    (controls, model.states.iter().map(|s| s.name.clone()).collect())
+}
+
+/// The columns of a model, in logs that each carry at least one of its states.
 fn model_dataset(logs: &Logs, model: &Model, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
-    let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
-    let states: Vec<String> = model.states.iter().map(|s| s.name.clone()).collect();
+    let (controls, states) = columns_of(model);
+    for log in logs.files() {
+        if states.iter().all(|state| log.column(state).is_none()) {
+            let found: Vec<&str> = log.columns().map(|h| h.name.as_str()).collect();
+            return Err(Failure::input(format!(
+                "{}: no column is a state of the model ({}); found: {}; name them with --rename",
+                log.file,
+                states.join(", "),
+                found.join(", ")
+            )));
+        }
+    }
     dataset(logs, &controls, &states, columns, screen)
 }
 

@@ -1,7 +1,7 @@
 //! `gpsindy simulate`: a rollout of a model under the controls of a log, as CSV.
 
 use crate::args::{Columns, Output, values};
-use crate::commands::{check_folder_of, deliver, model_dataset};
+use crate::commands::{check_folder_of, columns_of, dataset, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
@@ -78,7 +78,8 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
     let rollouts = match (&command.data, command.period) {
         (Some(log), _) => {
             let logs = Logs::read(std::slice::from_ref(log), &command.columns.options())?;
-            let data = model_dataset(&logs, &model, &command.columns, screen)?;
+            let (controls, states) = columns_of(&model);
+            let data = dataset(&logs, &controls, &states, &command.columns, screen)?;
             let rollout = |run: &Run| {
                 let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
                 let range = samples(run, command.from, command.to)?;

@@ -1,0 +1,159 @@
+//! `gpsindy diagnose`: where a simulator is wrong, why, and how far a correction helps.
+
+use crate::args::Columns;
+use crate::commands::model_dataset;
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use clap::{Args, ValueEnum};
+use gpsindy_core::diagnose::report::Diagnosis;
+use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, hold_out};
+use gpsindy_core::{Dataset, Hold, Model};
+use gpsindy_files::{Logs, model_to_toml, read_effects, read_model, write_whole};
+use std::path::{Path, PathBuf};
+
+/// Diagnose the gap between a simulator and logs of the machine
+///
+/// Writes report.json, report.html (one page, opens offline) and augmented.toml (the simulator with the causes added) into --out, and a
+/// summary to stdout. Held-out logs are never seen by any fit or choice; without --holdout the last quarter of the runs is held out, or of a
+/// single run its last quarter in time.
+#[derive(Debug, Args)]
+#[command(
+    before_help = "Example: gpsindy diagnose simulator.toml run_1.csv run_2.csv --holdout run_3.csv --out diagnosis"
+)]
+pub(crate) struct Diagnose {
+    /// The nominal model (TOML or JSON)
+    model: PathBuf,
+    /// Logs of the machine (CSV)
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Logs to verify on
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    holdout: Vec<PathBuf>,
+    /// Folder of the report; made where it does not exist
+    #[arg(long, short, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    options: Options,
+    #[command(flatten)]
+    columns: Columns,
+}
+
+/// How a diagnosis is made.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Diagnosis")]
+pub(crate) struct Options {
+    /// Only these effects are suspects (ids separated by commas), or, with '!' before each, all but these
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    effects: Vec<String>,
+    /// Effects of your own, a TOML file of [[effect]] entries
+    #[arg(long, value_name = "FILE")]
+    effects_file: Option<PathBuf>,
+    /// Confidence of intervals; a gap counts as detected when its p-value is at most one minus this
+    #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
+    confidence: f64,
+    /// Largest number of effects together, 1 to 6
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    most_effects: usize,
+    /// What a control does between its samples
+    #[arg(long, value_enum, default_value_t = Between::Auto)]
+    hold: Between,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Between {
+    /// Whichever of the two fits the logs better
+    Auto,
+    /// It keeps the value of the last sample
+    Zero,
+    /// It goes in a straight line to the next sample
+    Linear,
+}
+
+impl Options {
+    pub(crate) fn settings(&self) -> Outcome<Settings> {
+        let (without, effects): (Vec<&String>, Vec<&String>) = self.effects.iter().partition(|e| e.starts_with('!'));
+        if !without.is_empty() && !effects.is_empty() {
+            return Err(Failure::input(
+                "--effects: either name the suspects, or with '!' those that are none; not both",
+            ));
+        }
+        let custom = self.effects_file.as_deref().map(read_effects).transpose()?.unwrap_or_default();
+        Ok(Settings {
+            effects: effects.into_iter().cloned().collect(),
+            without: without.into_iter().map(|e| e.trim_start_matches('!').to_string()).collect(),
+            custom,
+            confidence: self.confidence,
+            most_effects: self.most_effects,
+            hold: match self.hold {
+                Between::Auto => None,
+                Between::Zero => Some(Hold::Zero),
+                Between::Linear => Some(Hold::Linear),
+            },
+        })
+    }
+}
+
+pub(crate) fn run(command: &Diagnose, screen: &Screen) -> Outcome {
+    if let Some(folder) = command.out.as_deref().filter(|folder| folder.exists() && !folder.is_dir()) {
+        return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
+    }
+    if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {
+        return Err(Failure::input(format!("{} is both a log to learn from and one of --holdout", twice.display())));
+    }
+    let settings = command.options.settings()?;
+    let model = read_model(&command.model)?;
+    let (train, holdout) = logs(&model, &command.logs, &command.holdout, &command.columns, screen)?;
+    let progress = screen.progress();
+    let diagnosed = settings.run(&model, &train, &holdout, &progress)?;
+    drop(progress);
+    if let Some(folder) = &command.out {
+        write(folder, &diagnosed)?;
+    }
+    if screen.json() {
+        return screen.out(&report_json(&diagnosed.diagnosis)?);
+    }
+    screen.out(&gpsindy_report::summary(&diagnosed.diagnosis, screen.width(), screen.colour()))?;
+    match &command.out {
+        Some(folder) => screen.out(&format!("\nreport: {}\n", folder.join("report.html").display())),
+        None => {
+            screen.note("for the page, the JSON and the corrected model name a folder with --out");
+            Ok(())
+        }
+    }
+}
+
+/// The logs to learn from and those to verify on.
+pub(crate) fn logs(
+    model: &Model,
+    train: &[PathBuf],
+    holdout: &[PathBuf],
+    columns: &Columns,
+    screen: &Screen,
+) -> Outcome<(Dataset, Dataset)> {
+    let train = Logs::read(train, &columns.options())?;
+    let train = model_dataset(&train, model, columns, screen)?;
+    if holdout.is_empty() {
+        return Ok(hold_out(&train)?);
+    }
+    let holdout = Logs::read(holdout, &columns.options())?;
+    Ok((train, model_dataset(&holdout, model, columns, screen)?))
+}
+
+/// Writes the three files of a diagnosis.
+pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed) -> Outcome {
+    // All texts first, so that nothing is written where one of them fails.
+    let html = gpsindy_report::render(&diagnosed.diagnosis);
+    let json = report_json(&diagnosed.diagnosis)?;
+    let augmented = model_to_toml(&diagnosed.augmented)?;
+    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
+    write_whole(&folder.join("report.json"), json.as_bytes())?;
+    write_whole(&folder.join("report.html"), html.as_bytes())?;
+    Ok(write_whole(&folder.join("augmented.toml"), augmented.as_bytes())?)
+}
+
+/// The report without the curves of the page, which are no part of the schema's promise.
+fn report_json(diagnosis: &Diagnosis) -> Outcome<String> {
+    let report = Diagnosis { figures: None, ..diagnosis.clone() };
+    let text = serde_json::to_string_pretty(&report);
+    text.map(|text| text + "\n").map_err(|e| Failure::Work(format!("report.json: {e}")))
+}

@@ -1,0 +1,43 @@
+//! `gpsindy effects`: the catalogue of effects that a diagnosis looks for.
+
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use clap::Args;
+use gpsindy_core::diagnose::Effect;
+use serde_json::json;
+
+/// The catalogue of effects that a diagnosis looks for
+///
+/// With each: the form (added to the right side of the state's equation unless it says otherwise; z is the variable it depends on, u a
+/// control), its parameters, and what it looks like in a log.
+#[derive(Debug, Args)]
+#[command(before_help = "Example: gpsindy effects\n         gpsindy effects coulomb_friction backlash")]
+pub(crate) struct Effects {
+    /// Show these only
+    #[arg(value_name = "ID")]
+    ids: Vec<String>,
+}
+
+pub(crate) fn run(command: &Effects, screen: &Screen) -> Outcome {
+    let mut shown: Vec<Effect> = Vec::new();
+    for id in &command.ids {
+        let unknown = || Failure::input(format!("effect `{id}` is not in the catalogue; `gpsindy effects` lists all"));
+        shown.push(Effect::from_id(id).ok_or_else(unknown)?);
+    }
+    if shown.is_empty() {
+        shown = Effect::ALL.to_vec();
+    }
+    if screen.json() {
+        let list: Vec<_> = shown
+            .iter()
+            .map(|e| json!({"id": e.id(), "form": e.form(), "parameters": e.parameters(), "signature": e.signature()}))
+            .collect();
+        return screen.out(&format!("{}\n", json!(list)));
+    }
+    let mut text = String::new();
+    for effect in shown {
+        text += &format!("{:<22} {}\n", effect.id(), effect.form());
+        text += &format!("{:<22} {}\n{:<22} {}\n\n", "", effect.parameters(), "", effect.signature());
+    }
+    screen.out(&text)
+}

@@ -1,0 +1,119 @@
+//! `gpsindy exam`: diagnoses every case of a suite whose effects are withheld, then reads the answers.
+
+use crate::args::Columns;
+use crate::commands::diagnose::{self, Options};
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use clap::Args;
+use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed};
+use gpsindy_core::{Progress, Silent};
+use gpsindy_files::{read_model, write_whole};
+use gpsindy_report::scorecard::{ScoreCard, Suite};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Examine the diagnosis on a suite of cases with withheld effects
+///
+/// A case is a folder with model.toml, real_*.csv and holdout_*.csv (which may be absent). Every case is diagnosed and written to --out;
+/// only then are the answers read from answers.toml, and the score card is printed.
+#[derive(Debug, Args)]
+#[command(before_help = "Example: gpsindy exam suite --out exam")]
+pub(crate) struct Exam {
+    /// The folder of the suite
+    suite: PathBuf,
+    /// Folder of the diagnoses, one folder a case, and of scorecard.json; made where it does not exist
+    #[arg(long, short, value_name = "DIR", default_value = "exam")]
+    out: PathBuf,
+    /// Diagnose these cases only, separated by commas
+    #[arg(long, value_name = "CASE", value_delimiter = ',')]
+    only: Vec<String>,
+    #[command(flatten)]
+    options: Options,
+    #[command(flatten)]
+    columns: Columns,
+}
+
+pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
+    let mut cases = cases(&command.suite)?;
+    if !command.only.is_empty() {
+        if let Some(unknown) = command.only.iter().find(|id| !cases.contains(id)) {
+            return Err(Failure::input(format!("--only: {} has no case `{unknown}`", command.suite.display())));
+        }
+        cases.retain(|id| command.only.contains(id));
+    }
+    let answers = command.suite.join("answers.toml");
+    if !answers.is_file() {
+        return Err(Failure::input(format!("{}: there is no such file; the score card needs it", answers.display())));
+    }
+    let settings = command.options.settings()?;
+    let progress = screen.progress();
+    let done = AtomicUsize::new(0);
+    let outcomes: Vec<(String, Outcome<Diagnosed>)> = cases
+        .par_iter()
+        .map(|id| {
+            let outcome = case(command, &settings, id, screen);
+            progress.report("diagnose", done.fetch_add(1, Ordering::Relaxed) + 1, cases.len());
+            (id.clone(), outcome)
+        })
+        .collect();
+    drop(progress);
+    let mut diagnoses = BTreeMap::new();
+    for (id, outcome) in outcomes {
+        match outcome {
+            Ok(diagnosed) => drop(diagnoses.insert(id, diagnosed.diagnosis)),
+            Err(failure) => screen.warn(&format!("{id}: no diagnosis: {failure}")),
+        }
+    }
+    // From here on nothing is diagnosed any more: the answers may be read.
+    let text = std::fs::read_to_string(&answers).map_err(|e| Failure::input(format!("{}: {e}", answers.display())))?;
+    let mut suite = Suite::from_toml(&text)?;
+    if !command.only.is_empty() {
+        suite.cases.retain(|case| command.only.contains(&case.id));
+    }
+    let card = ScoreCard::new(&suite, &diagnoses);
+    let json = serde_json::to_string_pretty(&card).map_err(|e| Failure::Work(format!("scorecard.json: {e}")))? + "\n";
+    std::fs::create_dir_all(&command.out).map_err(|e| Failure::Work(format!("{}: {e}", command.out.display())))?;
+    write_whole(&command.out.join("scorecard.json"), json.as_bytes())?;
+    if screen.json() {
+        return screen.out(&json);
+    }
+    screen.out(&card.text())?;
+    screen.out(&format!("\ndiagnoses: {}\n", command.out.display()))
+}
+
+/// Diagnoses one case from its folder alone and writes what came of it.
+fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outcome<Diagnosed> {
+    let folder = command.suite.join(id);
+    let model = read_model(&folder.join("model.toml"))?;
+    let quiet = screen.quietly();
+    let (train, holdout) =
+        diagnose::logs(&model, &files(&folder, "real_")?, &files(&folder, "holdout_")?, &command.columns, &quiet)?;
+    let diagnosed = settings.run(&model, &train, &holdout, &Silent)?;
+    diagnose::write(&command.out.join(id), &diagnosed)?;
+    Ok(diagnosed)
+}
+
+/// Names of the folders that hold a model, sorted.
+fn cases(suite: &Path) -> Outcome<Vec<String>> {
+    let entries = std::fs::read_dir(suite)
+        .map_err(|_| Failure::input(format!("{}: not a folder that can be read", suite.display())))?;
+    let cases = entries.flatten().filter(|e| e.path().join("model.toml").is_file());
+    let mut names: Vec<String> = cases.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    if names.is_empty() {
+        return Err(Failure::input(format!("{}: no case; a case is a folder with a model.toml", suite.display())));
+    }
+    Ok(names)
+}
+
+/// The logs of a case that begin with `start`, in the order of their numbers.
+fn files(folder: &Path, start: &str) -> Outcome<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Failure::input(format!("{}: {e}", folder.display())))?;
+    let named = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(start));
+    let mut files: Vec<PathBuf> =
+        entries.flatten().map(|e| e.path()).filter(|p| named(p) && p.extension().is_some_and(|e| e == "csv")).collect();
+    files.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
+    Ok(files)
+}

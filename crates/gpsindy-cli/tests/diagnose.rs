@@ -1,0 +1,168 @@
+//! `gpsindy diagnose`, `exam` and `effects` as a user runs them.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::Folder;
+
+/// A slider that coasts down; the simulator knows no quadratic drag.
+const SLIDER: &str = "
+schema = \"gpsindy.model/1\"
+name = \"slider\"
+[[state]]
+name = \"v\"
+unit = \"m/s\"
+equation = \"-b*v\"
+[[parameter]]
+name = \"b\"
+value = 0.2
+";
+
+/// `v' = -0.2*v - drag*v^2` from `start`, in closed form, with a small error that no seed is needed for.
+fn coast(start: f64, drag: f64) -> String {
+    let mut text = String::from("t [s],v [m/s],note\n");
+    for i in 0..80 {
+        let t = 0.05 * f64::from(i);
+        let decay = (-0.2 * t).exp();
+        let v = start * decay / (1.0 + start * drag / 0.2 * (1.0 - decay));
+        let error = 0.004 * (f64::from(i * i) * 1.7 + start).sin();
+        text += &format!("{t:.2},{:.5},x\n", v + error);
+    }
+    text
+}
+
+fn lab(drag: f64) -> Folder {
+    let folder = Folder::new();
+    folder.write("slider.toml", SLIDER);
+    for (i, start) in [1.5, 2.5, 3.0, 2.0].into_iter().enumerate() {
+        folder.write(&format!("run_{}.csv", i + 1), &coast(start, drag));
+    }
+    folder
+}
+
+const LOGS: &str = "run_1.csv run_2.csv run_3.csv --holdout run_4.csv";
+const SUSPECTS: &str = "--effects quadratic_drag,coulomb_friction,bias";
+
+#[test]
+fn the_missing_drag_is_found_and_the_corrected_simulator_runs() {
+    let folder = lab(0.3);
+    let ran = folder.run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --out report --quiet")).done();
+    assert!(
+        ran.stdout.starts_with("EXPLAINED  slider") && ran.stdout.ends_with("report: report/report.html\n"),
+        "{}",
+        ran.stdout
+    );
+    assert!(!ran.stdout.contains('\x1b') && ran.stderr.is_empty(), "{ran:?}");
+    let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
+    assert_eq!(report["schema"], "gpsindy.diagnosis/1");
+    assert_eq!(report["verdict"], "explained");
+    assert_eq!(report["causes"][0]["effect"], "quadratic_drag");
+    assert_eq!(report["runs"]["holdout"][0], "run_4.csv");
+    assert!(report.get("figures").is_none());
+    let size = report["causes"][0]["parameters"][0]["value"].as_f64().unwrap();
+    // Noise of 0.4 % of the signal on 240 samples.
+    assert!((size - 0.3).abs() < 0.02, "{size}");
+    assert!(folder.read("report/report.html").starts_with("<!DOCTYPE html>"));
+    let before = folder.run("score slider.toml --data run_4.csv --json").done().stdout;
+    let after = folder.run("score report/augmented.toml --data run_4.csv --json").done().stdout;
+    let error =
+        |json: &str| serde_json::from_str::<serde_json::Value>(json).unwrap()["rollout"]["pooled"].as_f64().unwrap();
+    assert!(error(&after) < 0.1 * error(&before), "{} and {}", error(&after), error(&before));
+}
+
+#[test]
+fn a_perfect_simulator_has_no_gap() {
+    let ran = lab(0.0).run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --json --quiet")).done();
+    let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(report["verdict"], "no_gap", "{}", ran.stdout);
+    assert_eq!(ran.stderr, "");
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let folder = lab(0.3);
+    let one = folder.run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --json --threads 1")).done().stdout;
+    assert_eq!(folder.run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --json --threads 3")).done().stdout, one);
+}
+
+#[test]
+fn effects_of_the_user_s_own_are_suspects_too() {
+    let folder = lab(0.3);
+    folder.write("own.toml", "[[effect]]\nid = \"wake\"\nstate = \"v\"\nform = \"-c*v^2\"\nparameters = [{ name = \"c\", low = 0.0, high = 2.0 }]\n");
+    let ran = folder.run(&format!("diagnose slider.toml {LOGS} --effects wake --effects-file own.toml --json")).done();
+    let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(report["causes"][0]["effect"], "wake", "{}", ran.stdout);
+}
+
+#[test]
+fn every_mistake_is_one_line_and_nothing_is_written() {
+    let folder = lab(0.3);
+    folder.write(
+        "u.toml",
+        &SLIDER.replace("-b*v", "u - b*v").replace("[[parameter]]", "[[control]]\nname = \"u\"\n[[parameter]]"),
+    );
+    folder
+        .write("w.toml", &SLIDER.replace("-b*v", "-b*w"))
+        .write("bomb.toml", &SLIDER.replace("-b*v", "exp(exp(50*v^2))"));
+    folder.write("short.csv", "t,v\n0,1\n").write("x.csv", "t,x\n0,1\n1,1\n").write("own.toml", "[[effect]]\nid = 1\n");
+    let before = folder.names();
+    for (arguments, expected) in [
+        ("slider.toml", "the following required arguments were not provided: <LOG>..."),
+        ("u.toml run_1.csv", "run_1.csv: column `u` is not in the file; found: v, note"),
+        ("w.toml run_1.csv", "w.toml: `-b*w`, at character 4: name `w` is unknown in the equation of state `v`"),
+        ("slider.toml short.csv", "short.csv:2: 1 sample; a run needs at least 2"),
+        ("slider.toml x.csv", "x.csv: no column is a state of the model (v); found: x; name them with --rename"),
+        ("slider.toml run_1.csv --effects nothing", "effect `nothing` is unknown; known: parameter_error, bias"),
+        ("slider.toml run_1.csv --effects bias,!coulomb_friction", "--effects: either name the suspects"),
+        ("slider.toml run_1.csv --effects-file own.toml", "own.toml:2: invalid type: integer `1`, expected a string"),
+        ("slider.toml run_1.csv --confidence 2", "`confidence` must be between 0.5 and 0.999, found 2"),
+        ("slider.toml run_1.csv --holdout run_1.csv", "run_1.csv is both a log to learn from and one of --holdout"),
+        ("slider.toml run_1.csv --holdout nothing.csv", "nothing.csv: cannot be read: there is no such file"),
+    ] {
+        let ran = folder.run(&format!("diagnose {arguments} --out report --quiet"));
+        assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");
+    }
+    let ran = folder.run("diagnose slider.toml run_1.csv --out run_2.csv");
+    assert!(ran.refused().starts_with("--out: run_2.csv is a file; name a folder"), "{ran:?}");
+    let ran = folder.run(&format!("diagnose bomb.toml {LOGS} --out report"));
+    assert!(ran.status != 0 && ran.stderr.lines().filter(|l| l.starts_with("error: ")).count() == 1, "{ran:?}");
+    assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn an_exam_reads_the_answers_last_and_rates_the_diagnoses() {
+    let folder = lab(0.3);
+    for case in ["case_1", "case_2"] {
+        std::fs::create_dir_all(folder.path().join("suite").join(case)).unwrap();
+        folder.write(&format!("suite/{case}/model.toml"), SLIDER);
+        let drag = if case == "case_1" { 0.3 } else { 0.0 };
+        for (name, start) in [("real_1.csv", 1.5), ("real_2.csv", 2.5), ("real_10.csv", 3.0), ("holdout_1.csv", 2.0)] {
+            folder.write(&format!("suite/{case}/{name}"), &coast(start, drag));
+        }
+    }
+    let ran = folder.run(&format!("exam suite {SUSPECTS}"));
+    assert!(ran.refused().starts_with("suite/answers.toml: there is no such file"), "{ran:?}");
+    folder.write(
+        "suite/answers.toml",
+        "[[case]]\nid = \"case_1\"\neffects = [{ effect = \"quadratic_drag\", state = \"v\", variables = [\"v\"] }]\n[[case]]\nid = \"case_2\"\n",
+    );
+    let ran = folder.run(&format!("exam suite {SUSPECTS}")).done();
+    assert!(ran.stdout.starts_with("2 cases: 1 null, 1 with one effect"), "{}", ran.stdout);
+    let card: serde_json::Value = serde_json::from_str(&folder.read("exam/scorecard.json")).unwrap();
+    assert_eq!(card["top_1"]["hits"], 1, "{card}");
+    let report: serde_json::Value = serde_json::from_str(&folder.read("exam/case_1/report.json")).unwrap();
+    assert_eq!(report["runs"]["train"], serde_json::json!(["real_1.csv", "real_2.csv", "real_10.csv"]));
+    let ran = folder.run("exam suite --only case_9");
+    assert!(ran.refused().starts_with("--only: suite has no case `case_9`"), "{ran:?}");
+    assert!(folder.run("exam nowhere").refused().starts_with("nowhere: not a folder that can be read"));
+}
+
+#[test]
+fn the_catalogue_is_listed_for_people_and_programs() {
+    let folder = Folder::new();
+    let text = folder.run("effects").done().stdout;
+    assert!(text.contains("coulomb_friction       -c*sign(z)\n"), "{text}");
+    let list: serde_json::Value = serde_json::from_str(&folder.run("effects --json").done().stdout).unwrap();
+    assert_eq!(list.as_array().unwrap().len(), 25);
+    assert!(folder.run("effects backlash").done().stdout.starts_with("backlash "));
+    assert!(folder.run("effects luck").refused().starts_with("effect `luck` is not in the catalogue"));
+}
