@@ -1,6 +1,6 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, diagnose, effects, exam, man, score, simulate, smooth};
+use crate::commands::{completions, diagnose, effects, exam, export, identify, man, score, simulate, smooth};
 use clap::{Args, Parser, Subcommand};
 use gpsindy_files::LogOptions;
 use std::path::PathBuf;
@@ -41,9 +41,11 @@ pub(crate) struct Global {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Identify(Box<identify::Identify>),
     Smooth(smooth::Smooth),
     Simulate(simulate::Simulate),
     Score(score::Score),
+    Export(export::Export),
     Diagnose(diagnose::Diagnose),
     Exam(exam::Exam),
     Effects(effects::Effects),

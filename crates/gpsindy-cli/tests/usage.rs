@@ -5,7 +5,8 @@ mod common;
 use common::Folder;
 use std::process::{Command, Stdio};
 
-const COMMANDS: &[&str] = &["smooth", "simulate", "score", "diagnose", "exam", "effects", "completions", "man"];
+const COMMANDS: &[&str] =
+    &["identify", "export", "smooth", "simulate", "score", "diagnose", "exam", "effects", "completions", "man"];
 
 #[test]
 fn help_of_every_command_begins_with_an_example() {

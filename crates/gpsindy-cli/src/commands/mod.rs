@@ -4,6 +4,8 @@ pub(crate) mod completions;
 pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod exam;
+pub(crate) mod export;
+pub(crate) mod identify;
 pub(crate) mod man;
 pub(crate) mod score;
 pub(crate) mod simulate;
@@ -29,6 +31,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         Command::Diagnose(command) => diagnose::run(command, screen),
         Command::Exam(command) => exam::run(command, screen),
         Command::Effects(command) => effects::run(command, screen),
+        Command::Identify(command) => identify::run(command, arguments.global.seed, screen),
+        Command::Export(command) => export::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
     }

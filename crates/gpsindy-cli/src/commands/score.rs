@@ -67,7 +67,7 @@ fn kinds(result: &Result) -> [(&'static str, &Errors); 3] {
     [("rollout", &result.rollout), ("windowed", &result.windowed), ("one_step", &result.one_step)]
 }
 
-fn as_json(errors: &Errors) -> serde_json::Value {
+pub(crate) fn as_json(errors: &Errors) -> serde_json::Value {
     let by_state = errors.by_state.iter().map(|s| {
         json!({"state": s.state, "unit": s.unit, "rmse": s.rmse, "normalised": s.normalised, "samples": s.n_samples})
     });

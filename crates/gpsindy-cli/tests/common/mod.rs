@@ -72,8 +72,17 @@ impl Folder {
 
     /// The same with something on stdin.
     pub fn run_with(&self, arguments: &str, stdin: &str) -> Ran {
+        self.start(&split(arguments), stdin)
+    }
+
+    /// The same with arguments that hold quotes.
+    pub fn run_list(&self, arguments: &[&str]) -> Ran {
+        self.start(&arguments.iter().map(ToString::to_string).collect::<Vec<_>>(), "")
+    }
+
+    fn start(&self, arguments: &[String], stdin: &str) -> Ran {
         let mut child = Command::new(env!("CARGO_BIN_EXE_gpsindy"))
-            .args(split(arguments))
+            .args(arguments)
             .current_dir(&self.0)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

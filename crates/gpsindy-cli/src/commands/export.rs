@@ -1,0 +1,36 @@
+//! `gpsindy export`: the equations of a model as source.
+
+use crate::args::Output;
+use crate::commands::{check_folder_of, deliver};
+use crate::failure::Outcome;
+use crate::screen::Screen;
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use gpsindy_core::Language;
+use gpsindy_files::read_model;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// The equations of a model as source
+#[derive(Debug, Args)]
+#[command(before_help = "Example: gpsindy export model.toml --to c --out model.c")]
+pub(crate) struct Export {
+    /// The model (TOML or JSON); `-` is standard input
+    model: PathBuf,
+    /// The language
+    #[arg(long, value_name = "LANGUAGE", value_parser = PossibleValuesParser::new(Language::ALL.map(Language::name)))]
+    to: String,
+    #[command(flatten)]
+    output: Output,
+}
+
+pub(crate) fn run(command: &Export, screen: &Screen) -> Outcome {
+    check_folder_of(command.output.out.as_deref())?;
+    let model = read_model(&command.model)?;
+    let source = model.export(Language::parse(&command.to)?)?;
+    if screen.json() {
+        let result = json!({"model": model.name, "language": command.to, "source": source});
+        return deliver(&command.output, &format!("{result}\n"), screen);
+    }
+    deliver(&command.output, &source, screen)
+}

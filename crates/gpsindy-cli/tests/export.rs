@@ -1,0 +1,46 @@
+//! `gpsindy export` as a user runs it. That the sources agree with our integrator is tested in the core.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::{Folder, data};
+
+#[test]
+fn every_language_shows_the_equations() {
+    let folder = Folder::new();
+    for (language, expected) in [
+        ("latex", "\\dot"),
+        ("sympy", "sp.Symbol"),
+        ("python", "def "),
+        ("c", "#include"),
+        ("rust", "fn "),
+        ("julia", "function"),
+        ("modelica", "der("),
+    ] {
+        let ran = folder.run(&format!("export {} --to {language}", data("pendulum.toml"))).done();
+        assert!(ran.stdout.contains(expected) && ran.stdout.contains("omega"), "{language}:\n{}", ran.stdout);
+        assert_eq!(ran.stderr, "");
+    }
+}
+
+#[test]
+fn a_file_holds_the_same_source() {
+    let folder = Folder::new();
+    let text = folder.run(&format!("export {} --to c", data("pendulum.toml"))).done().stdout;
+    folder.run(&format!("export {} --to c --out pendulum.c", data("pendulum.toml"))).done();
+    assert_eq!(folder.read("pendulum.c"), text);
+}
+
+#[test]
+fn every_mistake_is_one_line_and_nothing_is_written() {
+    let folder = Folder::new();
+    folder.write("m.toml", "[[state]]\nname = \"x\"\nequation = \"foo(x)\"\n");
+    for (arguments, expected) in [
+        ("export m.toml --to fortran", "invalid value 'fortran' for '--to <LANGUAGE>'"),
+        ("export m.toml --to c", "m.toml:3: `foo(x)`, at character 1"),
+        ("export m.toml", "the following required arguments were not provided: --to <LANGUAGE>"),
+    ] {
+        let ran = folder.run(arguments);
+        assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");
+    }
+    assert_eq!(folder.names(), ["m.toml"]);
+}

@@ -1,0 +1,140 @@
+//! `gpsindy identify` as a user runs it.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::{Folder, data};
+
+/// Terms of an equation, in order, of a model written as JSON.
+fn terms(result: &serde_json::Value, state: usize) -> Vec<String> {
+    serde_json::from_value(result["states"][state]["terms"].clone()).unwrap()
+}
+
+#[test]
+fn lotka_volterra_has_its_four_terms_and_no_other() {
+    let folder = Folder::new();
+    for extra in ["", "--derivative x1=dx1 --derivative x2=dx2 --trig --products --degree 2"] {
+        let ran = folder.run(&format!("identify {} --state x1,x2 {extra} --json", data("lotka_volterra.csv"))).done();
+        let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!(terms(&result, 0), ["x1", "x1*x2"], "{extra}");
+        assert_eq!(terms(&result, 1), ["x2", "x1*x2"], "{extra}");
+        assert_eq!(result["model"]["identification"]["terms"][1], "x1");
+    }
+}
+
+#[test]
+fn the_model_goes_to_the_file_and_the_summary_to_the_screen() {
+    let folder = Folder::new();
+    let arguments = format!("identify {} --state hare,lynx --degree 2", data("hare_lynx.csv"));
+    let ran = folder.run(&format!("{arguments} --out m.toml")).done();
+    assert!(ran.stdout.starts_with("equations from 1 run, 21 samples:\n\n  hare' = "), "{}", ran.stdout);
+    assert!(ran.stdout.contains("hare': hare*lynx") && ran.stdout.contains("lynx': hare*lynx"), "{}", ran.stdout);
+    assert!(ran.stdout.ends_with("\nmodel: m.toml\n") && ran.stderr.contains("columns ignored: year\n"), "{ran:?}");
+    // Without --out the same model goes to stdout, so that it can be piped.
+    let piped = folder.run(&arguments).done();
+    assert_eq!(piped.stdout, folder.read("m.toml"));
+    assert!(piped.stderr.contains("equations from 1 run"), "{}", piped.stderr);
+    let rollout = folder.run_with(&format!("simulate - --data {}", data("hare_lynx.csv")), &piped.stdout).done();
+    assert_eq!(rollout.stdout.lines().count(), 22);
+    folder.run(&format!("{arguments} --out m.json --quiet")).done();
+    assert_eq!(
+        folder.run("export m.json --to sympy").done().stdout,
+        folder.run("export m.toml --to sympy").done().stdout
+    );
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let folder = Folder::new();
+    let arguments = format!("identify {} --state x1,x2 --degree 2 --ensemble 20 --seed 3", data("lotka_volterra.csv"));
+    let one = folder.run(&format!("{arguments} --threads 1")).done().stdout;
+    for threads in [2, 5] {
+        assert_eq!(folder.run(&format!("{arguments} --threads {threads}")).done().stdout, one);
+    }
+}
+
+#[test]
+fn what_is_known_beforehand_is_kept() {
+    let folder = Folder::new();
+    let ran = folder.run_list(&[
+        "identify",
+        &data("pendulum.csv"),
+        "--run",
+        "run",
+        "--state",
+        "phi,omega",
+        "--control",
+        "u",
+        "--degree",
+        "1",
+        "--fix",
+        "phi' = omega",
+        "--forbid",
+        "omega:phi",
+        "--forbid",
+        "omega:1",
+        "--term",
+        "sin(phi)",
+        "--term",
+        "sign(omega)",
+        "--sign",
+        "omega:omega=-",
+        "--json",
+    ]);
+    let result: serde_json::Value = serde_json::from_str(&ran.done().stdout).unwrap();
+    assert_eq!(result["model"]["state"][0]["equation"], "omega");
+    assert_eq!(terms(&result, 1), ["omega", "u", "sin(phi)", "sign(omega)"]);
+}
+
+#[test]
+fn every_method_of_the_contract_runs() {
+    let folder = Folder::new();
+    let log = data("lotka_volterra.csv");
+    for options in [
+        "--regressor lasso",
+        "--regressor sqrt-lasso",
+        "--regressor stlsq",
+        "--regressor ssr-coefficient",
+        "--regressor ssr-residual",
+        "--derivative-method gp-time",
+        "--derivative-method difference --smoother none",
+        "--derivative-method weak",
+        "--derivative-method given --derivative x1=dx1 --derivative x2=dx2",
+        "--kernel matern52",
+        "--select bic",
+        "--select rollout",
+        "--lambda 2",
+        "--standardize",
+        "--train-fraction 0.5",
+    ] {
+        let ran = folder.run(&format!("identify {log} --state x1,x2 --degree 2 --no-refine --quiet {options}")).done();
+        assert!(ran.stdout.starts_with("schema = \"gpsindy.model/1\""), "{options}: {ran:?}");
+    }
+}
+
+#[test]
+fn every_mistake_is_one_line_and_nothing_is_written() {
+    let folder = Folder::new();
+    folder.write("log.csv", "t,x,u,word\n0,1,0,a\n1,2,0,b\n2,1,1,c\n3,0,1,d\n4,1,0,e\n5,2,0,f\n");
+    for (arguments, expected) in [
+        ("--state y", "log.csv: column `y` is not in the file; found: x, u, word"),
+        ("--state x --control x", "column `x` has two roles; name it in one option"),
+        ("--state x --derivative y=u", "log.csv: column `y` is not in the file"),
+        ("--state x --term v", "in term `v` the name `v` is unknown; known: x"),
+        ("--state x --fix 'x = u'", "--fix: "),
+        ("--state x --forbid x", "--forbid: "),
+        ("--state x --sign x:u", "--sign: "),
+        ("--state x --degree 12", "`degree` must be from 0 to 9, found 12"),
+        ("--state x --lambda much", "--lambda must be auto or a number, found `much`"),
+        ("--state x --lambda -1", "--lambda must be at least 0, found -1"),
+        ("--state x --control u --delay u=soon", "--delay u=soon: expected auto, auto:SECONDS or a number of seconds"),
+        ("--state x --train-fraction 0", "`train-fraction` must be above 0 and at most 1, found 0"),
+        ("--state word", "log.csv:2: column `word`: not a number: \"a\""),
+        ("--state x --out no/m.toml", "--out: folder no does not exist; create it first"),
+        ("--state x --kernel gauss", "--kernel: "),
+        ("--state x --regressor ridge", "invalid value 'ridge' for '--regressor <REGRESSOR>'"),
+    ] {
+        let ran = folder.run(&format!("identify log.csv {arguments} --quiet"));
+        assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");
+    }
+    assert_eq!(folder.names(), ["log.csv"]);
+}
