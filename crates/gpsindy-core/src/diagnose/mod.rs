@@ -138,6 +138,8 @@ impl Diagnose {
         self.check()?;
         let model = system.model();
         let mut notes = Vec::new();
+        let (train, holdout) =
+            (&prepare::unwrapped(model, train, &mut notes)?, &prepare::unwrapped(model, holdout, &mut Vec::new())?);
 
         // Prepare: noise, outliers, hold, windows, integration steps.
         let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;

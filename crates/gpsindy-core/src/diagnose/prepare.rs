@@ -1,7 +1,8 @@
 //! Noise level of every column, outliers, windows and integration steps, before anything is judged.
 
+use crate::data::Dataset;
 use crate::error::Result;
-use crate::model::System;
+use crate::model::{Model, System};
 use crate::refine::{Experiment, Free, Hold, Log, Refine};
 
 /// A spike this many robust standard deviations above its neighbours is taken out.
@@ -207,10 +208,28 @@ pub(crate) fn choose_hold(system: &System, experiment: &Experiment, parameters: 
     if likelihood(Hold::Linear) > likelihood(Hold::Zero) + 10.0 { Hold::Linear } else { Hold::Zero }
 }
 
+/// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one.
+pub(crate) fn unwrapped(model: &Model, data: &Dataset, notes: &mut Vec<String>) -> Result<Dataset> {
+    use std::f64::consts::{PI, TAU};
+    let mut data = data.clone();
+    for state in model.states.iter().filter(|s| s.unit.is_empty() || s.unit == "rad") {
+        let Ok(column) = data.index_of(&state.name) else { continue };
+        let values = || data.runs().iter().flat_map(|r| r.column(column).iter().copied()).filter(|v| v.is_finite());
+        let within = values().all(|v| v.abs() < 1.02 * PI) || values().all(|v| (-0.02 * PI..1.02 * TAU).contains(&v));
+        let jumps =
+            |r: &crate::data::Run| r.column(column).windows(2).any(|w| ((w[1] - w[0]).abs() - TAU).abs() < 0.2 * PI);
+        if within && data.runs().iter().any(jumps) {
+            data.unwrap_angle(&state.name)?;
+            notes.push(format!("column `{}` jumps by full turns: it was unwrapped", state.name));
+        }
+    }
+    Ok(data)
+}
+
 /// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen; says what it did in `notes`.
 pub(crate) fn experiment(
     system: &System,
-    data: &crate::data::Dataset,
+    data: &Dataset,
     hold: Option<Hold>,
     notes: &mut Vec<String>,
 ) -> Result<Experiment> {
@@ -228,7 +247,8 @@ pub(crate) fn experiment(
     let parameters = system.parameter_values();
     let start = crate::refine::guess_initial(system, &experiment);
     experiment = choose_substeps(system, experiment, &parameters, &start);
-    let (mut experiment, cut) = choose_windows(system, experiment, &parameters, &free)?;
+    let (experiment, cut) = choose_windows(system, experiment, &parameters, &free)?;
+    let mut experiment = thin(experiment, notes);
     experiment.hold = match hold {
         Some(hold) => hold,
         None => choose_hold(system, &experiment, &parameters, &free),
@@ -244,6 +264,29 @@ pub(crate) fn experiment(
         ));
     }
     Ok(experiment)
+}
+
+/// Most samples that a contest looks at; more would not change its answer, only its time.
+const MOST_SAMPLES: usize = 20_000;
+
+/// Keeps evenly spread windows where the logs are longer than a contest needs.
+fn thin(experiment: Experiment, notes: &mut Vec<String>) -> Experiment {
+    let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
+    if total <= MOST_SAMPLES {
+        return experiment;
+    }
+    let seconds: f64 = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).sum();
+    // At least forty stretches, so that every part of the logs is seen.
+    let length = experiment.windows.iter().map(|w| {
+        let time = &experiment.logs[w.log].time;
+        time[w.last] - time[w.first]
+    });
+    let length = length.fold(0.0, f64::max).min(seconds * MOST_SAMPLES as f64 / total as f64 / 40.0 * 2.0);
+    let mut experiment = experiment.with_windows_of(length);
+    let keep_every = total.div_ceil(MOST_SAMPLES);
+    experiment.windows = experiment.windows.into_iter().step_by(keep_every).collect();
+    notes.push(format!("the logs hold {total} samples; the search looked at stretches of {length:.3} s spread over a {keep_every}th of them"));
+    experiment
 }
 
 /// Every state must be logged, be the rate of one that is, or have a start that its equation or `initial` gives.

@@ -61,9 +61,10 @@ pub(crate) struct Expansion {
 }
 
 impl Expansion {
-    /// Chance that pure noise gives as large a gain somewhere in the search (Bonferroni).
-    pub(crate) fn p_value(&self) -> f64 {
-        let best = self.screened.iter().map(|s| chi_squared_tail(s.gain, s.degrees));
+    /// Chance that noise and negligible structure in `count` values give as large a gain somewhere in the search (Bonferroni).
+    pub(crate) fn p_value(&self, count: usize) -> f64 {
+        let allowed = super::settle::NEGLIGIBLE * count as f64;
+        let best = self.screened.iter().map(|s| chi_squared_tail(s.gain - allowed, s.degrees));
         (best.fold(1.0, f64::min) * self.tried as f64).min(1.0)
     }
 }

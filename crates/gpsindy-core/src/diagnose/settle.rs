@@ -58,17 +58,26 @@ impl Outcome {
     }
 }
 
-/// Chance that noise gives as large a gain as the best rival (Bonferroni).
-fn rival_p_value(gains: &[(f64, usize)]) -> f64 {
-    let best = gains.iter().map(|&(gain, degrees)| chi_squared_tail(gain, degrees)).fold(1.0, f64::min);
+/// Structure (mean square, noise units) that no test calls a gap: a fourteenth of the noise's standard deviation.
+///
+/// A coarse integration, a rounded column or a control logged with few digits leave as much, and in a long
+/// log a test of exactly nothing would find them.
+pub(crate) const NEGLIGIBLE: f64 = 0.005;
+
+/// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
+fn rival_p_value(gains: &[(f64, usize)], count: usize) -> f64 {
+    let allowed = NEGLIGIBLE * count as f64;
+    let best = gains.iter().map(|&(gain, degrees)| chi_squared_tail(gain - allowed, degrees)).fold(1.0, f64::min);
     (best * gains.len() as f64).min(1.0)
 }
 
 pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
     let moved = nominal.moved().into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
-    let strained = (chi_squared_tail(moved, 1) * nominal.free.len().max(1) as f64).min(1.0);
+    let strained =
+        (chi_squared_tail(moved - NEGLIGIBLE * nominal.count() as f64, 1) * nominal.free.len().max(1) as f64).min(1.0);
     // Three searches, each paid for.
-    let p_value = (3.0 * first.p_value().min(rival_p_value(rivals)).min(strained)).min(1.0);
+    let p_value =
+        (3.0 * first.p_value(nominal.count()).min(rival_p_value(rivals, nominal.count())).min(strained)).min(1.0);
     Detected { gap: p_value <= 1.0 - confidence, p_value }
 }
 
@@ -154,9 +163,8 @@ fn charge_tolerated(
     notes: &mut Vec<String>,
 ) -> Result<(Fitted, Fitted)> {
     let count = best.count().max(2) as f64;
-    let convincing = |squared: f64| {
-        squared > 2.0 * CONVINCING + count.ln() && squared > MATERIAL * count * best.misfit().min(1.0)
-    };
+    let convincing =
+        |squared: f64| squared > 2.0 * CONVINCING + count.ln() && squared > MATERIAL * count * best.misfit().min(1.0);
     let charged: Vec<usize> = best.moved().into_iter().filter(|m| convincing(m.1)).map(|m| m.0).collect();
     if charged.is_empty() {
         return Ok((nominal, best));
@@ -166,7 +174,9 @@ fn charge_tolerated(
     let mut fit = base.clone();
     for &index in &charged {
         let parameter = &nominal.system.model().parameters[index];
-        let Some(hypothesis) = contest.hypotheses.iter().find(|h| h.id() == "parameter_error" && h.variables[0] == parameter.name) else {
+        let Some(hypothesis) =
+            contest.hypotheses.iter().find(|h| h.id() == "parameter_error" && h.variables[0] == parameter.name)
+        else {
             return Ok((nominal, best));
         };
         let applied = hypothesis.apply(fit.system.model(), &contest.scene)?;
@@ -223,7 +233,7 @@ fn left_over(best: &Fitted, last: &Expansion, gains: &[(f64, usize)], rivals: &[
         .iter()
         .enumerate()
         .max_by(|a, b| (a.1.0 - 2.0 * a.1.1 as f64).total_cmp(&(b.1.0 - 2.0 * b.1.1 as f64)))?;
-    let p_value = (2.0 * rival_p_value(gains).min(last.p_value())).min(1.0);
+    let p_value = (2.0 * rival_p_value(gains, best.count()).min(last.p_value(best.count()))).min(1.0);
     let rival = &rivals[place];
     Some(Left { energy: energy(gain, degrees), p_value, state: rival.state, depends_on: rival.variables.clone() })
 }

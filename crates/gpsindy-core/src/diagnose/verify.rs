@@ -42,9 +42,8 @@ fn rollouts(fitted: &Fitted, parameters: &[f64], experiment: &Experiment) -> Vec
         fitted.nominal_states(),
     );
     let settings = Refine { max_iterations: 15, tolerance: 1e-6 };
-    let initial = settings
-        .fit(&fitted.system, &beginning, parameters, &[], Some(&guess))
-        .map_or(guess, |fit| fit.initial);
+    let initial =
+        settings.fit(&fitted.system, &beginning, parameters, &[], Some(&guess)).map_or(guess, |fit| fit.initial);
     let scaled = super::screen::outputs(&fitted.system, &own, parameters, &initial);
     let n_columns = own.columns.len();
     let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();

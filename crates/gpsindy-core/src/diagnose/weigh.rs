@@ -13,7 +13,7 @@ use super::verify::Verification;
 use super::{Diagnose, Diagnosed};
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expression::Expression;
+use crate::expression::{Expression, Function, Operator};
 use crate::model::Model;
 
 /// Difference in BIC below which two effects count as not told apart.
@@ -173,7 +173,10 @@ fn cause(
     let parameters = fit.added[place]
         .iter()
         .map(|(index, added)| {
-            let value = fit.refined.parameters[*index];
+            let value = match added.symbol.as_str() {
+                "phase" => fit.refined.parameters[*index].rem_euclid(std::f64::consts::TAU),
+                _ => fit.refined.parameters[*index],
+            };
             let deviation = fit.deviation(*index);
             Parameter {
                 name: added.symbol.clone(),
@@ -234,7 +237,32 @@ fn normal_quantile(p: f64) -> f64 {
 
 /// The winner's model for readers: sizes positive, phases within a turn, edges as steps.
 fn tidy(best: &Fitted) -> Model {
-    best.model()
+    let mut model = best.model();
+    for (hypothesis, added) in best.hypotheses.iter().zip(&best.added) {
+        for (index, parameter) in added {
+            let value = &mut model.parameters[*index].value;
+            if parameter.symbol == "phase" {
+                *value = value.rem_euclid(std::f64::consts::TAU);
+            }
+        }
+        if hypothesis.id() == "step_disturbance" {
+            let equation = &mut model.states[hypothesis.state].equation;
+            *equation = equation.map(&with_sharp_edges);
+        }
+    }
+    model
+}
+
+/// The ramp that stood for an edge in the fit, as the edge.
+fn with_sharp_edges(part: Expression) -> Expression {
+    if let Expression::Call(Function::Clamp, arguments) = &part
+        && let Expression::Binary(Operator::Divide, ramp, _) = &arguments[0]
+        && let Expression::Binary(Operator::Subtract, left, _) = &**ramp
+        && **left == Expression::Time
+    {
+        return (**ramp).clone().apply(Function::Step);
+    }
+    part
 }
 
 fn equations(before: &Model, after: &Model) -> Vec<EquationFigure> {
