@@ -63,11 +63,6 @@ impl Equations {
         self.coefficients.iter().map(|c| (0..c.len()).filter(|&j| c[j] != 0.0).collect()).collect()
     }
 
-    /// Number of terms in all equations.
-    pub(super) fn n_active(&self) -> usize {
-        self.coefficients.iter().flatten().filter(|c| **c != 0.0).count()
-    }
-
     /// Number of terms that might stand in an equation.
     pub(super) fn n_candidates(&self) -> usize {
         self.allowed.iter().map(Vec::len).sum()
@@ -82,11 +77,11 @@ impl Equations {
     /// Puts the terms number `support` of all candidates in, with these coefficients (n x p), and all others out.
     pub(super) fn set_support(&mut self, support: &[usize], coefficients: &[Vec<f64>]) {
         let mut number = 0;
-        for s in 0..self.states.len() {
-            self.coefficients[s].fill(0.0);
-            for &j in &self.allowed[s] {
+        for ((own, allowed), values) in self.coefficients.iter_mut().zip(&self.allowed).zip(coefficients) {
+            own.fill(0.0);
+            for &j in allowed {
                 if support.contains(&number) {
-                    self.coefficients[s][j] = coefficients[s][j];
+                    own[j] = values[j];
                 }
                 number += 1;
             }

@@ -11,12 +11,13 @@ mod structure;
 mod track;
 
 use crate::data::Dataset;
-use crate::differentiate::Differentiation;
+use crate::differentiate::{Differentiation, SecondStage};
 use crate::error::{Error, Result};
 use crate::library::{Constraints, LibrarySettings};
 use crate::model::{IdentificationRecord, Model};
 use crate::progress::{Progress, step};
-use crate::regress::{Ensemble, Regressor, Selection, Subset};
+use crate::refine::Hold;
+use crate::regress::{Ensemble, Lasso, Regressor, Selection, Subset};
 use crate::smooth::Smoother;
 use choose::{Chosen, Task};
 use equations::Equations;
@@ -71,6 +72,7 @@ pub enum Choice {
 /// | `ensemble` | 0 | bootstraps for inclusion probabilities |
 /// | `refine` | true | the second look, through the integrator |
 /// | `window` | `None` | length of the rollouts of the refinement, s; `None`: as long as they stay on course |
+/// | `hold` | `None` | what controls do between samples; `None`: held, unless interpolated is the better explanation |
 /// | `seed` | 0 | of the bootstraps |
 #[derive(Debug, Clone)]
 pub struct Identify {
@@ -104,6 +106,8 @@ pub struct Identify {
     pub refine: bool,
     /// Length of its rollouts, s.
     pub window: Option<f64>,
+    /// What controls do between samples; `None` lets the refinement find out, and takes them as held without one.
+    pub hold: Option<Hold>,
     /// Seed of the bootstraps.
     pub seed: u64,
 }
@@ -126,6 +130,7 @@ impl Default for Identify {
             ensemble: 0,
             refine: true,
             window: None,
+            hold: None,
             seed: 0,
         }
     }
@@ -142,6 +147,8 @@ pub struct Identification {
     pub delays: Vec<(String, f64, f64)>,
     /// Length of the rollouts that the refinement ended with, s; NaN without refinement.
     pub window: f64,
+    /// What the controls were taken to do between samples: simulate the model with the same.
+    pub hold: Hold,
     /// What a reader of the result should know.
     pub notes: Vec<String>,
 }
@@ -165,7 +172,26 @@ pub struct StateReport {
     pub kernel: String,
 }
 
+/// What the second look found.
+struct Refinement {
+    trial: Trial,
+    window: f64,
+    hold: Hold,
+}
+
 impl Identify {
+    /// Algorithm 1 as the paper states it, done right: kernels by evidence, derivatives by a second Gaussian process from the
+    /// smoothed states, LASSO to its optimum on scaled columns, refitted, lambda by blocked cross-validation; no second look.
+    pub fn paper() -> Self {
+        Self {
+            target: Target::Derivative(Differentiation::GpState(SecondStage::default())),
+            regressor: Arc::new(Lasso::default()),
+            choice: Choice::Rows(Selection::CrossValidation { one_standard_error: false }),
+            refine: false,
+            ..Self::default()
+        }
+    }
+
     /// Learns the equations of `data`.
     ///
     /// # Errors
@@ -234,7 +260,7 @@ impl Identify {
             let mut best = (f64::INFINITY, chosen.coefficients.clone());
             for candidate in &chosen.path {
                 trial.coefficients[s].clone_from(candidate);
-                let error = plan.search().rollout_error(&trial, window)?;
+                let error = plan.search(self.hold.unwrap_or_default()).rollout_error(&trial, window)?;
                 if error < best.0 {
                     best = (error, candidate.clone());
                 }
@@ -253,20 +279,15 @@ impl Identify {
         equations: &Equations,
         progress: &dyn Progress,
         notes: &mut Vec<String>,
-    ) -> Result<Option<(Trial, f64)>> {
-        let search: Search<'_> = plan.search();
+    ) -> Result<Option<Refinement>> {
         let keep_going = || step(progress, "refine", 0, 1);
         let mut window = self.window.unwrap_or_else(|| plan.shortest_window());
-        let first = match search.fit(equations, window, None) {
-            Ok(trial) => trial,
-            Err(Error::Cancelled) => return Err(Error::Cancelled),
-            Err(error) => {
-                notes.push(format!("no refinement through the integrator: {error}"));
-                return Ok(None);
-            }
+        let Some((mut best, hold)) = self.first_look(plan, equations, window, &keep_going, notes)? else {
+            return Ok(None);
         };
-        let mut best = search.improve(first, window, &keep_going)?;
+        let search: Search<'_> = plan.search(hold);
         if self.window.is_none() {
+            let start = window;
             while window < plan.longest_run() {
                 keep_going()?;
                 let longer = (2.0 * window).min(plan.longest_run());
@@ -276,12 +297,54 @@ impl Identify {
                 }
                 (best, window) = (trial, longer);
             }
-            best = search.improve(best, window, &keep_going)?;
+            if window > start {
+                best = search.improve(best, window, &keep_going)?;
+            }
         }
         if !best.converged {
             notes.push("the refinement stopped before it came to rest".into());
         }
-        Ok(Some((best, window)))
+        Ok(Some(Refinement { trial: best, window, hold }))
+    }
+
+    /// The first fit and its better supports, with held and with interpolated controls where that is open.
+    fn first_look(
+        &self,
+        plan: &Plan,
+        equations: &Equations,
+        window: f64,
+        keep_going: &dyn Fn() -> Result<()>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(Trial, Hold)>> {
+        let holds = match self.hold {
+            Some(hold) => vec![hold],
+            None if equations.controls.is_empty() => vec![Hold::Zero],
+            None => vec![Hold::Zero, Hold::Linear],
+        };
+        let mut best: Option<(Trial, Hold)> = None;
+        let mut failure = None;
+        for hold in holds {
+            let search = plan.search(hold);
+            match search.fit(equations, window, None) {
+                Ok(trial) => {
+                    let trial = search.improve(trial, window, keep_going)?;
+                    // A tie keeps the control held, which is what drives do.
+                    if best.as_ref().is_none_or(|(other, _)| trial.score < other.score - 2.0) {
+                        best = Some((trial, hold));
+                    }
+                }
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Err(error) => failure = Some(error),
+            }
+        }
+        if let (None, Some(error)) = (&best, failure) {
+            notes.push(format!("no refinement through the integrator: {error}"));
+        }
+        if self.hold.is_none() && best.as_ref().is_some_and(|(_, hold)| *hold == Hold::Linear) {
+            notes
+                .push("the controls look interpolated between samples, not held; simulate with `--hold linear`".into());
+        }
+        Ok(best)
     }
 
     /// Inclusion probabilities by block bootstraps of the regression, one row a state.
@@ -309,13 +372,16 @@ impl Identify {
         plan: &Plan,
         equations: &Equations,
         chosen: &[Option<Chosen>],
-        refined: Option<(Trial, f64)>,
+        refined: Option<Refinement>,
         inclusion: Vec<Vec<f64>>,
         notes: Vec<String>,
     ) -> Identification {
         let n = plan.n_states();
+        let hold = refined.as_ref().map_or(self.hold.unwrap_or_default(), |r| r.hold);
         let (equations, errors, noise, delay_errors, window) = match refined {
-            Some((trial, window)) => (trial.equations, trial.errors, trial.noise, trial.delay_errors, window),
+            Some(Refinement { trial, window, .. }) => {
+                (trial.equations, trial.errors, trial.noise, trial.delay_errors, window)
+            }
             None => {
                 let errors =
                     chosen.iter().map(|c| c.as_ref().map_or(vec![0.0; equations.n_terms()], |c| c.errors.clone()));
@@ -351,7 +417,7 @@ impl Identify {
             inclusion_probabilities: inclusion,
             lambda: states.iter().map(|s| if s.level.is_finite() { s.level } else { 0.0 }).collect(),
         });
-        Identification { model, states, delays, window, notes }
+        Identification { model, states, delays, window, hold, notes }
     }
 }
 

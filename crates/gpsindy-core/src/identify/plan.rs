@@ -6,10 +6,11 @@ use super::structure::Search;
 use super::track::Track;
 use super::{Delay, Identify, Target};
 use crate::data::{Channel, Dataset, Run};
-use crate::differentiate::{Derivatives, Differentiation, central};
+use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
 use crate::error::{Error, Result};
 use crate::library::Library;
 use crate::progress::{Progress, step};
+use crate::refine::Hold;
 use crate::regress::{Reduced, Whitening};
 use crate::smooth::{Noise, SmoothedRun, Smoother};
 use faer::Mat;
@@ -68,6 +69,7 @@ impl Plan {
             Some(Differentiation::Given(_)) | None => None,
             Some(method) => {
                 let smoothed = runs.1.as_ref();
+                let method = with_logged(method, &logged, n);
                 Some(method.differentiate(&data, &states, &controls, smoothed, progress)?)
             }
         };
@@ -75,7 +77,9 @@ impl Plan {
             .runs()
             .iter()
             .zip(&runs.0)
-            .map(|(run, smoothed)| Track::new(&data, run, smoothed, &states, &derivatives, &controls))
+            .map(|(run, smoothed)| {
+                Track::new(&data, run, smoothed, &states, &derivatives, &controls, settings.hold.unwrap_or_default())
+            })
             .collect::<Result<Vec<_>>>()?;
         let (scales, pace) = sizes(&tracks, &library)?;
         let period = tracks.iter().map(period).fold(f64::INFINITY, f64::min);
@@ -133,11 +137,12 @@ impl Plan {
         self.tracks.iter().map(|t| t.time[t.n_samples() - 1] - t.time[0]).fold(0.0, f64::max)
     }
 
-    pub(super) fn search(&self) -> Search<'_> {
+    pub(super) fn search(&self, hold: Hold) -> Search<'_> {
         Search {
             data: &self.data,
             // A classical Runge-Kutta step of a twelfth of the pace errs by about 1e-6 of the state.
             substeps: ((12.0 * self.period / self.pace).ceil() as usize).clamp(1, 10),
+            hold,
             noise: self.noise.clone(),
             tracks: &self.tracks,
             scales: &self.scales,
@@ -162,19 +167,19 @@ impl Plan {
                 Some(self.library.evaluate(track.samples(&delays).as_ref(), &track.time)?)
             };
             let mut column = n;
-            for s in 0..n {
+            for (s, builder) in builders.iter_mut().enumerate() {
                 let given = equations.derivative_given[s];
                 if equations.fixed[s].is_none() {
                     for &part in &parts {
                         if let Some(sums) = &sums {
-                            builders[s].weak(track.raw.col_as_slice(s), sums, part, self.noise[s]);
+                            builder.weak(track.raw.col_as_slice(s), sums, part, self.noise[s]);
                         }
                         if let (true, true, Some(terms)) = (given, logged, &terms) {
-                            builders[s].derivative(track.given.col_as_slice(s), terms, part, self.noise[column]);
+                            builder.derivative(track.given.col_as_slice(s), terms, part, self.noise[column]);
                         }
                     }
                     if let (Some(derived), Some(terms)) = (&self.derivatives, &terms) {
-                        pointwise(&mut builders[s], derived, (index, s), terms, &parts)?;
+                        pointwise(builder, derived, (index, s), terms, &parts)?;
                     }
                 }
                 column += usize::from(given);
@@ -238,6 +243,16 @@ impl Plan {
             sum += kept.len() as f64 * problem.refit(&all).residual.max(f64::MIN_POSITIVE).ln();
         }
         Ok(sum)
+    }
+}
+
+/// The method, with logged derivatives as the targets of a second stage where every state has one.
+fn with_logged(method: &Differentiation, logged: &[usize], n_states: usize) -> Differentiation {
+    let given = (logged.len() == n_states).then(|| logged.to_vec());
+    match method {
+        Differentiation::GpState(stage) => Differentiation::GpState(SecondStage { given, ..stage.clone() }),
+        Differentiation::GpControl(stage) => Differentiation::GpControl(SecondStage { given, ..stage.clone() }),
+        other => other.clone(),
     }
 }
 
@@ -430,8 +445,8 @@ fn sizes(tracks: &[Track], library: &Library) -> Result<(Vec<Vec<f64>>, f64)> {
         let theta = library.evaluate(track.samples(&vec![0.0; m]).as_ref(), &track.time)?;
         for i in 0..track.n_samples() {
             (0..p).for_each(|j| terms[j] += theta[(i, j)].powi(2));
-            for s in 0..n {
-                rates[s] += track.slope[(i, s)].powi(2);
+            for (s, rate) in rates.iter_mut().enumerate() {
+                *rate += track.slope[(i, s)].powi(2);
                 moments[s].0 += track.mean[(i, s)];
                 moments[s].1 += track.mean[(i, s)].powi(2);
             }

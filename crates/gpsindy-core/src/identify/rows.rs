@@ -134,6 +134,7 @@ mod tests {
             slope: column(&|t| -0.5 * x(t) + u(t)),
             given: column(&|_| f64::NAN),
             controls: column(&u),
+            hold: crate::refine::Hold::Zero,
             time: time.clone(),
         }
     }

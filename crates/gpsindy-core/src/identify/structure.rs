@@ -4,7 +4,8 @@
 //! At a fit the trajectories are linear in all candidate coefficients to first order, so the search for a better support is
 //! again a sparse regression, with the sensitivities of the trajectories as its columns; what it proposes is then fitted in full.
 //!
-//! Evidence: `sum_c n_c ln(rss_c / n_c) + k (ln n + 2 ln p)`, n values, k of p candidate terms.
+//! Evidence: `sum_c n_c ln(rss_c / n_c) + sum_j (ln n + 2 ln p + 2 (s_j - 1))`, n values, p candidate terms, s_j what is in term
+//! j ([`crate::library::Term::complexity`]): of two terms that the logs can't tell apart the plainer one stays.
 //!
 //! Source: Bock 1983 (fit through the integrator); Chen and Chen 2008, Extended Bayesian information criteria.
 
@@ -13,12 +14,15 @@ use super::track::Track;
 use crate::data::Dataset;
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::{Experiment, Free, Jacobian, Point, Refine, Window};
-use crate::regress::{Reduced, gains};
+use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Refine, Window};
+use crate::regress::{Gains, Reduced};
 use faer::Mat;
 
 /// Moves that are tried in full each round, the most promising first.
 const TRIALS: usize = 5;
+
+/// Exchanges of one term that are weighed, the most promising first.
+const EXCHANGES: usize = 4;
 
 /// Rounds of drop, add and exchange.
 const ROUNDS: usize = 25;
@@ -31,6 +35,8 @@ pub(super) struct Search<'a> {
     pub(super) data: &'a Dataset,
     /// Substeps of the integration between two samples.
     pub(super) substeps: usize,
+    /// What controls do between samples.
+    pub(super) hold: Hold,
     /// Noise of every state's column (then of given derivatives) to start from.
     pub(super) noise: Vec<f64>,
     /// The runs smoothed: rollouts start on them.
@@ -64,6 +70,7 @@ impl Search<'_> {
         let system = equations.model(&equations.support(), true).compile()?;
         let mut experiment = Experiment::new(&system, self.data, Some(noise))?.with_windows_of(window);
         experiment.substeps = self.substeps;
+        experiment.hold = self.hold;
         Ok(experiment)
     }
 
@@ -122,7 +129,8 @@ impl Search<'_> {
                 }
             }
             let delay_errors = (k..free.len()).map(scaled).collect();
-            let score = share * misfit + self.penalty(equations, n * share) * equations.n_active() as f64;
+            let price: f64 = support.iter().flatten().map(|&j| self.price(equations, j, n * share)).sum();
+            let score = share * misfit + price;
             let converged = refined.converged;
             return Ok(Trial { equations: fitted, errors, delay_errors, initial, noise, score, share, converged });
         }
@@ -149,8 +157,10 @@ impl Search<'_> {
         }
     }
 
-    fn penalty(&self, equations: &Equations, n: f64) -> f64 {
-        n.max(2.0).ln() + 2.0 * (equations.n_candidates().max(1) as f64).ln()
+    /// What term `j` must bring, in evidence.
+    fn price(&self, equations: &Equations, j: usize, n: f64) -> f64 {
+        let complexity = equations.library.terms()[j].complexity() as f64;
+        n.max(2.0).ln() + 2.0 * (equations.n_candidates().max(1) as f64).ln() + 2.0 * (complexity - 1.0)
     }
 
     fn free(&self, equations: &Equations, terms: &[Vec<usize>]) -> Vec<Free> {
@@ -237,12 +247,17 @@ impl Search<'_> {
             top += block.residual.len();
         }
         let n_values = experiment.n_values() as f64;
+        let problem = Reduced::new(theta.as_ref(), &target)?;
         Ok(Linear {
-            problem: Reduced::new(theta.as_ref(), &target)?,
+            gains: Gains::new(&problem),
+            problem,
             active: (0..candidates.len()).filter(|&k| now[k] != 0.0).collect(),
             always: (candidates.len()..q).collect(),
+            prices: candidates
+                .iter()
+                .map(|&(_, j)| self.price(equations, j, n_values * trial.share) / trial.share)
+                .collect(),
             candidates,
-            penalty: self.penalty(equations, n_values * trial.share) / trial.share,
             shape: (equations.n_states(), equations.n_terms()),
         })
     }
@@ -251,11 +266,12 @@ impl Search<'_> {
 /// The linearised problem: unit noise, one column a candidate, then the delays.
 struct Linear {
     problem: Reduced,
+    gains: Gains,
     candidates: Vec<(usize, usize)>,
     active: Vec<usize>,
     always: Vec<usize>,
-    /// Fall of the sum of squares that one more term must bring.
-    penalty: f64,
+    /// Fall of the sum of squares that each candidate must bring.
+    prices: Vec<f64>,
     shape: (usize, usize),
 }
 
@@ -266,29 +282,35 @@ impl Linear {
 
     /// All single moves from `active` with what they would change in the evidence, best first.
     fn moves(&self, active: &[usize]) -> Vec<(f64, Vec<usize>)> {
-        let (gain, now) = gains(&self.problem, &self.with_always(active));
+        let (gain, now) = self.gains.beside(&self.with_always(active));
         let mut moves = Vec::new();
         let open = |j: &usize| !active.contains(j);
         for j in (0..self.candidates.len()).filter(open) {
             let mut next = active.to_vec();
             next.push(j);
-            moves.push((self.penalty - gain[j], next));
+            moves.push((self.prices[j] - gain[j], next));
         }
         for place in 0..active.len() {
             let mut without = active.to_vec();
             without.remove(place);
-            let (gain, left) = gains(&self.problem, &self.with_always(&without));
-            moves.push((left - now - self.penalty, without.clone()));
+            let (gain, left) = self.gains.beside(&self.with_always(&without));
+            let saved = left - now - self.prices[active[place]];
+            moves.push((saved, without.clone()));
             let mut order: Vec<usize> = (0..self.candidates.len()).filter(open).collect();
-            order.sort_by(|&x, &y| gain[y].total_cmp(&gain[x]));
-            for j in order.into_iter().take(3) {
+            let cost = |j: usize| self.prices[j] - gain[j];
+            order.sort_by(|&x, &y| cost(x).total_cmp(&cost(y)));
+            for j in order.into_iter().take(EXCHANGES) {
                 let mut next = without.clone();
                 next.push(j);
-                moves.push((left - gain[j] - now, next));
+                moves.push((saved + cost(j), next));
             }
         }
         moves.sort_by(|x, y| x.0.total_cmp(&y.0));
         moves
+    }
+
+    fn least_price(&self) -> f64 {
+        self.prices.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Supports worth a full fit: where single moves lead to in the linear problem, then the best single moves.
@@ -309,7 +331,9 @@ impl Linear {
         };
         add(far);
         // A move that the linear problem holds for slightly worse may still win in full.
-        for (_, next) in self.moves(&self.active).into_iter().take_while(|m| m.0 < 0.5 * self.penalty).take(TRIALS) {
+        for (_, next) in
+            self.moves(&self.active).into_iter().take_while(|m| m.0 < 0.5 * self.least_price()).take(TRIALS)
+        {
             add(next);
         }
         proposals

@@ -5,7 +5,6 @@ use crate::data::{Channel, Run};
 use crate::gp::Kernel;
 use crate::library::{Fixed, Forbidden, Signed};
 use crate::progress::Silent;
-use crate::regress::Lasso;
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
@@ -130,6 +129,20 @@ fn without_refinement_and_smoother_the_regression_alone_answers() {
             assert!(record.coefficients[s][product] != 0.0);
             assert!(record.inclusion_probabilities[s][product] > 0.5, "{:?}", record.inclusion_probabilities);
         }
+    }
+}
+
+#[test]
+fn the_papers_own_way_finds_the_terms_among_few() {
+    let mut identify = Identify {
+        states: vec!["x1".into(), "x2".into()],
+        library: LibrarySettings { degree: 2, ..LibrarySettings::default() },
+        ..Identify::paper()
+    };
+    identify.smoother = settings(&[], &[]).smoother;
+    let found = identify.fit(&lotka_volterra(7), &Silent).unwrap();
+    for (s, wanted) in [["x1", "x1*x2"], ["x2", "x1*x2"]].iter().enumerate() {
+        assert!(wanted.iter().all(|t| found.states[s].terms.contains(&t.to_string())), "{:?}", found.states[s].terms);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
+use crate::refine::Hold;
 use crate::smooth::SmoothedRun;
 use faer::Mat;
 
@@ -20,6 +21,8 @@ pub(super) struct Track {
     pub(super) given: Mat<f64>,
     /// (r x m), the controls; a missing value holds the last known one.
     pub(super) controls: Mat<f64>,
+    /// What the controls do between samples.
+    pub(super) hold: Hold,
 }
 
 impl Track {
@@ -31,6 +34,7 @@ impl Track {
         states: &[usize],
         derivatives: &[Option<usize>],
         controls: &[usize],
+        hold: Hold,
     ) -> Result<Self> {
         let r = run.n_samples();
         let given = |i: usize, j: usize| derivatives[j].map_or(f64::NAN, |c| run.values[(i, c)]);
@@ -57,6 +61,7 @@ impl Track {
             slope: smoothed.derivative.clone(),
             given: Mat::from_fn(r, states.len(), given),
             controls: held,
+            hold,
         })
     }
 
@@ -83,9 +88,21 @@ impl Track {
         sum / (to - from)
     }
 
+    /// Control `control` at time `t` (s), `delay` seconds late, interpolated.
+    fn control_between(&self, control: usize, delay: f64, t: f64) -> f64 {
+        let values = self.controls.col_as_slice(control);
+        let t = t - delay;
+        let after = self.time.partition_point(|&other| other <= t);
+        if after == 0 || after == values.len() {
+            return values[after.saturating_sub(1)];
+        }
+        let part = (t - self.time[after - 1]) / (self.time[after] - self.time[after - 1]);
+        values[after - 1] + part * (values[after] - values[after - 1])
+    }
+
     /// States and controls at the start, middle and end of every step between samples, one matrix each ((r - 1) x (n + m)).
     ///
-    /// The middle follows the cubic through values and slopes of both ends; a control enters by its mean over the step.
+    /// The middle follows the cubic through values and slopes of both ends; a held control enters by its mean over the step.
     pub(super) fn steps(&self, delays: &[f64]) -> [Mat<f64>; 3] {
         let (n, m, r) = (self.mean.ncols(), self.controls.ncols(), self.n_samples());
         let mut parts = [0, 1, 2].map(|_| Mat::<f64>::zeros(r.saturating_sub(1), n + m));
@@ -98,17 +115,25 @@ impl Track {
                 parts[2][(i, j)] = b;
             }
             for k in 0..m {
-                let value = self.control_mean(k, delays[k], self.time[i], self.time[i + 1]);
-                parts.iter_mut().for_each(|part| part[(i, n + k)] = value);
+                let (from, to) = (self.time[i], self.time[i + 1]);
+                let values = match self.hold {
+                    Hold::Zero => [self.control_mean(k, delays[k], from, to); 3],
+                    Hold::Linear => [from, 0.5 * (from + to), to].map(|t| self.control_between(k, delays[k], t)),
+                };
+                parts.iter_mut().zip(values).for_each(|(part, value)| part[(i, n + k)] = value);
             }
         }
         parts
     }
 
-    /// States and controls at the samples (r x (n + m)); a control enters by its mean over the half steps beside a sample.
+    /// States and controls at the samples (r x (n + m)); a held control enters by its mean over the half
+    /// steps beside a sample.
     pub(super) fn samples(&self, delays: &[f64]) -> Mat<f64> {
         let (n, r) = (self.mean.ncols(), self.n_samples());
         let half = |i: usize, k: usize| {
+            if self.hold == Hold::Linear {
+                return self.control_between(k, delays[k], self.time[i]);
+            }
             let before = if i > 0 { 0.5 * (self.time[i] - self.time[i - 1]) } else { 0.0 };
             let after = if i + 1 < r { 0.5 * (self.time[i + 1] - self.time[i]) } else { 0.0 };
             self.control_mean(k, delays[k], self.time[i] - before, self.time[i] + after)
@@ -130,6 +155,7 @@ mod tests {
             slope: column([0.0, 3.0, 12.0, 48.0]),
             given: column([f64::NAN; 4]),
             controls: column([1.0, 3.0, -1.0, 5.0]),
+            hold: Hold::Zero,
             time,
         }
     }
@@ -142,6 +168,15 @@ mod tests {
         // Before the log the first value counts, behind it the last.
         assert_eq!(track.control_mean(0, 3.0, 0.0, 1.0), 1.0);
         assert_eq!(track.control_mean(0, -1.0, 2.0, 4.0), 2.0);
+    }
+
+    #[test]
+    fn an_interpolated_control_is_read_late() {
+        let track = Track { hold: Hold::Linear, ..track() };
+        assert_eq!(track.control_between(0, 0.0, 0.5), 2.0);
+        assert_eq!(track.control_between(0, 0.5, 3.5), 2.0);
+        assert_eq!(track.control_between(0, 5.0, 3.5), 1.0);
+        assert_eq!(track.steps(&[0.0]).map(|part| part[(2, 1)]), [-1.0, 2.0, 5.0]);
     }
 
     #[test]

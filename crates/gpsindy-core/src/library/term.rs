@@ -58,9 +58,32 @@ impl Term {
         &self.expression
     }
 
+    /// How much is in it: variables with their whole powers, and functions; 1 for the constant.
+    ///
+    /// `x` 1, `x^2` and `x*v` and `sin(x)` 2, `v*sin(x)` 3.
+    pub fn complexity(&self) -> usize {
+        weight(&self.expression).max(1)
+    }
+
     /// The name, which reads back as the term.
     pub fn name(&self) -> &str {
         &self.name
+    }
+}
+
+fn weight(expression: &Expression) -> usize {
+    match expression {
+        Expression::Number(_) | Expression::Pi => 0,
+        Expression::Time | Expression::Variable(_) => 1,
+        Expression::Negate(inner) => weight(inner),
+        Expression::Binary(Operator::Power, base, exponent) => match **exponent {
+            Expression::Number(n) if n.fract() == 0.0 => weight(base) * (n.abs().clamp(1.0, 100.0) as usize),
+            _ => 1 + weight(base) + weight(exponent),
+        },
+        Expression::Binary(_, a, b) => weight(a) + weight(b),
+        Expression::Call(_, arguments) | Expression::Simulator(_, arguments) => {
+            1 + arguments.iter().map(weight).sum::<usize>()
+        }
     }
 }
 
@@ -125,6 +148,15 @@ mod tests {
         for (text, expected) in table {
             assert_eq!(name(text), expected, "{text}");
             assert_eq!(name(expected), expected);
+        }
+    }
+
+    #[test]
+    fn complexity_counts_variables_and_functions() {
+        let table = [("1", 1), ("x", 1), ("x^3", 3), ("x*v", 2), ("sin(x)", 2), ("x*v*sin(u)", 4), ("abs(x)^2", 4)];
+        for (text, expected) in table {
+            let term = Term::parse(text, &["x".into(), "v".into(), "u".into()]).unwrap();
+            assert_eq!(term.complexity(), expected, "{text}");
         }
     }
 

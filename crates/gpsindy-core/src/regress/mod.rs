@@ -26,8 +26,8 @@ pub use select::{Candidates, Choice, Selection, choose_by};
 pub use sqrt_lasso::SqrtLasso;
 pub use ssr::{Ssr, SsrRule};
 pub use stlsq::Stlsq;
+pub(crate) use subset::Gains;
 pub use subset::Subset;
-pub(crate) use subset::gains;
 pub use whiten::Whitening;
 
 use crate::error::Result;

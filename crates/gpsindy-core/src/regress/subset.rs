@@ -6,9 +6,10 @@
 //!
 //! Source: Miller 2002, Subset Selection in Regression, sections 3.4 and 3.5 (sequential replacement).
 
-use super::dense::{axpy, dot};
+use super::dense::{axpy, gram, transposed_times};
 use super::{Fit, Reduced, Regressor};
 use crate::error::{Error, Result};
+use faer::Mat;
 
 /// Settings of the search.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,7 +30,7 @@ impl Default for Subset {
 const MOST_EXCHANGES: usize = 50;
 
 /// Share of a column's square that must be left outside the span of the others for it to count as a direction of its own.
-const INDEPENDENT: f64 = 1e-12;
+const INDEPENDENT: f64 = 1e-10;
 
 impl Subset {
     fn largest(&self, problem: &Reduced) -> usize {
@@ -38,13 +39,13 @@ impl Subset {
 
     /// The best subset found of each size 0, 1, ..., the largest.
     pub(crate) fn search(&self, problem: &Reduced) -> Vec<Vec<usize>> {
+        let gains = Gains::new(problem);
         let mut subsets: Vec<Vec<usize>> = vec![vec![]];
         for _ in 0..self.largest(problem) {
             let mut support = subsets.last().cloned().unwrap_or_default();
-            let (gains, _) = gains(problem, &support);
-            let Some(best) = largest(&gains) else { break };
+            let Some(best) = largest(&gains.beside(&support).0) else { break };
             support.push(best);
-            exchange(problem, &mut support);
+            exchange(&gains, &mut support);
             support.sort_unstable();
             subsets.push(support);
         }
@@ -53,17 +54,17 @@ impl Subset {
 }
 
 /// Exchanges one term of `support` for one outside while that lowers the residual.
-fn exchange(problem: &Reduced, support: &mut [usize]) {
+fn exchange(gains: &Gains, support: &mut [usize]) {
     for _ in 0..MOST_EXCHANGES {
-        let now = problem.refit(support).residual;
+        let (_, now) = gains.beside(support);
         let mut best = (now * (1.0 - 1e-9), None);
         for place in 0..support.len() {
             let others: Vec<usize> = support.iter().copied().filter(|&j| j != support[place]).collect();
-            let (gains, without) = gains(problem, &others);
-            if let Some(term) = largest(&gains)
-                && without - gains[term] < best.0
+            let (rise, without) = gains.beside(&others);
+            if let Some(term) = largest(&rise)
+                && without - rise[term] < best.0
             {
-                best = (without - gains[term], Some((place, term)));
+                best = (without - rise[term], Some((place, term)));
             }
         }
         let Some((place, term)) = best.1 else { return };
@@ -75,41 +76,57 @@ fn largest(gains: &[f64]) -> Option<usize> {
     (0..gains.len()).filter(|&j| gains[j] > 0.0).max_by(|&x, &y| gains[x].total_cmp(&gains[y]).then(y.cmp(&x)))
 }
 
-/// By how much the residual would fall if each term joined `support` (0 for members), and the residual of `support`.
-pub(crate) fn gains(problem: &Reduced, support: &[usize]) -> (Vec<f64>, f64) {
-    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(support.len());
-    let project = |basis: &[Vec<f64>], column: &mut [f64]| {
-        for _ in 0..2 {
-            for q in basis {
-                let overlap = dot(q, column);
-                axpy(-overlap, q, column);
-            }
+/// What each term would bring beside any support; from the Gram matrix of unit columns, made once for all supports.
+#[derive(Debug)]
+pub(crate) struct Gains {
+    gram: Mat<f64>,
+    correlations: Vec<f64>,
+    square: f64,
+}
+
+impl Gains {
+    pub(crate) fn new(problem: &Reduced) -> Self {
+        let mut a = problem.a.clone();
+        for (j, &norm) in problem.norms().iter().enumerate() {
+            let factor = if norm > 0.0 { norm.recip() } else { 0.0 };
+            a.col_as_slice_mut(j).iter_mut().for_each(|v| *v *= factor);
         }
-    };
-    for &j in support {
-        let mut column = problem.a.col_as_slice(j).to_vec();
-        let before = dot(&column, &column);
-        project(&basis, &mut column);
-        let left = dot(&column, &column);
-        if left > INDEPENDENT * before {
-            let norm = left.sqrt();
-            column.iter_mut().for_each(|v| *v /= norm);
-            basis.push(column);
-        }
+        let correlations = transposed_times(&a, &problem.b);
+        Self { gram: gram(a.as_ref()), correlations, square: problem.target_square() }
     }
-    let mut rest = problem.b.clone();
-    project(&basis, &mut rest);
-    let gain = |j: usize| {
-        if support.contains(&j) {
-            return 0.0;
+
+    /// By how much the residual would fall if each term joined `support` (0 for members), and the residual of `support`.
+    ///
+    /// A Cholesky factorisation of the Gram matrix that is carried on for all columns at once.
+    pub(crate) fn beside(&self, support: &[usize]) -> (Vec<f64>, f64) {
+        let p = self.correlations.len();
+        let mut left: Vec<f64> = (0..p).map(|j| self.gram[(j, j)]).collect();
+        let mut slopes = self.correlations.clone();
+        let mut residual = self.square;
+        let mut factor: Vec<Vec<f64>> = Vec::with_capacity(support.len());
+        for &s in support {
+            if left[s] <= INDEPENDENT {
+                continue;
+            }
+            let mut row = self.gram.col_as_slice(s).to_vec();
+            for earlier in &factor {
+                axpy(-earlier[s], earlier, &mut row);
+            }
+            let pivot = left[s].sqrt();
+            let step = slopes[s] / pivot;
+            for j in 0..p {
+                row[j] /= pivot;
+                left[j] -= row[j] * row[j];
+                slopes[j] -= row[j] * step;
+            }
+            residual -= step * step;
+            factor.push(row);
         }
-        let mut column = problem.a.col_as_slice(j).to_vec();
-        let before = dot(&column, &column);
-        project(&basis, &mut column);
-        let left = dot(&column, &column);
-        if left > INDEPENDENT * before { dot(&column, &rest).powi(2) / left } else { 0.0 }
-    };
-    ((0..problem.n_terms()).map(gain).collect(), dot(&rest, &rest))
+        let gain = |j: usize| {
+            if left[j] <= INDEPENDENT || support.contains(&j) { 0.0 } else { slopes[j] * slopes[j] / left[j] }
+        };
+        ((0..p).map(gain).collect(), residual.max(0.0))
+    }
 }
 
 impl Regressor for Subset {
@@ -143,7 +160,6 @@ impl Regressor for Subset {
 mod tests {
     use super::super::testing::random_problem;
     use super::*;
-    use faer::Mat;
 
     #[test]
     fn the_subset_of_every_size_is_the_best_of_all_on_small_problems() {
@@ -159,6 +175,19 @@ mod tests {
                 assert!(found <= best * (1.0 + 1e-9), "seed {seed}, size {size}: {found} {best}");
             }
         }
+    }
+
+    #[test]
+    fn a_gain_is_the_fall_of_the_residual() {
+        let (theta, target) = random_problem(30, 6, &[(0, 1.0), (3, 2.0)], 0.5, 3);
+        let problem = Reduced::new(theta.as_ref(), &target).unwrap();
+        let (gains, residual) = Gains::new(&problem).beside(&[3, 1]);
+        assert!((residual / problem.refit(&[1, 3]).residual - 1.0).abs() < 1e-10);
+        for j in [0, 2, 4, 5] {
+            let fall = residual - problem.refit(&[1, 3, j]).residual;
+            assert!((gains[j] - fall).abs() < 1e-9 * residual, "{j}");
+        }
+        assert_eq!((gains[1], gains[3]), (0.0, 0.0));
     }
 
     #[test]
