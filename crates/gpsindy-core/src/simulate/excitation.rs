@@ -52,6 +52,8 @@ pub struct Excitation {
     histories: Vec<History>,
     breaks: Vec<f64>,
     varies: bool,
+    /// Median sampling step, s; 1 for a single sample.
+    period: f64,
 }
 
 impl Excitation {
@@ -83,6 +85,7 @@ impl Excitation {
             histories: Vec::new(),
             breaks: Vec::new(),
             varies: hold == Hold::Linear && m > 0,
+            period: median_step(time),
         };
         for index in 0..system.inputs().len() {
             excitation.add_history(system, index)?;
@@ -129,9 +132,7 @@ impl Excitation {
 
     /// Median sampling step, s (1 for a single sample).
     pub(super) fn period(&self) -> f64 {
-        let mut steps: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied().unwrap_or(1.0)
+        self.period
     }
 
     /// A moment in the segment from `a` to `b`, which no break point divides.
@@ -265,6 +266,12 @@ impl Excitation {
 fn play(output: f64, signal: f64, width: f64) -> f64 {
     let half = 0.5 * width.max(0.0);
     output.max(signal - half).min(signal + half)
+}
+
+fn median_step(time: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(1.0)
 }
 
 fn hold_missing(column: &[f64]) -> Option<Vec<f64>> {

@@ -2,7 +2,7 @@
 
 use super::Simulate;
 use super::excitation::Excitation;
-use super::local_fit::local_derivative;
+use super::local_fit::{local_derivative, noise_level};
 use super::rates::Rates;
 use crate::data::{Channel, Run};
 use crate::error::{Error, Result};
@@ -48,13 +48,16 @@ struct Series {
     /// The known values alone, and their times, s.
     time: Vec<f64>,
     values: Vec<f64>,
+    /// Standard deviation of their noise.
+    noise: f64,
 }
 
 impl Series {
     fn new(time: &[f64], cells: Vec<f64>, delay: f64) -> Self {
         let known = (0..cells.len()).filter(|&i| cells[i].is_finite());
-        let (time, values) = known.map(|i| (time[i] - delay, cells[i])).unzip();
-        Self { cells, delay, time, values }
+        let (time, values): (Vec<f64>, Vec<f64>) = known.map(|i| (time[i] - delay, cells[i])).unzip();
+        let noise = noise_level(&values);
+        Self { cells, delay, time, values, noise }
     }
 
     /// In a straight line between known values; the nearest one outside them.
@@ -143,13 +146,12 @@ impl StateReader {
             .map(|source| match source {
                 Source::Logged(series) => Ok(series.interpolate(t).unwrap_or(f64::NAN)),
                 Source::Derivative { of, order } => match &self.sources[*of] {
-                    Source::Logged(series) => {
-                        local_derivative(&series.time, &series.values, t, *order).ok_or_else(|| {
+                    Source::Logged(series) => local_derivative(&series.time, &series.values, series.noise, t, *order)
+                        .ok_or_else(|| {
                             let needed = order + 2;
                             let what = "derivative of a logged state".to_string();
                             Error::TooFewSamples { what, needed, found: series.values.len() }
-                        })
-                    }
+                        }),
                     _ => Err(Error::invalid("a derivative's state is not logged")),
                 },
                 Source::Driven(values) => Ok(values[sample]),

@@ -43,10 +43,13 @@ pub(super) fn march(
     stops: &[f64],
     accept: Accept<'_>,
 ) -> Result<March> {
-    let inside = |t: &f64| *t > start && *t < end;
-    let mut ends: Vec<f64> = rates.excitation.breaks().iter().copied().filter(inside).collect();
+    let inside = |times: &[f64]| {
+        let first = times.partition_point(|&t| t <= start);
+        times[first..first.max(times.partition_point(|&t| t < end))].to_vec()
+    };
+    let mut ends = inside(rates.excitation.breaks());
     if settings.method.has_fixed_steps() {
-        ends.extend(stops.iter().copied().filter(inside));
+        ends.extend(inside(stops));
     }
     ends.push(end);
     ends.sort_by(f64::total_cmp);

@@ -9,16 +9,16 @@ use nalgebra::{DMatrix, DVector};
 
 /// Half width of the confidence intervals that must agree, in standard deviations.
 const AGREEMENT: f64 = 2.0;
-const WINDOWS: [usize; 9] = [5, 7, 10, 14, 20, 28, 40, 56, 80];
+const WINDOWS: [usize; 11] = [5, 7, 10, 14, 20, 28, 40, 56, 80, 160, 320];
 
-/// Derivative number `order` at time `at` (s) of the samples (`time`, `values`), which are without gaps.
+/// Derivative number `order` at time `at` (s) of the samples (`time`, `values`), which are without gaps and
+/// carry white noise of standard deviation `noise` (see [`noise_level`]).
 ///
 /// None for fewer samples than a polynomial of that degree needs.
-pub(super) fn local_derivative(time: &[f64], values: &[f64], at: f64, order: usize) -> Option<f64> {
+pub(super) fn local_derivative(time: &[f64], values: &[f64], noise: f64, at: f64, order: usize) -> Option<f64> {
     if time.len() < order + 2 {
         return None;
     }
-    let noise = noise_level(values);
     let mut candidates = Vec::new();
     for degree in order..=order + 2 {
         for window in WINDOWS.iter().map(|&w| w.max(degree + 1).min(time.len())) {
@@ -88,16 +88,27 @@ fn polynomial(
 }
 
 /// Standard deviation of white noise on a smooth signal: the third differences have 20 times its variance.
-fn noise_level(values: &[f64]) -> f64 {
+///
+/// A column with a resolution carries at least the noise of its rounding.
+pub(super) fn noise_level(values: &[f64]) -> f64 {
     let size = values.iter().map(|v| v.abs()).fold(0.0, f64::max);
-    let rounding = 4.0 * f64::EPSILON * size.max(f64::MIN_POSITIVE);
+    let floor = (4.0 * f64::EPSILON * size.max(f64::MIN_POSITIVE)).max(resolution(values) / 12.0_f64.sqrt());
     let mut third: Vec<f64> = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
     if third.is_empty() {
-        return rounding;
+        return floor;
     }
     third.sort_by(f64::total_cmp);
     // The median of a normal's size is 0.6745 standard deviations.
-    (third[third.len() / 2] / 0.6745 / 20.0_f64.sqrt()).max(rounding)
+    (third[third.len() / 2] / 0.6745 / 20.0_f64.sqrt()).max(floor)
+}
+
+/// The step of which all differences are multiples, such as an encoder's count; 0 where there is none.
+fn resolution(values: &[f64]) -> f64 {
+    let size = values.iter().map(|v| v.abs()).fold(0.0, f64::max);
+    let steps = || values.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 1e-9 * size);
+    let smallest = steps().fold(f64::INFINITY, f64::min);
+    let is_multiple = |step: &f64| (step / smallest - (step / smallest).round()).abs() < 0.05;
+    if steps().count() > 3 && steps().all(|step| is_multiple(&step)) { smallest } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -108,11 +119,11 @@ mod tests {
     fn the_slope_of_a_clean_sine_is_close_and_that_of_a_line_exact() {
         let time: Vec<f64> = (0..200).map(|i| 0.02 * i as f64).collect();
         let line: Vec<f64> = time.iter().map(|t| 3.0 - 2.0 * t).collect();
-        assert!((local_derivative(&time, &line, 0.0, 1).unwrap() + 2.0).abs() < 1e-12);
+        assert!((local_derivative(&time, &line, noise_level(&line), 0.0, 1).unwrap() + 2.0).abs() < 1e-12);
         let sine: Vec<f64> = time.iter().map(|t| t.sin()).collect();
         // A cubic through five samples errs by about h^3 = 1e-5.
-        assert!((local_derivative(&time, &sine, 0.0, 1).unwrap() - 1.0).abs() < 1e-4);
-        assert!((local_derivative(&time, &sine, 1.0, 2).unwrap() + 1.0_f64.sin()).abs() < 1e-2);
+        assert!((local_derivative(&time, &sine, noise_level(&sine), 0.0, 1).unwrap() - 1.0).abs() < 1e-4);
+        assert!((local_derivative(&time, &sine, noise_level(&sine), 1.0, 2).unwrap() + 1.0_f64.sin()).abs() < 1e-2);
     }
 
     #[test]
@@ -127,9 +138,21 @@ mod tests {
                 .iter()
                 .map(|t| t.sin() + 0.017 * ((random.next_u32() as f64) / f64::from(u32::MAX) * 2.0 - 1.0))
                 .collect();
-            worst = worst.max((local_derivative(&time, &noisy, 0.0, 1).unwrap() - 1.0).abs());
+            worst = worst.max((local_derivative(&time, &noisy, noise_level(&noisy), 0.0, 1).unwrap() - 1.0).abs());
         }
         // Noise of 0.01 gives the slope of the shortest window, a line of five, a deviation of 0.16; its cubic one of 1.6.
         assert!(worst < 0.25, "{worst}");
+    }
+
+    #[test]
+    fn an_encoders_counts_are_taken_for_noise() {
+        // A slope of a fifth of a count a sample, read in counts of 0.01: most third differences are 0.
+        let time: Vec<f64> = (0..200).map(|i| 0.01 * i as f64).collect();
+        let counts: Vec<f64> = time.iter().map(|t| (0.2 * t / 0.01).floor() * 0.01).collect();
+        assert!((resolution(&counts) - 0.01).abs() < 1e-12);
+        let slope = local_derivative(&time, &counts, noise_level(&counts), 0.5, 1).unwrap();
+        assert!((slope - 0.2).abs() < 0.02, "{slope}");
+        let smooth: Vec<f64> = time.iter().map(|t| t.sin()).collect();
+        assert_eq!(resolution(&smooth), 0.0);
     }
 }
