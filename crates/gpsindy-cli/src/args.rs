@@ -1,6 +1,6 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, diagnose, effects, exam, export, identify, man, score, simulate, smooth};
+use crate::commands::{completions, demo, diagnose, effects, exam, export, identify, man, score, simulate, smooth};
 use clap::{Args, Parser, Subcommand};
 use gpsindy_files::LogOptions;
 use std::path::PathBuf;
@@ -49,6 +49,7 @@ pub(crate) enum Command {
     Diagnose(diagnose::Diagnose),
     Exam(exam::Exam),
     Effects(effects::Effects),
+    Demo(demo::Demo),
     Completions(completions::Completions),
     Man(man::Man),
 }

@@ -6,7 +6,7 @@ use common::Folder;
 use std::process::{Command, Stdio};
 
 const COMMANDS: &[&str] =
-    &["identify", "export", "smooth", "simulate", "score", "diagnose", "exam", "effects", "completions", "man"];
+    &["identify", "export", "smooth", "simulate", "score", "diagnose", "exam", "effects", "demo", "completions", "man"];
 
 #[test]
 fn help_of_every_command_begins_with_an_example() {

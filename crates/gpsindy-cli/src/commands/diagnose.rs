@@ -152,7 +152,7 @@ pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed) -> Outcome {
 }
 
 /// The report without the curves of the page, which are no part of the schema's promise.
-fn report_json(diagnosis: &Diagnosis) -> Outcome<String> {
+pub(crate) fn report_json(diagnosis: &Diagnosis) -> Outcome<String> {
     let report = Diagnosis { figures: None, ..diagnosis.clone() };
     let text = serde_json::to_string_pretty(&report);
     text.map(|text| text + "\n").map_err(|e| Failure::Work(format!("report.json: {e}")))

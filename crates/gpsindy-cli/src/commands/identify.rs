@@ -381,7 +381,7 @@ fn rounded(found: &Identification, state: &gpsindy_core::State) -> String {
     if text.is_empty() { state.equation.to_string() } else { text }
 }
 
-fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json::Value {
+pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json::Value {
     let states = found.states.iter().map(|s| {
         json!({"state": s.state, "terms": s.terms, "level": s.level, "score": s.score, "residual": s.residual, "noise": s.noise, "kernel": s.kernel})
     });

@@ -1,6 +1,7 @@
 //! One file a command: its arguments, what it does, what it prints.
 
 pub(crate) mod completions;
+pub(crate) mod demo;
 pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod exam;
@@ -33,6 +34,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         Command::Effects(command) => effects::run(command, screen),
         Command::Identify(command) => identify::run(command, arguments.global.seed, screen),
         Command::Export(command) => export::run(command, screen),
+        Command::Demo(command) => demo::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
     }

@@ -1,0 +1,100 @@
+//! `gpsindy demo`: the two main jobs, identify and diagnose, on data that the program carries.
+
+use crate::commands::{diagnose, identify};
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use clap::Args;
+use gpsindy_core::diagnose::{Diagnose, Diagnosed, hold_out};
+use gpsindy_core::{Dataset, Hold, Identification, Identify, Score, Scoring, score};
+use gpsindy_files::{LogOptions, Logs, parse_model, write_model, write_whole};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+const PREY: &str = include_str!("../../../../data/lotka_volterra.csv");
+const PENDULUM: &str = include_str!("../../../../data/pendulum.csv");
+const SIMULATOR: &str = include_str!("../../../../data/pendulum.toml");
+
+/// The two main jobs on data that the program carries
+///
+/// Identifies the equations of predator and prey from a noisy log, then diagnoses what a pendulum's simulator lacks, and says where the
+/// files are. No input is needed.
+#[derive(Debug, Args)]
+#[command(before_help = "Example: gpsindy demo")]
+pub(crate) struct Demo {
+    /// Folder of the results; made where it does not exist
+    #[arg(long, short, value_name = "DIR", default_value = "gpsindy-demo")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(command: &Demo, screen: &Screen) -> Outcome {
+    let folder = &command.out;
+    if folder.exists() && !folder.is_dir() {
+        return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
+    }
+    screen.note("1 of 2: identify the equations of predator and prey");
+    let (data, found, fit) = learn(screen)?;
+    screen.note("2 of 2: diagnose a pendulum's simulator");
+    let diagnosed = examine(screen)?;
+    write(folder, &found, &diagnosed)?;
+    if screen.json() {
+        let report = diagnose::report_json(&diagnosed.diagnosis)?;
+        let report: serde_json::Value =
+            serde_json::from_str(&report).map_err(|e| Failure::Work(format!("report.json: {e}")))?;
+        let result = json!({"identify": identify::as_json(&found, Some(&fit)), "diagnose": report});
+        return screen.out(&format!("{result}\n"));
+    }
+    screen.out(&format!(
+        "IDENTIFY: predator and prey, simulated as x1' = 1.1*x1 - 0.4*x1*x2, x2' = -x2 + 0.4*x1*x2, with noise of 0.05\n\n{}\n\
+         DIAGNOSE: a pendulum whose bearing has dry friction of 0.35 rad/s^2, which its simulator lacks\n\n{}\n{}",
+        identify::summary(&data, &found, Some(&fit)),
+        gpsindy_report::summary(&diagnosed.diagnosis, screen.width(), screen.colour()),
+        files(folder),
+    ))
+}
+
+/// Equations from the log of predator and prey.
+fn learn(screen: &Screen) -> Outcome<(Dataset, Identification, Score)> {
+    let data =
+        Logs::parse("lotka_volterra.csv", PREY.as_bytes(), &LogOptions::default())?.dataset(&["x1", "x2"], &[])?;
+    let settings = Identify { states: vec!["x1".into(), "x2".into()], ..Identify::default() };
+    let progress = screen.progress();
+    let mut found = settings.fit(&data, &progress)?;
+    found.model.name = "predator_prey".into();
+    let fit = score(&found.model.compile()?, &data, &Scoring::default(), &progress)?;
+    Ok((data, found, fit))
+}
+
+/// What the simulator of the pendulum lacks.
+fn examine(screen: &Screen) -> Outcome<Diagnosed> {
+    let model = parse_model("pendulum.toml", SIMULATOR)?;
+    let options = LogOptions { run: Some("run".into()), ..LogOptions::default() };
+    let data = Logs::parse("pendulum.csv", PENDULUM.as_bytes(), &options)?.dataset(&["phi", "omega", "u"], &[])?;
+    let (train, holdout) = hold_out(&data)?;
+    // The log's own description says that the torque is held.
+    let settings = Diagnose { hold: Some(Hold::Zero), ..Diagnose::default() };
+    Ok(settings.run(&model, &train, &holdout, &screen.progress())?)
+}
+
+fn write(folder: &Path, found: &Identification, diagnosed: &Diagnosed) -> Outcome {
+    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
+    for (name, text) in [("predator_prey.csv", PREY), ("pendulum.csv", PENDULUM), ("pendulum.toml", SIMULATOR)] {
+        write_whole(&folder.join(name), text.as_bytes())?;
+    }
+    write_model(&folder.join("predator_prey.toml"), &found.model)?;
+    diagnose::write(&folder.join("diagnosis"), diagnosed)
+}
+
+/// Where everything is, and what to try next.
+fn files(folder: &Path) -> String {
+    let at = |name: &str| folder.join(name).display().to_string();
+    format!(
+        "Files\n  {}  the report: open it in a browser\n  {}  the simulator with the causes added\n  {}  the identified model\n\n\
+         Try next\n  gpsindy score {} --data {} --run run\n  gpsindy export {} --to python\n",
+        at("diagnosis/report.html"),
+        at("diagnosis/augmented.toml"),
+        at("predator_prey.toml"),
+        at("diagnosis/augmented.toml"),
+        at("pendulum.csv"),
+        at("predator_prey.toml"),
+    )
+}
