@@ -1,0 +1,66 @@
+"""Sparse, noisy logs of a real machine to equations, and a diagnosis of where a simulator is wrong.
+
+>>> import numpy as np
+>>> import gpsindy
+>>> t = np.linspace(0, 4, 81)
+>>> found = gpsindy.GPSINDy(degree=1).fit(3 * np.exp(-0.5 * t), t, feature_names=["x"])
+>>> found.equations(precision=3)
+['-0.5*x']
+"""
+
+from gpsindy._gpsindy import NumericalError, __version__
+from gpsindy.dataset import Dataset, Run, read_csv
+from gpsindy.diagnosis import (
+    Cause,
+    CustomEffect,
+    Diagnosis,
+    Effect,
+    diagnose,
+    effects,
+)
+from gpsindy.errors import DataWarning, NotFittedError
+from gpsindy.estimator import GPSINDy
+from gpsindy.model import (
+    Control,
+    Errors,
+    Model,
+    Parameter,
+    Rollout,
+    Score,
+    State,
+    StateError,
+    score,
+    simulate,
+)
+from gpsindy.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
+
+__all__ = [
+    "Cause",
+    "ColumnFit",
+    "Control",
+    "CustomEffect",
+    "DataWarning",
+    "Dataset",
+    "Diagnosis",
+    "Effect",
+    "Errors",
+    "GPSINDy",
+    "Model",
+    "NotFittedError",
+    "NumericalError",
+    "Parameter",
+    "Rollout",
+    "Run",
+    "Score",
+    "Smoothed",
+    "SmoothedRun",
+    "State",
+    "StateError",
+    "__version__",
+    "diagnose",
+    "effects",
+    "read_csv",
+    "score",
+    "simulate",
+    "smooth",
+]

@@ -1,0 +1,136 @@
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Dataset",
+    "Model",
+    "NumericalError",
+    "__version__",
+    "diagnose",
+    "effects",
+    "identify",
+    "parse_header",
+    "render",
+    "score",
+    "smooth",
+    "summary",
+    "write_whole",
+]
+
+__version__: str
+
+_Array = NDArray[np.float64]
+_Progress = Callable[[str, int, int], object] | None
+_Kind = tuple[float, int, int, list[tuple[str, str, float, float, int]]]
+_Custom = tuple[str, str, str, list[tuple[str, float, float, str]]]
+_Record = tuple[list[str], _Array, _Array, _Array, list[float]]
+
+class NumericalError(RuntimeError): ...
+
+@final
+class Dataset:
+    def __new__(
+        cls,
+        columns: Sequence[str],
+        units: Sequence[str],
+        names: Sequence[str],
+        times: Sequence[_Array],
+        values: Sequence[_Array],
+    ) -> Dataset: ...
+    @staticmethod
+    def read_csv(
+        paths: Sequence[str],
+        time: str | None = None,
+        run: str | None = None,
+        rename: Sequence[tuple[str, str]] = ...,
+    ) -> tuple[Dataset, list[str]]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def units(self) -> list[str]: ...
+    @property
+    def names(self) -> list[str]: ...
+    def time(self, run: int) -> _Array: ...
+    def values(self, run: int) -> _Array: ...
+    def with_runs(self, indices: Sequence[int]) -> Dataset: ...
+    def unwrap_angles(self, columns: Sequence[str]) -> Dataset: ...
+    def __len__(self) -> int: ...
+
+@final
+class Model:
+    @staticmethod
+    def parse(name: str, text: str) -> Model: ...
+    @staticmethod
+    def read(path: str) -> Model: ...
+    @staticmethod
+    def from_callable(
+        function: Callable[[float, _Array, _Array], Any],
+        name: str,
+        states: Sequence[tuple[str, str]],
+        controls: Sequence[tuple[str, str]],
+        kinematic: Sequence[tuple[str, str]],
+        initial: Sequence[tuple[str, float]],
+    ) -> Model: ...
+    @property
+    def calls_simulator(self) -> bool: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def states(self) -> list[tuple[str, str, str, str | None]]: ...
+    @property
+    def controls(self) -> list[tuple[str, str]]: ...
+    @property
+    def parameters(self) -> list[tuple[str, float, str, float | None]]: ...
+    @property
+    def initial(self) -> list[tuple[str, float]]: ...
+    @property
+    def identification(self) -> _Record | None: ...
+    def with_parameters(self, values: Sequence[tuple[str, float]]) -> Model: ...
+    def to_toml(self) -> str: ...
+    def to_json(self) -> str: ...
+    def export(self, target: str) -> str: ...
+    def write(self, path: str) -> None: ...
+    def derivative(self, t: _Array, x: _Array, u: _Array) -> _Array: ...
+    def simulate(
+        self, initial: Sequence[float], t: _Array, u: _Array, how: tuple[str, str, float]
+    ) -> tuple[_Array, _Array]: ...
+    def simulate_runs(
+        self,
+        data: Dataset,
+        initial: Sequence[tuple[str, float]],
+        span: tuple[float | None, float | None],
+        how: tuple[str, str, float],
+    ) -> list[tuple[str, list[float], _Array, _Array]]: ...
+
+def parse_header(text: str) -> tuple[str, str]: ...
+def write_whole(path: str, text: str) -> None: ...
+def smooth(
+    data: Dataset,
+    columns: Sequence[str],
+    kernel: str,
+    noise: Sequence[float] | None,
+    covariance: bool,
+    progress: _Progress,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]: ...
+def score(
+    model: Model, data: Dataset, window: float | None, hold: str, progress: _Progress
+) -> tuple[_Kind, _Kind, _Kind]: ...
+def identify(data: Dataset, settings: dict[str, Any], progress: _Progress) -> tuple[Model, dict[str, Any]]: ...
+def diagnose(
+    model: Model,
+    train: Dataset,
+    holdout: Dataset | None,
+    effects: Sequence[str],
+    without: Sequence[str],
+    custom: Sequence[_Custom],
+    confidence: float,
+    most_effects: int,
+    hold: str | None,
+    progress: _Progress,
+) -> tuple[str, Model]: ...
+def render(report: str) -> str: ...
+def summary(report: str, width: int, colour: bool) -> str: ...
+def effects() -> list[tuple[str, str, str, str]]: ...

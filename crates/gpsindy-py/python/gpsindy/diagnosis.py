@@ -1,0 +1,275 @@
+"""The diagnosis of the gap between a simulator and the logs of the machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from gpsindy import _gpsindy
+from gpsindy._tables import names_of
+from gpsindy.dataset import Path, as_dataset
+from gpsindy.model import Hold, Model, Progress, Simulator
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of the catalogue.
+
+    Attributes
+    ----------
+    id : str
+    form : str
+        What it adds to the right side of the state's equation, or does to the control or the sensor.
+    parameters : str
+        Its parameters in words.
+    signature : str
+        What it looks like in a log.
+    """
+
+    id: str
+    form: str
+    parameters: str
+    signature: str
+
+
+@dataclass(frozen=True)
+class CustomEffect:
+    """An effect of the user's own, added to the right side of an equation.
+
+    Attributes
+    ----------
+    id : str
+        Its id in the report.
+    state : str
+        The state in whose equation it acts.
+    form : str
+        What is added, in the names of the model and of its own parameters.
+    parameters : mapping of str to (float, float)
+        Its parameters and their ranges; the first one that is free of sign scales the effect.
+    """
+
+    id: str
+    state: str
+    form: str
+    parameters: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One candidate cause of a gap.
+
+    Attributes
+    ----------
+    effect : str
+        Id of the catalogue.
+    state : str
+        The state in whose equation, or in whose column, it acts.
+    variables : tuple of str
+        What it depends on.
+    included : bool
+        It is part of the augmented model.
+    probability : float
+    form : str
+        What it adds to the equation, or becomes, with the names of ``parameters``.
+    parameters : tuple of dict
+        ``name``, ``value``, ``low``, ``high``, ``unit``.
+    equivalent : tuple of str
+        Effects that these logs can't tell from this one.
+    next_experiment : str or None
+        The experiment that would.
+    """
+
+    effect: str
+    state: str
+    variables: tuple[str, ...]
+    included: bool
+    probability: float
+    form: str
+    parameters: tuple[dict[str, Any], ...] = field(hash=False)
+    equivalent: tuple[str, ...]
+    next_experiment: str | None
+
+
+class Diagnosis:
+    """What a diagnosis found; its text is a screenful for people, its JSON follows ``gpsindy.diagnosis/1``."""
+
+    __slots__ = ("_augmented", "_report", "_text")
+
+    def __init__(self, report: str, augmented: Model) -> None:
+        self._text = report
+        self._report: dict[str, Any] = json.loads(report)
+        self._augmented = augmented
+
+    @property
+    def verdict(self) -> str:
+        """``no_gap``, ``explained``, ``partly_explained`` or ``unexplained``."""
+        return str(self._report["verdict"])
+
+    @property
+    def p_value(self) -> float:
+        """Of the hypothesis that the nominal model plus noise explains the logs."""
+        return float(self._report["gap"]["p_value"])
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Candidate causes, best first."""
+        return tuple(
+            Cause(
+                **{
+                    **cause,
+                    "variables": tuple(cause["variables"]),
+                    "parameters": tuple(cause["parameters"]),
+                    "equivalent": tuple(cause["equivalent"]),
+                }
+            )
+            for cause in self._report["causes"]
+        )
+
+    @property
+    def included(self) -> tuple[Cause, ...]:
+        """The causes that make up the augmented model."""
+        return tuple(cause for cause in self.causes if cause.included)
+
+    @property
+    def closure(self) -> dict[str, Any]:
+        """How far the included causes close the gap on held-out logs."""
+        return dict(self._report["closure"])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader must know beside the numbers."""
+        return tuple(self._report["notes"])
+
+    @property
+    def augmented(self) -> Model:
+        """The nominal model with the included causes added."""
+        return self._augmented
+
+    def to_dict(self) -> dict[str, Any]:
+        """The whole report."""
+        found: dict[str, Any] = json.loads(self._text)
+        return found
+
+    def to_json(self) -> str:
+        """The whole report as JSON."""
+        return self._text
+
+    def html(self) -> str:
+        """The report as one self-contained page."""
+        return _gpsindy.render(self._text)
+
+    def summary(self, width: int = 100, *, colour: bool = False) -> str:
+        """A screenful of text."""
+        return _gpsindy.summary(self._text, width, colour)
+
+    def save(self, directory: Path) -> None:
+        """Writes ``report.json``, ``report.html`` and, where the model has a file, ``augmented.toml``."""
+        folder = pathlib.Path(os.fspath(directory))
+        folder.mkdir(parents=True, exist_ok=True)
+        files = {"report.json": self.to_json() + "\n", "report.html": self.html()}
+        if not self._augmented._inner.calls_simulator:
+            files["augmented.toml"] = self._augmented.to_toml()
+        for name, text in files.items():
+            _gpsindy.write_whole(os.fspath(folder / name), text)
+
+    def plot(self, **options: Any) -> Figure:
+        """Held-out logs beside the rollouts before and after; see :func:`gpsindy.plot.diagnosis`. Needs matplotlib."""
+        from gpsindy import plot
+
+        return plot.diagnosis(self, **options)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Diagnosis, (self._text, self._augmented))
+
+    def __repr__(self) -> str:
+        return self.summary(shutil.get_terminal_size((100, 24)).columns)
+
+
+def diagnose(
+    model: Model | Simulator,
+    logs: Any,
+    holdout: Any = None,
+    *,
+    states: Sequence[str] | None = None,
+    controls: Sequence[str] = (),
+    kinematic: Mapping[str, str] | None = None,
+    effects: str | Iterable[str] = (),
+    custom: Iterable[CustomEffect] = (),
+    confidence: float = 0.95,
+    most_effects: int = 4,
+    hold: Hold | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Where a simulator differs from the machine, which effect causes it, and how far correcting it helps.
+
+    Parameters
+    ----------
+    model : Model or callable
+        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``.
+    logs : Dataset, paths of CSV files, frame or list of frames
+        The real logs, with the model's controls and states as columns.
+    holdout : as logs, optional
+        Logs that no fit and no choice sees. Default: the last quarter of the runs, of a single run the last quarter in time.
+    states, controls, kinematic
+        For a callable, as in :meth:`Model.from_callable`.
+    effects : str or sequence of str
+        Ids of the suspects; one that begins with ``!`` is none. Default: the whole catalogue, see :func:`effects`.
+    custom : sequence of CustomEffect
+        Suspects of the user's own.
+    confidence : float
+        Of intervals and of the detection, 0.5 to 0.999.
+    most_effects : int
+        Effects together, at most, 1 to 6.
+    hold : {"zero", "linear"}, optional
+        What controls do between samples. Default: estimated.
+    progress : callable, optional
+        Called with (stage, done, total).
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    ValueError
+        Logs that lack what the model needs, or a setting out of range.
+    NumericalError
+        A nominal model that diverges whatever its initial state.
+    """
+    if not isinstance(model, Model):
+        if states is None:
+            raise ValueError("states: a callable needs the names of its states (and of its controls, where it has any)")
+        model = Model.from_callable(model, states, controls, kinematic=kinematic)
+    chosen = names_of(effects)
+    suspects = [name for name in chosen if not name.startswith("!")]
+    without = [name[1:] for name in chosen if name.startswith("!")]
+    own = [
+        (effect.id, effect.state, effect.form, [(n, float(low), float(high), "") for n, (low, high) in effect.parameters.items()])
+        for effect in custom
+    ]
+    train = as_dataset(logs)._inner
+    held = None if holdout is None else as_dataset(holdout, "holdout")._inner
+    report, augmented = _gpsindy.diagnose(
+        model._inner, train, held, suspects, without, own, confidence, most_effects, hold, progress
+    )
+    return Diagnosis(report, Model._of(augmented))
+
+
+def effects() -> tuple[Effect, ...]:
+    """The catalogue of effects.
+
+    Examples
+    --------
+    >>> import gpsindy
+    >>> gpsindy.effects()[1].id
+    'bias'
+    """
+    return tuple(Effect(*entry) for entry in _gpsindy.effects())

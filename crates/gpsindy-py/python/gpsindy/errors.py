@@ -1,0 +1,11 @@
+"""Exceptions and warnings beside those of the compiled part."""
+
+from __future__ import annotations
+
+
+class NotFittedError(ValueError, AttributeError):
+    """A fitted attribute was asked for before ``fit``."""
+
+
+class DataWarning(UserWarning):
+    """The data can be read but are likely not what was meant."""

@@ -1,0 +1,536 @@
+"""The estimator: equations from logs, with the conventions of scikit-learn and the words of PySINDy."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from gpsindy import _gpsindy
+from gpsindy._tables import Array, Table, is_list_of_runs, names_of, readonly, tables, times
+from gpsindy.dataset import Dataset, inner_dataset
+from gpsindy.errors import NotFittedError
+from gpsindy.model import Hold, Model, Progress, score
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_RATE = "_dot"
+_NUMBER = re.compile(r"(?<![A-Za-z_0-9.])(\d+\.?\d*(?:[eE][-+]?\d+)?)")
+
+
+class GPSINDy:
+    """Sparse equations of motion from noisy logs.
+
+    Gaussian processes smooth the states, sparse regression over a library of terms picks the equations, and a second look
+    through the integrator settles coefficients and terms on the raw samples.
+
+    Parameters
+    ----------
+    degree : int
+        Highest degree of the polynomials of the library, 0 to 9.
+    trig : bool
+        Sine and cosine of every variable.
+    products : bool
+        Polynomials of degree 1 and 2 times sine and cosine; implies ``trig``.
+    terms : sequence of str
+        Further terms, such as ``"v*abs(v)"``.
+    control_terms : bool
+        Whether controls are variables of the library.
+    fix : sequence of str
+        Equations taken as given, such as ``"x' = v"``.
+    forbid : sequence of str
+        Terms that stay out, ``"STATE:TERM"``; the state ``*`` is every state.
+    sign : sequence of str
+        Signs of coefficients, ``"STATE:TERM=+"`` or ``"STATE:TERM=-"``.
+    smoother : {"gp", None}
+        None takes the samples as they are.
+    kernel : str
+        ``auto``, or as in :func:`gpsindy.smooth`.
+    derivative_method : {"weak", "given", "difference", "gp-time", "gp-state", "gp-control"}
+        What the regression compares: integrals of the terms with the states, or derivatives found in one of these ways.
+        Derivatives handed to ``fit`` are used by ``weak`` and ``given``.
+    regressor : {"subset", "lasso", "sqrt-lasso", "stlsq", "ssr-coefficient", "ssr-residual", "least-squares"}
+        The sparse regression.
+    lam : float or "auto"
+        Its tuning value (weight of the 1-norm, threshold or number of terms); ``auto``: chosen by ``select``.
+    select : {"cv", "cv-best", "bic", "rollout"}
+        How the tuning value is chosen: cross-validation with or without the rule of one standard error, the Bayesian
+        information criterion, or the error of rollouts.
+    delays : mapping of str to float or "auto", optional
+        Delay of a control in s, or ``"auto"`` to estimate it.
+    max_delay : float, optional
+        Largest delay that ``"auto"`` looks for, s. Default: what is sensible for sampling and length of the runs.
+    hold : {"zero", "linear"}, optional
+        What controls do between samples. Default: held, unless interpolated is the better explanation.
+    standardize : bool
+        Columns and target at unit size before the regression.
+    train_fraction : float
+        First part of each run that is learnt from.
+    ensemble : int
+        Bootstraps for inclusion probabilities, 0 for none.
+    refine : bool
+        The second look, through the integrator.
+    window : float, optional
+        Length of its rollouts, s. Default: as long as they stay on course.
+    random_state : int, optional
+        Seed of the bootstraps. Default 0; the same seed gives the same result.
+
+    Attributes
+    ----------
+    model_ : Model
+        The equations as a model.
+    coef_, standard_errors_ : ndarray of shape (n_states, n_terms)
+        Coefficients, and how sure they are.
+    inclusion_probabilities_ : ndarray of shape (n_states, n_terms) or None
+        Share of the bootstraps in which a term was kept.
+    n_features_in_, n_control_features_ : int
+        Numbers of states and controls.
+    feature_names_in_ : ndarray of str
+        Names of the states.
+    control_names_in_ : ndarray of str
+        Names of the controls.
+    lam_ : ndarray of shape (n_states,)
+        Tuning values of the sparse regression.
+    noise_ : ndarray of shape (n_states,)
+        Noise of every state's column, in its unit.
+    delays_ : dict of str to (float, float)
+        Delay of a control and its standard error, s.
+    hold_ : {"zero", "linear"}
+        What the controls were taken to do between samples; simulations and scores do the same.
+    report_ : tuple of dict
+        How the equation of each state was learnt.
+    notes_ : tuple of str
+        What a reader of the result should know.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gpsindy
+    >>> t = np.linspace(0, 8, 161)
+    >>> x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
+    >>> x = x + 0.01 * np.random.default_rng(1).standard_normal(x.shape)
+    >>> found = gpsindy.GPSINDy(degree=2, fix=["x' = v"]).fit(x, t, feature_names=["x", "v"])
+    >>> found.print(precision=2)
+    (x)' = v
+    (v)' = -4*x
+    """
+
+    def __init__(
+        self,
+        *,
+        degree: int = 3,
+        trig: bool = False,
+        products: bool = False,
+        terms: Sequence[str] = (),
+        control_terms: bool = True,
+        fix: Sequence[str] = (),
+        forbid: Sequence[str] = (),
+        sign: Sequence[str] = (),
+        smoother: Literal["gp"] | None = "gp",
+        kernel: str = "auto",
+        derivative_method: str = "weak",
+        regressor: str = "subset",
+        lam: float | Literal["auto"] = "auto",
+        select: Literal["cv", "cv-best", "bic", "rollout"] = "cv",
+        delays: Mapping[str, float | Literal["auto"]] | None = None,
+        max_delay: float | None = None,
+        hold: Hold | None = None,
+        standardize: bool = False,
+        train_fraction: float = 1.0,
+        ensemble: int = 0,
+        refine: bool = True,
+        window: float | None = None,
+        random_state: int | None = None,
+    ) -> None:
+        self.degree = degree
+        self.trig = trig
+        self.products = products
+        self.terms = terms
+        self.control_terms = control_terms
+        self.fix = fix
+        self.forbid = forbid
+        self.sign = sign
+        self.smoother = smoother
+        self.kernel = kernel
+        self.derivative_method = derivative_method
+        self.regressor = regressor
+        self.lam = lam
+        self.select = select
+        self.delays = delays
+        self.max_delay = max_delay
+        self.hold = hold
+        self.standardize = standardize
+        self.train_fraction = train_fraction
+        self.ensemble = ensemble
+        self.refine = refine
+        self.window = window
+        self.random_state = random_state
+
+    @classmethod
+    def paper(cls, **params: Any) -> GPSINDy:
+        """The paper's Algorithm 1, done right: a second Gaussian process from smoothed states to derivatives, then LASSO.
+
+        No second look through the integrator. ``params`` change further settings.
+        """
+        preset = {"derivative_method": "gp-state", "regressor": "lasso", "select": "cv-best", "refine": False}
+        return cls(**{**preset, **params})
+
+    def fit(
+        self,
+        x: Any,
+        t: Any = None,
+        x_dot: Any = None,
+        u: Any = None,
+        feature_names: Sequence[str] | None = None,
+        *,
+        progress: Progress | None = None,
+    ) -> GPSINDy:
+        """Learns the equations.
+
+        Parameters
+        ----------
+        x : array, frame, Dataset or list of arrays or frames
+            States, shape (n_samples, n_states); a list is a list of runs. NaN is a missing value.
+        t : float, array or list of arrays, optional
+            Times in seconds, or the step between samples. Left out, frames bring a column ``t`` or ``time``.
+        x_dot : array or list of arrays, mapping of str to str, optional
+            Logged derivatives, laid out like ``x``; or state to the column of ``x`` that carries its derivative.
+        u : array or list of arrays, str or sequence of str, optional
+            Controls, shape (n_samples, n_controls), a list where ``x`` is one; or the columns of ``x`` that are controls.
+        feature_names : sequence of str, optional
+            Names of the states, or of the states and then the controls. Default: those of the frame, else ``x0``, ``x1``, ...
+            and ``u0``, ...
+        progress : callable, optional
+            Called with (stage, done, total).
+
+        Returns
+        -------
+        GPSINDy
+            The estimator itself.
+        """
+        runs, layout = _layout(x, t, x_dot, u, feature_names)
+        model, report = _gpsindy.identify(runs, self._settings(layout), progress)
+        self.model_ = Model._of(model)
+        record = self.model_.identification
+        assert record is not None
+        self.coef_ = record.coefficients
+        self.standard_errors_ = record.standard_errors
+        self.inclusion_probabilities_ = record.inclusion_probabilities
+        self.lam_ = record.lam
+        self.n_features_in_ = len(layout.states)
+        self.n_control_features_ = len(layout.controls)
+        self.feature_names_in_ = readonly(np.array(layout.states, dtype=object))
+        self.control_names_in_ = readonly(np.array(layout.controls, dtype=object))
+        self.noise_ = readonly(np.array([state["noise"] for state in report["states"]]))
+        self.delays_ = {control: (delay, error) for control, delay, error in report["delays"]}
+        self.window_ = report["window"]
+        self.hold_: Hold = report["hold"]
+        self.report_ = tuple(report["states"])
+        self.notes_ = tuple(report["notes"])
+        self._terms = record.terms
+        return self
+
+    def _settings(self, layout: _Layout) -> dict[str, Any]:
+        seed = 0 if self.random_state is None else self.random_state
+        if not isinstance(seed, (int, np.integer)) or seed < 0:
+            raise ValueError(f"random_state: expected None or an integer of at least 0, found {self.random_state!r}")
+        delays = [(name, None if value == "auto" else float(value)) for name, value in dict(self.delays or {}).items()]
+        return {
+            "states": layout.states,
+            "controls": layout.controls,
+            "derivatives": layout.derivatives,
+            "degree": _count(self.degree, "degree"),
+            "trig": bool(self.trig),
+            "products": bool(self.products),
+            "terms": names_of(self.terms),
+            "control_terms": bool(self.control_terms),
+            "fix": names_of(self.fix),
+            "forbid": names_of(self.forbid),
+            "sign": names_of(self.sign),
+            "smoother": self.smoother,
+            "kernel": self.kernel,
+            "derivative_method": self.derivative_method,
+            "regressor": self.regressor,
+            "lambda_": None if isinstance(self.lam, str) and self.lam == "auto" else _number(self.lam, "lam"),
+            "select": self.select,
+            "delays": delays,
+            "max_delay": None if self.max_delay is None else _number(self.max_delay, "max_delay"),
+            "hold": self.hold,
+            "standardize": bool(self.standardize),
+            "train_fraction": float(self.train_fraction),
+            "ensemble": _count(self.ensemble, "ensemble"),
+            "refine": bool(self.refine),
+            "window": None if self.window is None else float(self.window),
+            "seed": int(seed),
+        }
+
+    def coefficients(self) -> Array:
+        """Coefficients, shape (n_states, n_terms)."""
+        self._check_fitted("coefficients")
+        return self.coef_
+
+    def get_feature_names(self) -> list[str]:
+        """Names of the terms, in the order of the columns of ``coef_``."""
+        self._check_fitted("get_feature_names")
+        return list(self._terms)
+
+    def equations(self, precision: int = 3) -> list[str]:
+        """Right sides of the equations, numbers with this many significant digits."""
+        self._check_fitted("equations")
+        return [_rounded(state.equation, precision) for state in self.model_.states]
+
+    def print(self, lhs: Sequence[str] | None = None, precision: int = 3) -> None:
+        """Prints the equations; ``lhs`` replaces the left sides."""
+        right = self.equations(precision)
+        left = [f"({name})'" for name in self.feature_names_in_] if lhs is None else list(lhs)
+        if len(left) != len(right):
+            raise ValueError(f"lhs: expected {len(right)} left sides, found {len(left)}")
+        for one, other in zip(left, right):
+            print(f"{one} = {other}")
+
+    @property
+    def complexity(self) -> int:
+        """Number of terms in all equations."""
+        self._check_fitted("complexity")
+        return int(np.count_nonzero(self.coef_))
+
+    def predict(self, x: Any, u: Any = None) -> Any:
+        """Rates of the states at every sample; a list for a list of runs.
+
+        A delayed control is read as it stands in its row.
+        """
+        self._check_fitted("predict")
+        states, controls = self._features(x, u)
+        rates = [self.model_.derivative(rows, inputs) for rows, inputs in zip(states, controls)]
+        return rates if is_list_of_runs(x) or isinstance(x, Dataset) else rates[0]
+
+    def simulate(self, x0: Any, t: Any, u: Any = None) -> Array:
+        """States at the times ``t`` from ``x0`` at ``t[0]``, shape (n_samples, n_states); see :meth:`Model.simulate`."""
+        self._check_fitted("simulate")
+        return self.model_.simulate(x0, t, u, hold=self.hold_).x
+
+    def score(
+        self,
+        x: Any,
+        t: Any = None,
+        u: Any = None,
+        *,
+        kind: Literal["rollout", "windowed", "one_step"] = "windowed",
+        window: float | None = None,
+    ) -> float:
+        """Share of the variance that predictions explain: 1 is perfect, 0 as good as the mean, below 0 worse.
+
+        Parameters
+        ----------
+        x, t, u
+            As in :meth:`fit`.
+        kind : {"rollout", "windowed", "one_step"}
+            Predictions over whole runs, over windows each started from the log, or to the next sample.
+        window : float, optional
+            Length of the windows, s. Default: a tenth of each run.
+        """
+        self._check_fitted("score")
+        if kind not in ("rollout", "windowed", "one_step"):
+            raise ValueError(f"kind: expected 'rollout', 'windowed' or 'one_step', found {kind!r}")
+        found = score(self.model_, self._logs(x, t, u), window=window, hold=self.hold_)
+        return 1.0 - float(getattr(found, kind).pooled) ** 2
+
+    def plot(self, x: Any, t: Any = None, u: Any = None, **options: Any) -> Figure:
+        """Rollouts beside logs; see :func:`gpsindy.plot.rollouts`. Needs matplotlib."""
+        self._check_fitted("plot")
+        return self.model_.plot(self._logs(x, t, u), **{"hold": self.hold_, **options})
+
+    def _logs(self, x: Any, t: Any, u: Any) -> Dataset:
+        names = None
+        if not isinstance(x, Dataset) and tables(x, "x")[0].names is None:
+            names = [*self.feature_names_in_, *self.control_names_in_]
+        if u is None and names is None and len(self.control_names_in_):
+            u = list(self.control_names_in_)
+        runs, _ = _layout(x, t, None, u, names)
+        return Dataset._of(runs)
+
+    def _features(self, x: Any, u: Any) -> tuple[list[Array], list[Array | None]]:
+        found = x._tables() if isinstance(x, Dataset) else tables(x, "x")
+        wanted = list(self.feature_names_in_)
+        states = [_chosen(table, wanted, "x") for table in found]
+        names = list(self.control_names_in_)
+        if not names:
+            return states, [None] * len(found)
+        if u is None or isinstance(u, str) or (isinstance(u, (list, tuple)) and all(isinstance(n, str) for n in u)):
+            if any(table.names is None for table in found):
+                raise ValueError(f"u: the model has the controls {', '.join(names)}; hand in their samples")
+            return states, [_chosen(table, names, "x") for table in found]
+        inputs = [_chosen(table, names, "u") for table in tables(u, "u")]
+        if len(inputs) != len(states):
+            raise ValueError(f"u: expected {len(states)} runs as in x, found {len(inputs)}")
+        return states, list(inputs)
+
+    @classmethod
+    def _parameter_names(cls) -> list[str]:
+        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Settings by name."""
+        return {name: getattr(self, name) for name in self._parameter_names()}
+
+    def set_params(self, **params: Any) -> GPSINDy:
+        """Changes settings by name; returns the estimator itself."""
+        known = self._parameter_names()
+        for name in params:
+            if name not in known:
+                raise ValueError(f"invalid parameter {name!r}; valid parameters are: {', '.join(known)}")
+        for name, value in params.items():
+            setattr(self, name, value)
+        return self
+
+    def _check_fitted(self, what: str) -> None:
+        if not hasattr(self, "model_"):
+            raise NotFittedError(f"{what} needs a fitted estimator; call fit first")
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "model_")
+
+    def __repr__(self) -> str:
+        defaults = inspect.signature(type(self).__init__).parameters
+        changed = [f"{n}={v!r}" for n, v in self.get_params().items() if not _same(v, defaults[n].default)]
+        return f"GPSINDy({', '.join(changed)})"
+
+
+class _Layout:
+    """Names of the columns of a dataset, by the part that they play."""
+
+    def __init__(self, states: list[str], controls: list[str], derivatives: list[tuple[str, str]]) -> None:
+        self.states = states
+        self.controls = controls
+        self.derivatives = derivatives
+
+
+def _layout(
+    x: Any, t: Any, x_dot: Any, u: Any, feature_names: Iterable[str] | None
+) -> tuple[_gpsindy.Dataset, _Layout]:
+    found = x._tables() if isinstance(x, Dataset) else tables(x, "x")
+    clock = times(t, found)
+    columns = found[0].names
+    control_columns: list[str] = []
+    inputs: list[Table] = []
+    if isinstance(u, str) or (isinstance(u, (list, tuple)) and u and all(isinstance(name, str) for name in u)):
+        control_columns = names_of(u)
+        if columns is None:
+            raise ValueError("u: columns can be named where x has names; hand in arrays here")
+    elif u is not None:
+        inputs = tables(u, "u")
+        _check_like(inputs, found, "u")
+    rate_columns: dict[str, str] = {}
+    rates: list[Table] = []
+    if isinstance(x_dot, Mapping) and all(isinstance(name, str) for name in x_dot.values()):
+        rate_columns = {str(state): column for state, column in x_dot.items()}
+        if columns is None:
+            raise ValueError("x_dot: columns can be named where x has names; hand in arrays here")
+    elif x_dot is not None:
+        rates = tables(x_dot, "x_dot")
+        _check_like(rates, found, "x_dot")
+    if columns is None:
+        state_columns = [f"x{i}" for i in range(found[0].values.shape[1])]
+    else:
+        taken = {*control_columns, *rate_columns.values()}
+        for name in sorted(taken):
+            if name not in columns:
+                raise ValueError(f"{'u' if name in control_columns else 'x_dot'}: no column {name!r} in x; found {', '.join(columns)}")
+        state_columns = [name for name in columns if name not in taken]
+    blocks = [_chosen(table, state_columns, "x") for table in found]
+    units = [_unit(found[0], name) for name in state_columns]
+    n_states = len(state_columns)
+    if control_columns:
+        inputs = [_part(table, control_columns) for table in found]
+    control_names = control_columns
+    if inputs and not control_columns:
+        control_names = list(inputs[0].names or (f"u{i}" for i in range(inputs[0].values.shape[1])))
+    state_names = state_columns
+    if feature_names is not None:
+        given = names_of(feature_names)
+        if len(given) not in (n_states, n_states + len(control_names)):
+            raise ValueError(
+                f"feature_names: expected {n_states} names of states"
+                + (f" or {n_states + len(control_names)} with those of the controls" if control_names else "")
+                + f", found {len(given)}"
+            )
+        state_names = given[:n_states]
+        control_names = given[n_states:] or control_names
+    renamed = dict(zip(state_columns, state_names))
+    names = [*state_names, *control_names]
+    if inputs:
+        wanted = control_columns or list(inputs[0].names or control_names)
+        units += [_unit(inputs[0], name) for name in wanted]
+        blocks = [np.column_stack([b, _chosen(table, wanted, "u")]) for b, table in zip(blocks, inputs)]
+    derivatives: list[tuple[str, str]] = []
+    if rate_columns:
+        for state in rate_columns:
+            if state not in renamed:
+                raise ValueError(f"x_dot: no state {state!r}; found {', '.join(state_columns)}")
+        rates = [_part(table, list(rate_columns.values())) for table in found]
+        derivatives = [(renamed[state], renamed[state] + _RATE) for state in rate_columns]
+    elif rates:
+        if rates[0].values.shape[1] != n_states:
+            raise ValueError(f"x_dot: expected {n_states} columns as in x, found {rates[0].values.shape[1]}")
+        derivatives = [(name, name + _RATE) for name in state_names]
+    if rates:
+        blocks = [np.column_stack([b, table.values]) for b, table in zip(blocks, rates)]
+        names += [column for _, column in derivatives]
+        units += [""] * len(derivatives)
+    stacked = [Table(tuple(names), tuple(units), b, None, table.run) for b, table in zip(blocks, found)]
+    return inner_dataset(stacked, clock), _Layout(list(state_names), list(control_names), derivatives)
+
+
+def _check_like(found: Sequence[Table], x: Sequence[Table], what: str) -> None:
+    if len(found) != len(x):
+        raise ValueError(f"{what}: expected {len(x)} runs as in x, found {len(found)}")
+    for i, (one, other) in enumerate(zip(found, x)):
+        if one.n_samples != other.n_samples:
+            place = what if len(x) == 1 else f"{what}[{i}]"
+            raise ValueError(f"{place}: expected {other.n_samples} samples as in x, found {one.n_samples}")
+
+
+def _chosen(table: Table, names: Sequence[str], what: str) -> Array:
+    """The named columns; of a table without names all of them."""
+    if table.names is None:
+        if table.values.shape[1] != len(names):
+            raise ValueError(f"{what}: expected {len(names)} columns ({', '.join(names)}), found {table.values.shape[1]}")
+        return table.values
+    for name in names:
+        if name not in table.names:
+            raise ValueError(f"{what}: no column {name!r}; found {', '.join(table.names)}")
+    return table.values[:, [table.names.index(name) for name in names]]
+
+
+def _part(table: Table, names: Sequence[str]) -> Table:
+    units = tuple(_unit(table, name) for name in names)
+    return Table(tuple(names), units, _chosen(table, names, "x"), None, table.run)
+
+
+def _unit(table: Table, name: str) -> str:
+    return table.units[table.names.index(name)] if table.names is not None and name in table.names else ""
+
+
+def _count(value: Any, name: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+        raise ValueError(f"{name}: expected an integer of at least 0, found {value!r}")
+    return int(value)
+
+
+def _number(value: Any, name: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number or 'auto', found {value!r}") from None
+
+
+def _rounded(equation: str, precision: int) -> str:
+    return _NUMBER.sub(lambda found: f"{float(found.group()):.{max(1, precision)}g}", equation)
+
+
+def _same(one: Any, other: Any) -> bool:
+    return type(one) is type(other) and bool(np.all(one == other))

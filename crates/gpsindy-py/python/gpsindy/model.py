@@ -1,0 +1,598 @@
+"""Models: named ordinary differential equations from files, from text, or around a Python simulator."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from gpsindy import _gpsindy
+from gpsindy._tables import Array, contiguous, floats, frame, matrix, readonly
+from gpsindy.dataset import Dataset, Path, as_dataset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Hold = Literal["zero", "linear"]
+Target = Literal["latex", "sympy", "python", "c", "rust", "julia", "modelica"]
+Method = Literal["auto", "rosenbrock", "rk4", "euler"]
+Simulator = Callable[[float, Array, Array], Any]
+Progress = Callable[[str, int, int], object]
+
+
+@dataclass(frozen=True)
+class State:
+    """A state: its name, how it changes, and what its column reads.
+
+    Attributes
+    ----------
+    name, unit : str
+    equation : str
+        Right side of its differential equation, in its unit per second.
+    measured : str or None
+        What the log's column reads; None: the state itself.
+    """
+
+    name: str
+    unit: str
+    equation: str
+    measured: str | None
+
+
+@dataclass(frozen=True)
+class Control:
+    """A control: an input that the log carries."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter.
+
+    Attributes
+    ----------
+    name : str
+    value : float
+    unit : str
+    tolerance : float or None
+        Relative 1-sigma belief; None: taken as exact.
+    """
+
+    name: str
+    value: float
+    unit: str
+    tolerance: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """A simulated run.
+
+    Attributes
+    ----------
+    name : str
+        Name of the run.
+    t : ndarray of shape (n_samples,)
+        Times, s.
+    x : ndarray of shape (n_samples, n_states)
+        The states.
+    y : ndarray of shape (n_samples, n_states)
+        What the log's columns would read, by the model's ``measured``.
+    states : tuple of str
+        Names of the columns of ``x`` and ``y``.
+    """
+
+    name: str
+    t: Array
+    x: Array
+    y: Array
+    states: tuple[str, ...]
+
+    def __getitem__(self, state: str) -> Array:
+        """What the column of one state reads."""
+        if state not in self.states:
+            raise KeyError(f"no state {state!r}; found {', '.join(self.states)}")
+        return self.y[:, self.states.index(state)]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True)
+class StateError:
+    """Prediction error of one logged state.
+
+    Attributes
+    ----------
+    state, unit : str
+    rmse : float
+        Root mean square error, in the unit.
+    normalised : float
+        The same divided by the column's standard deviation in the data.
+    n_samples : int
+        Samples compared.
+    """
+
+    state: str
+    unit: str
+    rmse: float
+    normalised: float
+    n_samples: int
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one kind of prediction.
+
+    Attributes
+    ----------
+    pooled : float
+        Root mean square, over samples and columns, of the error divided by the column's standard deviation:
+        0 is perfect, 1 as bad as the mean.
+    n_started, n_diverged : int
+        Predictions started, and those of them that diverged.
+    by_state : tuple of StateError
+    """
+
+    pooled: float
+    n_started: int
+    n_diverged: int
+    by_state: tuple[StateError, ...]
+
+    def rmse(self) -> dict[str, float]:
+        """Root mean square error by state, in its unit."""
+        return {entry.state: entry.rmse for entry in self.by_state}
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far a model's predictions lie from logs.
+
+    Attributes
+    ----------
+    rollout : Errors
+        Of whole runs from their first sample.
+    windowed : Errors
+        Of windows, each started from the log.
+    one_step : Errors
+        From each sample to the next.
+    """
+
+    rollout: Errors
+    windowed: Errors
+    one_step: Errors
+
+
+@dataclass(frozen=True)
+class Identification:
+    """How a model was learnt.
+
+    Attributes
+    ----------
+    terms : tuple of str
+        The library, in order.
+    coefficients, standard_errors : ndarray of shape (n_states, n_terms)
+    inclusion_probabilities : ndarray of shape (n_states, n_terms) or None
+        Where an ensemble was run.
+    lam : ndarray of shape (n_states,)
+        Tuning value of the sparse regression.
+    """
+
+    terms: tuple[str, ...]
+    coefficients: Array
+    standard_errors: Array
+    inclusion_probabilities: Array | None
+    lam: Array = field(repr=False)
+
+
+class Model:
+    """Ordinary differential equations with named states, controls and parameters.
+
+    Made by :meth:`load`, :meth:`from_toml`, :meth:`from_callable`, or learnt by :class:`GPSINDy`.
+
+    Examples
+    --------
+    >>> import gpsindy
+    >>> cart = gpsindy.Model.from_toml('''
+    ... schema = "gpsindy.model/1"
+    ... name = "cart"
+    ... [[state]]
+    ... name = "v"
+    ... equation = "(u - b*v)/m"
+    ... [[control]]
+    ... name = "u"
+    ... [[parameter]]
+    ... name = "b"
+    ... value = 0.3
+    ... [[parameter]]
+    ... name = "m"
+    ... value = 1.5
+    ... ''')
+    >>> cart
+    Model 'cart': v' = (u - b*v)/m
+    >>> run = cart.simulate({"v": 0.0}, [0.0, 1.0, 2.0], u=[3.0, 3.0, 3.0])
+    >>> run["v"].round(4)
+    array([0.    , 1.8127, 3.2968])
+    """
+
+    __slots__ = ("_inner",)
+    _inner: _gpsindy.Model
+
+    def __init__(self) -> None:
+        raise TypeError("a model is made by Model.load, Model.from_toml, Model.from_json or Model.from_callable")
+
+    @classmethod
+    def _of(cls, inner: _gpsindy.Model) -> Model:
+        model = cls.__new__(cls)
+        model._inner = inner
+        return model
+
+    @classmethod
+    def load(cls, path: Path) -> Model:
+        """Reads a model file (TOML, or JSON where the name ends in ``.json``)."""
+        return cls._of(_gpsindy.Model.read(os.fspath(path)))
+
+    @classmethod
+    def from_toml(cls, text: str) -> Model:
+        """Reads the text of a model file."""
+        return cls._of(_gpsindy.Model.parse("model.toml", text))
+
+    @classmethod
+    def from_json(cls, text: str) -> Model:
+        """Reads the text of a model file in JSON."""
+        return cls._of(_gpsindy.Model.parse("model.json", text))
+
+    @classmethod
+    def from_callable(
+        cls,
+        simulator: Simulator,
+        states: Sequence[str],
+        controls: Sequence[str] = (),
+        *,
+        kinematic: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+        initial: Mapping[str, float] | None = None,
+        name: str = "simulator",
+    ) -> Model:
+        """A model whose rates come from Python code.
+
+        Parameters
+        ----------
+        simulator : callable
+            ``f(t, x, u)`` returns the rates of the states (n,) at time ``t`` in s, states ``x`` (n,) and controls ``u`` (m,).
+            It is called by one thread at a time. What it raises is passed on unchanged.
+        states, controls : sequence of str
+            Names, in the order of ``x`` and ``u``.
+        kinematic : mapping of str to str, optional
+            ``{"x": "v"}`` says that state ``v`` is the time derivative of state ``x``. With it, ``v`` may be missing in logs.
+        units : mapping of str to str, optional
+            Units of states and controls.
+        initial : mapping of str to float, optional
+            Default initial state.
+        name : str, optional
+
+        Examples
+        --------
+        >>> import gpsindy
+        >>> model = gpsindy.Model.from_callable(lambda t, x, u: [-2 * x[0]], ["x"])
+        >>> model.simulate([1.0], [0.0, 1.0]).x[-1].round(4)
+        array([0.1353])
+        """
+        if not callable(simulator):
+            raise ValueError(f"simulator: expected a callable f(t, x, u), found {type(simulator).__name__}")
+        unit = dict(units or {})
+        return cls._of(
+            _gpsindy.Model.from_callable(
+                simulator,
+                name,
+                [(state, unit.get(state, "")) for state in states],
+                [(control, unit.get(control, "")) for control in controls],
+                list((kinematic or {}).items()),
+                [(state, float(value)) for state, value in (initial or {}).items()],
+            )
+        )
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._inner.name
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The states, in order."""
+        return tuple(State(*entry) for entry in self._inner.states)
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """The controls, in order."""
+        return tuple(Control(*entry) for entry in self._inner.controls)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters, in order."""
+        return tuple(Parameter(*entry) for entry in self._inner.parameters)
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """Default initial state, by name."""
+        return dict(self._inner.initial)
+
+    @property
+    def identification(self) -> Identification | None:
+        """How the model was learnt, where it was."""
+        record = self._inner.identification
+        if record is None:
+            return None
+        terms, coefficients, errors, inclusion, lam = record
+        return Identification(
+            tuple(terms), coefficients, errors, inclusion if len(inclusion) else None, readonly(np.array(lam))
+        )
+
+    def with_parameters(self, **values: float) -> Model:
+        """The same model with other values of some parameters."""
+        return Model._of(self._inner.with_parameters([(name, float(value)) for name, value in values.items()]))
+
+    def to_toml(self) -> str:
+        """The text of a model file."""
+        return self._inner.to_toml()
+
+    def to_json(self) -> str:
+        """The text of a model file in JSON."""
+        return self._inner.to_json()
+
+    def save(self, path: Path) -> None:
+        """Writes a model file, as JSON where the name ends in ``.json``, else as TOML; whole or not at all."""
+        self._inner.write(os.fspath(path))
+
+    def export(self, to: Target) -> str:
+        """The equations as source.
+
+        Parameters
+        ----------
+        to : {"latex", "sympy", "python", "c", "rust", "julia", "modelica"}
+
+        Examples
+        --------
+        >>> import gpsindy
+        >>> model = gpsindy.Model.from_json('{"state": [{"name": "x", "equation": "-2*x"}]}')
+        >>> "dot{x}" in model.export("latex")
+        True
+        """
+        return self._inner.export(to)
+
+    def derivative(self, x: Any, u: Any = None, t: Any = 0.0) -> Array:
+        """Rates of the states, row by row; ``delay`` and ``play`` read the control as it stands.
+
+        Parameters
+        ----------
+        x : array of shape (n_samples, n_states)
+        u : array of shape (n_samples, n_controls), optional
+        t : float or array of shape (n_samples,), optional
+            Time, s.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+        """
+        rows = self._columns(x, [state.name for state in self.states], "x")
+        controls = self._controls(u, len(rows))
+        time = np.ascontiguousarray(np.broadcast_to(floats(t, "t"), (len(rows),)))
+        return self._inner.derivative(time, rows, controls)
+
+    def simulate(
+        self,
+        x0: Any,
+        t: Any,
+        u: Any = None,
+        *,
+        hold: Hold = "zero",
+        method: Method = "auto",
+        tolerance: float = 1e-8,
+    ) -> Rollout:
+        """A rollout from ``x0`` at ``t[0]``.
+
+        Parameters
+        ----------
+        x0 : sequence of float, mapping of str to float, or None
+            Initial state; states that a mapping lacks start from the model's own ``initial``.
+        t : array of shape (n_samples,)
+            Increasing times, s.
+        u : array of shape (n_samples, n_controls), mapping or frame, optional
+            Controls at the times ``t``.
+        hold : {"zero", "linear"}
+            What controls do between samples.
+        method : {"auto", "rosenbrock", "rk4", "euler"}
+            ``auto`` has step control and goes over to an implicit method where the model is stiff; the last two make one step
+            between samples.
+        tolerance : float
+            Error allowed in a step, relative to the size of the state.
+
+        Raises
+        ------
+        NumericalError
+            The trajectory diverges, or steps become too small.
+        """
+        time = _increasing(t)
+        initial = self._initial(x0)
+        controls = self._controls(u, len(time))
+        x, y = self._inner.simulate(initial, time, controls, (hold, method, tolerance))
+        return Rollout(self.name, readonly(time), x, y, tuple(state.name for state in self.states))
+
+    def score(
+        self, logs: Any, *, window: float | None = None, hold: Hold = "zero", progress: Progress | None = None
+    ) -> Score:
+        """Errors of predictions on logs; see :func:`gpsindy.score`."""
+        return score(self, logs, window=window, hold=hold, progress=progress)
+
+    def plot(self, logs: Any, **options: Any) -> Figure:
+        """Rollouts beside logs; see :func:`gpsindy.plot.rollouts`. Needs matplotlib."""
+        from gpsindy import plot
+
+        return plot.rollouts(self, logs, **options)
+
+    def _initial(self, x0: Any) -> list[float]:
+        names = [state.name for state in self.states]
+        if x0 is not None and not isinstance(x0, Mapping):
+            values = floats(x0, "x0")
+            if values.shape != (len(names),):
+                raise ValueError(f"x0: expected {len(names)} values ({', '.join(names)}), found shape {values.shape}")
+            return [float(value) for value in values]
+        known = {**self.initial, **dict(x0 or {})}
+        for name in known:
+            if name not in names:
+                raise ValueError(f"x0: no state {name!r}; found {', '.join(names)}")
+        missing = [name for name in names if name not in known]
+        if missing:
+            raise ValueError(f"x0: no value for {', '.join(missing)}; hand in one a state")
+        return [float(known[name]) for name in names]
+
+    def _controls(self, u: Any, n_samples: int) -> Array:
+        names = [control.name for control in self.controls]
+        if u is None:
+            if names:
+                raise ValueError(f"u: the model has the controls {', '.join(names)}; hand in their samples")
+            return np.zeros((n_samples, 0))
+        values = self._columns(u, names, "u")
+        if len(values) != n_samples:
+            raise ValueError(f"u: expected {n_samples} samples, found {len(values)}")
+        return values
+
+    @staticmethod
+    def _columns(data: Any, names: list[str], what: str) -> Array:
+        columns = frame(data)
+        if columns is not None:
+            for name in names:
+                if name not in columns.headers:
+                    raise ValueError(f"{what}: no column {name!r}; found {', '.join(columns.headers)}")
+            return contiguous(np.column_stack([columns.numbers(name) for name in names]))
+        values = matrix(data, what)
+        if values.shape[1] != len(names):
+            raise ValueError(f"{what}: expected {len(names)} columns ({', '.join(names)}), found {values.shape[1]}")
+        return contiguous(values)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Model.from_json, (self.to_json(),))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Model):
+            return NotImplemented
+        if self._inner.calls_simulator or other._inner.calls_simulator:
+            return self._inner is other._inner
+        return self.to_json() == other.to_json()
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.states, self.controls, self.parameters))
+
+    def __repr__(self) -> str:
+        equations = "; ".join(f"{state.name}' = {state.equation}" for state in self.states)
+        return f"Model {self.name!r}: {equations}" if self.name else f"Model: {equations}"
+
+
+def _increasing(t: Any) -> Array:
+    time = np.array(floats(t, "t"), dtype=np.float64)
+    if time.ndim != 1 or len(time) == 0:
+        raise ValueError(f"t: expected the times of the samples, one dimension, found shape {time.shape}")
+    if not bool(np.all(np.isfinite(time))) or not bool(np.all(np.diff(time) > 0)):
+        raise ValueError("t: times must be finite and increase")
+    return time
+
+
+def simulate(
+    model: Model,
+    logs: Any,
+    *,
+    initial: Mapping[str, float] | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    hold: Hold = "zero",
+    method: Method = "auto",
+    tolerance: float = 1e-8,
+) -> list[Rollout]:
+    """A rollout of every run, under the log's controls and from its first sample.
+
+    Parameters
+    ----------
+    model : Model
+    logs : Dataset, paths of CSV files, frame or list of frames
+    initial : mapping of str to float, optional
+        Initial values that override those of the log.
+    start, stop : float, optional
+        Only the samples between these times, s; delays see the log before ``start``.
+    hold, method, tolerance
+        As in :meth:`Model.simulate`.
+
+    Returns
+    -------
+    list of Rollout
+        One a run.
+
+    Examples
+    --------
+    >>> import gpsindy
+    >>> model = gpsindy.Model.from_callable(lambda t, x, u: [-2 * x[0] + u[0]], ["x"], ["u"])
+    >>> log = {"t": [0.0, 0.5, 1.0], "x": [1.0, 0.4, 0.1], "u": [0.0, 0.0, 0.0]}
+    >>> gpsindy.simulate(model, log)[0]["x"].round(4)
+    array([1.    , 0.3679, 0.1353])
+    """
+    data = as_dataset(logs)
+    pairs = [(name, float(value)) for name, value in (initial or {}).items()]
+    found = model._inner.simulate_runs(data._inner, pairs, (start, stop), (hold, method, tolerance))
+    names = tuple(state.name for state in model.states)
+    return [Rollout(name, readonly(np.array(t)), x, y, names) for name, t, x, y in found]
+
+
+def score(
+    model: Model, logs: Any, *, window: float | None = None, hold: Hold = "zero", progress: Progress | None = None
+) -> Score:
+    """Errors of whole runs, windows and single steps, by state.
+
+    Parameters
+    ----------
+    model : Model
+    logs : Dataset, paths of CSV files, frame or list of frames
+    window : float, optional
+        Length of the windows, s. Default: a tenth of each run.
+    hold : {"zero", "linear"}
+        What controls do between samples.
+    progress : callable, optional
+        Called with (stage, done, total).
+
+    Returns
+    -------
+    Score
+
+    Examples
+    --------
+    >>> import gpsindy
+    >>> model = gpsindy.Model.from_callable(lambda t, x, u: [1.0], ["x"])
+    >>> log = {"t": [0.0, 1.0, 2.0], "x": [0.0, 1.0, 2.3]}
+    >>> round(gpsindy.score(model, log).rollout.by_state[0].rmse, 4)
+    0.1732
+    """
+    kinds = _gpsindy.score(model._inner, as_dataset(logs)._inner, window, hold, progress)
+    return Score(*(_errors(*kind) for kind in kinds))
+
+
+def _errors(pooled: float, started: int, diverged: int, states: Iterable[tuple[Any, ...]]) -> Errors:
+    return Errors(pooled, started, diverged, tuple(StateError(*entry) for entry in states))
+
+
+__all__ = [
+    "Control",
+    "Dataset",
+    "Errors",
+    "Identification",
+    "Model",
+    "Parameter",
+    "Rollout",
+    "Score",
+    "State",
+    "StateError",
+    "score",
+    "simulate",
+]

@@ -1,0 +1,134 @@
+"""Pictures. The only module that imports matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from gpsindy.dataset import as_dataset
+from gpsindy.model import Hold, Model, simulate
+from gpsindy.smoothing import Smoothed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from gpsindy.diagnosis import Diagnosis
+
+MEASURED: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3, "color": "0.55", "label": "measured"}
+
+
+def _grid(rows: int, columns: int, figsize: tuple[float, float] | None) -> tuple[Figure, Any]:
+    size = figsize or (min(4.0 * columns, 16.0), 2.2 * rows)
+    return plt.subplots(rows, columns, sharex="col", squeeze=False, figsize=size, layout="constrained")
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _finish(figure: Figure, axes: Any, titles: list[str]) -> Figure:
+    for j, title in enumerate(titles):
+        axes[0, j].set_title(title)
+        axes[-1, j].set_xlabel("t [s]")
+    axes[0, 0].legend(loc="best", fontsize="small")
+    return figure
+
+
+def rollouts(
+    model: Model, logs: Any, *, hold: Hold = "zero", max_runs: int = 4, figsize: tuple[float, float] | None = None
+) -> Figure:
+    """Rollouts of a model from the first sample of each run, beside the samples.
+
+    Parameters
+    ----------
+    model : Model
+    logs : Dataset, paths of CSV files, frame or list of frames
+    hold : {"zero", "linear"}
+    max_runs : int
+        Runs shown, at most.
+    figsize : (float, float), optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    data = as_dataset(logs)[:max_runs]
+    predicted = simulate(model, data, hold=hold)
+    figure, axes = _grid(len(model.states), len(data), figsize)
+    for j, (run, rollout) in enumerate(zip(data, predicted)):
+        for i, state in enumerate(model.states):
+            axis: Axes = axes[i, j]
+            if state.name in run.columns:
+                axis.plot(run.t, run[state.name], **MEASURED)
+            axis.plot(rollout.t, rollout[state.name], color="C0", label="model")
+            if j == 0:
+                axis.set_ylabel(_label(state.name, state.unit))
+    return _finish(figure, axes, [run.name for run in data])
+
+
+def smoothed(found: Smoothed, *, max_runs: int = 4, figsize: tuple[float, float] | None = None) -> Figure:
+    """Smoothed columns with their 95 % bands.
+
+    Parameters
+    ----------
+    found : Smoothed
+    max_runs : int
+        Runs shown, at most.
+    figsize : (float, float), optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    runs = found.runs[:max_runs]
+    figure, axes = _grid(len(found.columns), len(runs), figsize)
+    for j, run in enumerate(runs):
+        for i, fit in enumerate(found.fits):
+            axis: Axes = axes[i, j]
+            middle, half = run.x[:, i], 1.96 * run.x_std[:, i]
+            axis.fill_between(run.t, middle - half, middle + half, color="C0", alpha=0.25, linewidth=0)
+            axis.plot(run.t, middle, color="C0", label="smoothed")
+            if j == 0:
+                axis.set_ylabel(_label(fit.column, fit.unit))
+    return _finish(figure, axes, [run.name for run in runs])
+
+
+def diagnosis(found: Diagnosis, *, max_runs: int = 4, figsize: tuple[float, float] | None = None) -> Figure:
+    """Held-out logs beside the rollouts of the nominal and of the augmented model.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    max_runs : int
+        Runs shown, at most.
+    figsize : (float, float), optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    curves = (found.to_dict().get("figures") or {}).get("rollouts", [])
+    if not curves:
+        raise ValueError("the diagnosis carries no curves to draw")
+    runs = list(dict.fromkeys(curve["run"] for curve in curves))[:max_runs]
+    columns = list(dict.fromkeys(curve["column"] for curve in curves))
+    figure, axes = _grid(len(columns), len(runs), figsize)
+    for curve in curves:
+        if curve["run"] not in runs:
+            continue
+        i, j = columns.index(curve["column"]), runs.index(curve["run"])
+        axis: Axes = axes[i, j]
+        axis.plot(curve["time"], _numbers(curve["measured"]), **MEASURED)
+        axis.plot(curve["time"], _numbers(curve["before"]), color="C3", label="simulator")
+        if curve["after"]:
+            axis.plot(curve["time"], _numbers(curve["after"]), color="C0", label="with its causes")
+        if j == 0:
+            axis.set_ylabel(_label(curve["column"], curve["unit"]))
+    return _finish(figure, axes, runs)
+
+
+def _numbers(values: list[float | None]) -> Any:
+    return np.array([np.nan if value is None else value for value in values])

@@ -1,0 +1,136 @@
+"""Denoised columns and their time derivatives, by Gaussian processes over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gpsindy import _gpsindy
+from gpsindy._tables import Array, floats, names_of
+from gpsindy.dataset import as_dataset
+from gpsindy.model import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedRun:
+    """Smoothed columns of one run.
+
+    Attributes
+    ----------
+    name : str
+    t : ndarray of shape (n_samples,)
+        Times, s.
+    x, x_std : ndarray of shape (n_samples, n_columns)
+        Posterior mean and standard deviation of the noise-free values, also where a value is missing.
+    x_dot, x_dot_std : ndarray of shape (n_samples, n_columns)
+        The same of the time derivative, per second.
+    x_dot_covariance : tuple of ndarray of shape (n_samples, n_samples)
+        One a column; empty unless asked for.
+    """
+
+    name: str
+    t: Array
+    x: Array
+    x_std: Array
+    x_dot: Array
+    x_dot_std: Array
+    x_dot_covariance: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnFit:
+    """The Gaussian process of one column.
+
+    Attributes
+    ----------
+    column, unit : str
+    kernel : str
+        The kernel of the lowest negative log marginal likelihood.
+    hyper : ndarray
+        Its hyperparameters, in the units of time and column.
+    noise : float
+        Standard deviation of the noise, in the column's unit.
+    nll : float
+        Negative log marginal likelihood of the standardised values.
+    converged : bool
+        Whether the optimiser reached a tolerance.
+    weak : tuple of str
+        Whatever makes the answer weak; empty is good.
+    """
+
+    column: str
+    unit: str
+    kernel: str
+    hyper: Array
+    noise: float
+    nll: float
+    converged: bool
+    weak: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Smoothed columns of all runs.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    runs : tuple of SmoothedRun
+    fits : tuple of ColumnFit
+        One a column.
+    """
+
+    columns: tuple[str, ...]
+    runs: tuple[SmoothedRun, ...]
+    fits: tuple[ColumnFit, ...]
+
+
+def smooth(
+    logs: Any,
+    columns: str | Iterable[str] | None = None,
+    *,
+    kernel: str = "auto",
+    noise: Sequence[float] | None = None,
+    covariance: bool = False,
+    progress: Progress | None = None,
+) -> Smoothed:
+    """Denoised columns and derivatives with standard deviations.
+
+    One Gaussian process over time a column; hyperparameters are shared by all runs.
+
+    Parameters
+    ----------
+    logs : Dataset, paths of CSV files, frame or list of frames
+    columns : str or sequence of str, optional
+        Default: all.
+    kernel : str
+        ``auto`` tries several, or one of ``se``, ``matern12``, ``matern32``, ``matern52``, ``periodic``, ``rq``, or a sum or
+        product of them such as ``se+periodic``.
+    noise : sequence of float, optional
+        Known standard deviations, one a column, in its unit. Default: estimated.
+    covariance : bool
+        Whether the joint covariance of each derivative is kept.
+    progress : callable, optional
+        Called with (stage, done, total).
+
+    Returns
+    -------
+    Smoothed
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gpsindy
+    >>> t = np.linspace(0, 6, 60)
+    >>> noise = 0.05 * np.random.default_rng(0).standard_normal(60)
+    >>> found = gpsindy.smooth({"t": t, "x": np.sin(t) + noise})
+    >>> bool(np.abs(found.runs[0].x_dot[:, 0] - np.cos(t)).max() < 0.2)
+    True
+    """
+    data = as_dataset(logs)
+    wanted = list(data.columns) if columns is None else names_of(columns)
+    known = None if noise is None else [float(value) for value in floats(noise, "noise").ravel()]
+    runs, fits = _gpsindy.smooth(data._inner, wanted, kernel, known, covariance, progress)
+    smoothed = (SmoothedRun(**{**run, "x_dot_covariance": tuple(run["x_dot_covariance"])}) for run in runs)
+    return Smoothed(tuple(wanted), tuple(smoothed), tuple(ColumnFit(**{**fit, "weak": tuple(fit["weak"])}) for fit in fits))

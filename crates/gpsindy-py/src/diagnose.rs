@@ -1,0 +1,90 @@
+//! The diagnosis, its page and its summary, and the catalogue of effects.
+
+use crate::convert::{error, file_error};
+use crate::dataset::PyDataset;
+use crate::model::{PyModel, hold_of};
+use crate::watch::Watch;
+use gpsindy_core::diagnose::report::Diagnosis;
+use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Effect, hold_out};
+use gpsindy_core::{Dataset, Expression};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// (id, state, form, [(parameter, low, high, unit)])
+type Custom = (String, String, String, Vec<(String, f64, f64, String)>);
+
+/// The report as JSON, and the corrected model.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn diagnose(
+    py: Python<'_>,
+    model: &Bound<'_, PyModel>,
+    train: &Bound<'_, PyDataset>,
+    holdout: Option<&Bound<'_, PyDataset>>,
+    effects: Vec<String>,
+    without: Vec<String>,
+    custom: Vec<Custom>,
+    confidence: f64,
+    most_effects: usize,
+    hold: Option<&str>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, PyModel)> {
+    let hold = hold.map(hold_of).transpose()?;
+    let custom = custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?;
+    let settings = Diagnose { effects, without, custom, confidence, most_effects, hold };
+    let (train, holdout): (Dataset, Dataset) = match holdout {
+        Some(holdout) => (train.get().0.clone(), holdout.get().0.clone()),
+        None => hold_out(&train.get().0).map_err(error)?,
+    };
+    let model = model.get();
+    let watch = Arc::new(Watch::default());
+    let dynamics = model.dynamics(py, &watch);
+    let listening: &Watch = &watch;
+    let diagnosed = model.run(py, &watch, progress.as_ref(), || match dynamics {
+        Some(dynamics) => settings.run_simulator(&model.model, dynamics, &train, &holdout, listening),
+        None => settings.run(&model.model, &train, &holdout, listening),
+    })?;
+    let simulator = model.simulator.as_ref().map(|(f, n, m)| (f.clone_ref(py), *n, *m));
+    let augmented = PyModel { model: diagnosed.augmented, simulator };
+    Ok((serde_json::to_string_pretty(&diagnosed.diagnosis).map_err(internal)?, augmented))
+}
+
+/// The self-contained page of a report.
+#[pyfunction]
+pub(crate) fn render(report: &str) -> PyResult<String> {
+    Ok(gpsindy_report::render(&read(report)?))
+}
+
+/// A screenful of text about a report.
+#[pyfunction]
+pub(crate) fn summary(report: &str, width: usize, colour: bool) -> PyResult<String> {
+    Ok(gpsindy_report::summary(&read(report)?, width, colour))
+}
+
+/// Writes a text file, whole or not at all.
+#[pyfunction]
+pub(crate) fn write_whole(path: PathBuf, text: &str) -> PyResult<()> {
+    gpsindy_files::write_whole(&path, text.as_bytes()).map_err(file_error)
+}
+
+/// (id, form, parameters, what it looks like in a log) of every effect.
+#[pyfunction]
+pub(crate) fn effects() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
+    Effect::ALL.iter().map(|e| (e.id(), e.form(), e.parameters(), e.signature())).collect()
+}
+
+fn custom_effect((id, state, form, parameters): Custom) -> PyResult<CustomEffect> {
+    let form = Expression::parse(&form).map_err(error)?;
+    let parameter = |(name, low, high, unit)| CustomParameter { name, low, high, unit };
+    Ok(CustomEffect { id, state, form, parameters: parameters.into_iter().map(parameter).collect() })
+}
+
+fn read(report: &str) -> PyResult<Diagnosis> {
+    serde_json::from_str(report).map_err(|e| PyValueError::new_err(format!("report: not a diagnosis: {e}")))
+}
+
+fn internal(failure: serde_json::Error) -> PyErr {
+    PyValueError::new_err(format!("report: cannot be written as JSON: {failure}"))
+}

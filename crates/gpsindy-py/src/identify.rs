@@ -1,0 +1,193 @@
+//! Logs to a model: the settings of Python as those of the core.
+
+use crate::convert::error;
+use crate::dataset::PyDataset;
+use crate::model::{PyModel, hold_of};
+use crate::smooth::smoother;
+use crate::watch::Watch;
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, LibrarySettings, Signed};
+use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
+use gpsindy_core::{
+    Choice, Control, Dataset, Delay, Differentiation, Error, Expression, Hold, Identify, Model, Result, Run,
+    SecondStage, Smoother, State, Target,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// Settings that Python hands over by name.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Settings {
+    states: Vec<String>,
+    controls: Vec<String>,
+    derivatives: Vec<(String, String)>,
+    degree: usize,
+    trig: bool,
+    products: bool,
+    terms: Vec<String>,
+    control_terms: bool,
+    fix: Vec<String>,
+    forbid: Vec<String>,
+    sign: Vec<String>,
+    smoother: Option<String>,
+    kernel: String,
+    derivative_method: String,
+    regressor: String,
+    lambda_: Option<f64>,
+    select: String,
+    delays: Vec<(String, Option<f64>)>,
+    max_delay: Option<f64>,
+    hold: Option<String>,
+    standardize: bool,
+    train_fraction: f64,
+    ensemble: usize,
+    refine: bool,
+    window: Option<f64>,
+    seed: u64,
+}
+
+impl Settings {
+    fn identify(self, data: &Dataset) -> PyResult<Identify> {
+        self.check_names().map_err(error)?;
+        let kernel = smoother(&self.kernel)?;
+        let hold = self.hold.as_deref().map(hold_of).transpose()?;
+        let settings = self.build(kernel, data).map_err(error)?;
+        Ok(Identify { hold, ..settings })
+    }
+
+    /// Names that a model could not carry are refused before anything is learnt.
+    fn check_names(&self) -> Result<()> {
+        let model = Model {
+            states: self.states.iter().map(|name| State::new(name, Expression::Number(0.0))).collect(),
+            controls: self.controls.iter().map(Control::new).collect(),
+            ..Model::default()
+        };
+        model.check()
+    }
+
+    fn build(self, kernel: Smoother, data: &Dataset) -> Result<Identify> {
+        let smoother = match self.smoother.as_deref() {
+            None => None,
+            Some("gp") => Some(kernel),
+            Some(other) => return Err(Error::range("smoother", "\"gp\" or None", format!("{other:?}"))),
+        };
+        let constraints = Constraints {
+            fixed: self.fix.iter().map(|text| Fixed::parse(text)).collect::<Result<_>>()?,
+            forbidden: self.forbid.iter().map(|text| Forbidden::parse(text)).collect::<Result<_>>()?,
+            signed: self.sign.iter().map(|text| Signed::parse(text)).collect::<Result<_>>()?,
+        };
+        let most = self.max_delay.unwrap_or_else(|| sensible_delay(data));
+        let delay = |(control, delay): (String, Option<f64>)| (control, delay.map_or(Delay::Auto(most), Delay::Fixed));
+        Ok(Identify {
+            library: LibrarySettings {
+                degree: self.degree,
+                trig: self.trig,
+                products: self.products,
+                extra: self.terms,
+                controls: self.control_terms,
+            },
+            target: target(&self.derivative_method)?,
+            regressor: regressor(&self.regressor)?,
+            choice: choice(&self.select, self.lambda_)?,
+            delays: self.delays.into_iter().map(delay).collect(),
+            states: self.states,
+            controls: self.controls,
+            derivatives: self.derivatives,
+            constraints,
+            smoother,
+            standardize: self.standardize,
+            train_fraction: self.train_fraction,
+            ensemble: self.ensemble,
+            refine: self.refine,
+            window: self.window,
+            hold: None,
+            seed: self.seed,
+        })
+    }
+}
+
+/// As far as is sensible for the sampling and the length of the runs, s.
+fn sensible_delay(data: &Dataset) -> f64 {
+    let length = |run: &Run| run.time[run.time.len() - 1] - run.time[0];
+    let shortest = data.runs().iter().map(length).fold(f64::INFINITY, f64::min);
+    let period = data.runs().iter().map(Run::period).fold(0.0, f64::max);
+    (25.0 * period).max(shortest / 100.0).min(shortest / 10.0)
+}
+
+fn target(name: &str) -> Result<Target> {
+    Ok(match name {
+        "weak" => Target::Weak,
+        "given" => Target::Derivative(Differentiation::Given(Vec::new())),
+        "difference" => Target::Derivative(Differentiation::Central),
+        "gp-time" => Target::Derivative(Differentiation::GpTime),
+        "gp-state" => Target::Derivative(Differentiation::GpState(SecondStage::default())),
+        "gp-control" => Target::Derivative(Differentiation::GpControl(SecondStage::default())),
+        other => {
+            let known = ["weak", "given", "difference", "gp-time", "gp-state", "gp-control"];
+            return Err(Error::unknown("derivative_method", other, known));
+        }
+    })
+}
+
+fn regressor(name: &str) -> Result<Arc<dyn Regressor>> {
+    Ok(match name {
+        "subset" => Arc::new(Subset::default()),
+        "lasso" => Arc::new(Lasso::default()),
+        "sqrt-lasso" => Arc::new(SqrtLasso::default()),
+        "stlsq" => Arc::new(Stlsq::default()),
+        "ssr-coefficient" => Arc::new(Ssr::by_coefficient()),
+        "ssr-residual" => Arc::new(Ssr::by_residual()),
+        "least-squares" => Arc::new(LeastSquares),
+        other => {
+            let known = ["subset", "lasso", "sqrt-lasso", "stlsq", "ssr-coefficient", "ssr-residual", "least-squares"];
+            return Err(Error::unknown("regressor", other, known));
+        }
+    })
+}
+
+fn choice(name: &str, lambda: Option<f64>) -> Result<Choice> {
+    if let Some(lambda) = lambda {
+        return Ok(Choice::Rows(Selection::Fixed(lambda)));
+    }
+    Ok(match name {
+        "cv" => Choice::Rows(Selection::default()),
+        "cv-best" => Choice::Rows(Selection::CrossValidation { one_standard_error: false }),
+        "bic" => Choice::Rows(Selection::Bic { noise: None }),
+        "rollout" => Choice::Rollout,
+        other => return Err(Error::unknown("select", other, ["cv", "cv-best", "bic", "rollout"])),
+    })
+}
+
+/// The model, and a dict of what is known about how it came about.
+#[pyfunction]
+pub(crate) fn identify<'py>(
+    py: Python<'py>,
+    data: &Bound<'py, PyDataset>,
+    settings: Settings,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(PyModel, Bound<'py, PyDict>)> {
+    let data = &data.get().0;
+    let settings = settings.identify(data)?;
+    let watch = Arc::new(Watch::default());
+    let listening: &Watch = &watch;
+    let found = watch.run(py, progress.as_ref(), || settings.fit(data, listening))?;
+    let report = PyDict::new(py);
+    let states = found.states.iter().map(|s| {
+        let entry = PyDict::new(py);
+        entry.set_item("state", &s.state)?;
+        entry.set_item("terms", &s.terms)?;
+        entry.set_item("lambda_", s.level)?;
+        entry.set_item("score", s.score)?;
+        entry.set_item("residual", s.residual)?;
+        entry.set_item("noise", s.noise)?;
+        entry.set_item("kernel", &s.kernel)?;
+        Ok(entry)
+    });
+    report.set_item("states", states.collect::<PyResult<Vec<_>>>()?)?;
+    report.set_item("delays", found.delays)?;
+    report.set_item("window", found.window)?;
+    report.set_item("hold", if found.hold == Hold::Linear { "linear" } else { "zero" })?;
+    report.set_item("notes", found.notes)?;
+    Ok((found.model.into(), report))
+}

@@ -1,0 +1,42 @@
+//! The compiled part of the Python package `gpsindy`, private to it: converts and names, nothing else.
+//!
+//! What a user sees, with types and documentation, is the Python package in `python/gpsindy`.
+
+mod convert;
+mod dataset;
+mod diagnose;
+mod identify;
+mod model;
+mod score;
+mod simulator;
+mod smooth;
+mod watch;
+
+use pyo3::prelude::*;
+
+/// The compiled part of gpsindy.
+#[pymodule(gil_used = false)]
+mod _gpsindy {
+    use super::PyResult;
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::convert::NumericalError;
+    #[pymodule_export]
+    use super::dataset::{PyDataset, parse_header};
+    #[pymodule_export]
+    use super::diagnose::{diagnose, effects, render, summary, write_whole};
+    #[pymodule_export]
+    use super::identify::identify;
+    #[pymodule_export]
+    use super::model::PyModel;
+    #[pymodule_export]
+    use super::score::score;
+    #[pymodule_export]
+    use super::smooth::smooth;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,346 @@
+//! Models: files and text, the user's own simulator, rates and rollouts.
+
+use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, vector};
+use crate::dataset::PyDataset;
+use crate::simulator::Callable;
+use crate::watch::Watch;
+
+use gpsindy_core::{
+    Control, Dynamics, Error, Excitation, Expression, Hold, Language, Method, Model, Result, Rollout, Simulate, State,
+    StateReader, System,
+};
+use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
+use numpy::PyArray2;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+/// States and what the logs' columns read of them, of one rollout.
+type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// The same of one run, with its name and times before it.
+type NamedArrays<'py> = (String, Vec<f64>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// Hold, method, tolerance.
+type How = (String, String, f64);
+
+/// Terms, three tables of one row a state and one column a term (no row where there is none), lambda.
+type Record<'py> =
+    (Vec<String>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<f64>);
+
+/// A model, with the user's own simulator where its equations call one.
+#[pyclass(frozen, name = "Model", module = "gpsindy._gpsindy")]
+pub(crate) struct PyModel {
+    pub(crate) model: Model,
+    /// The callable and how many states and controls it takes.
+    pub(crate) simulator: Option<(Py<PyAny>, usize, usize)>,
+}
+
+#[pymethods]
+impl PyModel {
+    /// Reads text; `name` stands for the file in messages.
+    #[staticmethod]
+    fn parse(name: &str, text: &str) -> PyResult<Self> {
+        Ok(parse_model(name, text).map_err(file_error)?.into())
+    }
+
+    #[staticmethod]
+    fn read(path: PathBuf) -> PyResult<Self> {
+        Ok(read_model(&path).map_err(file_error)?.into())
+    }
+
+    /// A model whose rates come from `function(t, x, u)`; `kinematic` holds pairs (x, v) of states with `x' = v`.
+    #[staticmethod]
+    fn from_callable(
+        function: Py<PyAny>,
+        name: String,
+        states: Vec<(String, String)>,
+        controls: Vec<(String, String)>,
+        kinematic: Vec<(String, String)>,
+        initial: Vec<(String, f64)>,
+    ) -> PyResult<Self> {
+        let variables = states.iter().chain(&controls).map(|(name, _)| Expression::variable(name));
+        let arguments: Vec<Expression> = std::iter::once(Expression::Time).chain(variables).collect();
+        for (state, rate) in &kinematic {
+            for name in [state, rate] {
+                if !states.iter().any(|(known, _)| known == name) {
+                    return Err(error(Error::unknown("state", name, states.iter().map(|s| &s.0))));
+                }
+            }
+        }
+        let equation = |j: usize, name: &str| match kinematic.iter().find(|(state, _)| state == name) {
+            Some((_, rate)) => Expression::variable(rate),
+            None => Expression::Simulator(j, arguments.clone()),
+        };
+        let state = |(j, (name, unit)): (usize, &(String, String))| State {
+            name: name.clone(),
+            unit: unit.clone(),
+            equation: equation(j, name),
+            measured: None,
+        };
+        let model = Model {
+            name,
+            states: states.iter().enumerate().map(state).collect(),
+            controls: controls.iter().map(|(name, unit)| Control { name: name.clone(), unit: unit.clone() }).collect(),
+            initial: initial.into_iter().collect(),
+            ..Model::default()
+        };
+        model.check().map_err(error)?;
+        Ok(Self { simulator: Some((function, states.len(), controls.len())), model })
+    }
+
+    /// Whether the equations call the user's own simulator, so that there is no file of the model.
+    #[getter]
+    fn calls_simulator(&self) -> bool {
+        self.simulator.is_some()
+    }
+
+    #[getter]
+    fn name(&self) -> String {
+        self.model.name.clone()
+    }
+
+    /// (name, unit, equation, measured) of every state.
+    #[getter]
+    fn states(&self) -> Vec<(String, String, String, Option<String>)> {
+        let text = |e: &Expression| e.to_string();
+        let one = |s: &State| (s.name.clone(), s.unit.clone(), text(&s.equation), s.measured.as_ref().map(text));
+        self.model.states.iter().map(one).collect()
+    }
+
+    /// (name, unit) of every control.
+    #[getter]
+    fn controls(&self) -> Vec<(String, String)> {
+        self.model.controls.iter().map(|c| (c.name.clone(), c.unit.clone())).collect()
+    }
+
+    /// (name, value, unit, tolerance) of every parameter.
+    #[getter]
+    fn parameters(&self) -> Vec<(String, f64, String, Option<f64>)> {
+        self.model.parameters.iter().map(|p| (p.name.clone(), p.value, p.unit.clone(), p.tolerance)).collect()
+    }
+
+    #[getter]
+    fn initial(&self) -> Vec<(String, f64)> {
+        self.model.initial.iter().map(|(name, value)| (name.clone(), *value)).collect()
+    }
+
+    /// (terms, coefficients, standard errors, inclusion probabilities, lambda) of a model that was learnt.
+    #[getter]
+    fn identification<'py>(&self, py: Python<'py>) -> Option<Record<'py>> {
+        let record = self.model.identification.as_ref()?;
+        let table = |values: &[Vec<f64>]| rows(py, values, record.terms.len());
+        Some((
+            record.terms.clone(),
+            table(&record.coefficients),
+            table(&record.standard_errors),
+            table(&record.inclusion_probabilities),
+            record.lambda.clone(),
+        ))
+    }
+
+    /// The same model with other values of these parameters.
+    fn with_parameters(&self, py: Python<'_>, values: Vec<(String, f64)>) -> PyResult<Self> {
+        let mut model = self.model.clone();
+        for (name, value) in values {
+            let Some(index) = model.parameter_index(&name) else {
+                return Err(error(Error::unknown("parameter", &name, model.parameters.iter().map(|p| &p.name))));
+            };
+            model.parameters[index].value = value;
+        }
+        model.check().map_err(error)?;
+        let simulator = self.simulator.as_ref().map(|(f, n, m)| (f.clone_ref(py), *n, *m));
+        Ok(Self { model, simulator })
+    }
+
+    fn to_toml(&self) -> PyResult<String> {
+        self.check_text()?;
+        model_to_toml(&self.model).map_err(file_error)
+    }
+
+    fn to_json(&self) -> PyResult<String> {
+        self.check_text()?;
+        model_to_json(&self.model).map_err(file_error)
+    }
+
+    /// The equations as source in another language.
+    fn export(&self, target: &str) -> PyResult<String> {
+        self.model.export(Language::parse(target).map_err(error)?).map_err(error)
+    }
+
+    fn write(&self, path: PathBuf) -> PyResult<()> {
+        self.check_text()?;
+        write_model(&path, &self.model).map_err(file_error)
+    }
+
+    /// Rates at every row of `x` (r x n) and `u` (r x m); `delay` and `play` read the control as it stands.
+    fn derivative<'py>(
+        &self,
+        py: Python<'py>,
+        t: Vector<'py>,
+        x: Matrix<'py>,
+        u: Matrix<'py>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (t, x, u) = (vector(&t), matrix(&x), matrix(&u));
+        let watch = Arc::new(Watch::default());
+        let system = self.system(py, &watch)?;
+        let dx = self.run(py, &watch, None, || {
+            let mut dx = faer::Mat::zeros(x.nrows(), system.n_states());
+            let mut rates = vec![0.0; system.n_states()];
+            for i in 0..x.nrows() {
+                let row = |m: &faer::Mat<f64>| (0..m.ncols()).map(|j| m[(i, j)]).collect::<Vec<f64>>();
+                system.derivative(t[i], &row(&x), &row(&u), &mut rates)?;
+                (0..rates.len()).for_each(|j| dx[(i, j)] = rates[j]);
+            }
+            Ok(dx)
+        })?;
+        Ok(array2(py, &dx))
+    }
+
+    /// A rollout from `initial` (n) at `t[0]` under the controls `u` (r x m).
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        initial: Vec<f64>,
+        t: Vector<'py>,
+        u: Matrix<'py>,
+        how: How,
+    ) -> PyResult<Arrays<'py>> {
+        let settings = settings(&how)?;
+        let (t, u) = (vector(&t), matrix(&u));
+        let watch = Arc::new(Watch::default());
+        let system = self.system(py, &watch)?;
+        let rollout = self.run(py, &watch, None, || {
+            let excitation = Excitation::new(&system, &t, u.as_ref(), settings.hold)?;
+            settings.rollout(&system, &excitation, &initial)
+        })?;
+        Ok(arrays(py, &rollout))
+    }
+
+    /// A rollout of every run of `data`, over the samples of the span (s); `initial` overrides the log's.
+    fn simulate_runs<'py>(
+        &self,
+        py: Python<'py>,
+        data: &Bound<'py, PyDataset>,
+        initial: Vec<(String, f64)>,
+        span: (Option<f64>, Option<f64>),
+        how: How,
+    ) -> PyResult<Vec<NamedArrays<'py>>> {
+        let settings = settings(&how)?;
+        let (start, stop) = span;
+        let data = &data.get().0;
+        let mut model = self.model.clone();
+        for (name, value) in &initial {
+            if model.state_index(name).is_none() {
+                return Err(error(Error::unknown("state", name, model.states.iter().map(|s| &s.name))));
+            }
+            // States that the log lacks start from the model's own initial values.
+            model.initial.insert(name.clone(), *value);
+        }
+        let watch = Arc::new(Watch::default());
+        let system = self.compiled(py, &model, &watch)?;
+        let one = |run: &gpsindy_core::Run| -> Result<Rollout> {
+            let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
+            let first = start.map_or(0, |start| run.time.partition_point(|t| *t < start));
+            let end = stop.map_or(run.n_samples(), |stop| run.time.partition_point(|t| *t <= stop));
+            if first >= end {
+                let span = format!("{} to {} s", run.time[0], run.time[run.n_samples() - 1]);
+                let message = format!("run `{}`: no sample between `start` and `stop`; it lasts from {span}", run.name);
+                return Err(Error::invalid(message));
+            }
+            let mut state = StateReader::new(&system, run, data.channels(), &excitation)?.at(first)?;
+            for (name, value) in &initial {
+                if let Some(index) = model.state_index(name) {
+                    state[index] = *value;
+                }
+            }
+            settings.rollout_range(&system, &excitation, &state, first..end)
+        };
+        let rollouts = self.run(py, &watch, None, || data.runs().iter().map(one).collect::<Result<Vec<_>>>())?;
+        let pairs = data.runs().iter().zip(rollouts);
+        Ok(pairs
+            .map(|(run, rollout)| {
+                let (states, outputs) = arrays(py, &rollout);
+                (run.name.clone(), rollout.time, states, outputs)
+            })
+            .collect())
+    }
+}
+
+impl PyModel {
+    /// Runs `work`, which may call the user's own simulator.
+    pub(crate) fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        watch: &Watch,
+        listener: Option<&Py<PyAny>>,
+        work: impl FnOnce() -> Result<T> + Send,
+    ) -> PyResult<T> {
+        match self.simulator {
+            Some(_) => watch.run_calling(py, listener, work),
+            None => watch.run(py, listener, work),
+        }
+    }
+
+    /// The compiled model; errors of the user's own simulator go to `watch`.
+    pub(crate) fn system(&self, py: Python<'_>, watch: &Arc<Watch>) -> PyResult<System> {
+        self.compiled(py, &self.model, watch)
+    }
+
+    fn compiled(&self, py: Python<'_>, model: &Model, watch: &Arc<Watch>) -> PyResult<System> {
+        System::with_simulator(model, self.dynamics(py, watch)).map_err(error)
+    }
+
+    pub(crate) fn dynamics(&self, py: Python<'_>, watch: &Arc<Watch>) -> Option<Arc<dyn Dynamics>> {
+        let (function, n_states, n_controls) = self.simulator.as_ref()?;
+        Some(Arc::new(Callable {
+            function: function.clone_ref(py),
+            n_states: *n_states,
+            n_controls: *n_controls,
+            watch: watch.clone(),
+            turn: Mutex::new(()),
+        }))
+    }
+
+    fn check_text(&self) -> PyResult<()> {
+        if self.simulator.is_some() {
+            return Err(PyValueError::new_err(
+                "a model around a Python callable has no file; keep the callable and write its equations by hand to save them",
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl From<Model> for PyModel {
+    fn from(model: Model) -> Self {
+        Self { model, simulator: None }
+    }
+}
+
+pub(crate) fn hold_of(text: &str) -> PyResult<Hold> {
+    match text {
+        "zero" => Ok(Hold::Zero),
+        "linear" => Ok(Hold::Linear),
+        other => Err(error(Error::range("hold", "\"zero\" or \"linear\"", format!("{other:?}")))),
+    }
+}
+
+fn settings((hold, method, tolerance): &How) -> PyResult<Simulate> {
+    let method = match method.as_str() {
+        "auto" => Method::DormandPrince,
+        "rosenbrock" => Method::Rosenbrock,
+        "rk4" => Method::RungeKutta4 { substeps: 1 },
+        "euler" => Method::Euler { substeps: 1 },
+        other => {
+            let known = "\"auto\", \"rosenbrock\", \"rk4\" or \"euler\"";
+            return Err(error(Error::range("method", known, format!("{other:?}"))));
+        }
+    };
+    Ok(Simulate { hold: hold_of(hold)?, method, tolerance: *tolerance, ..Simulate::default() })
+}
+
+fn arrays<'py>(py: Python<'py>, rollout: &Rollout) -> Arrays<'py> {
+    (array2(py, &rollout.states), array2(py, &rollout.outputs))
+}

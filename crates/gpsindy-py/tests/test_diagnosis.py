@@ -1,0 +1,150 @@
+"""The diagnosis names a known cause, whoever simulates."""
+
+from __future__ import annotations
+
+import json
+import pathlib
+import pickle
+
+import numpy as np
+import pytest
+
+import gpsindy
+
+DATA = pathlib.Path(__file__).parents[3] / "data"
+SUSPECTS = ["bias", "viscous_friction", "coulomb_friction", "quadratic_drag", "input_gain"]
+
+
+def logs(friction: float, seeds=(1, 2, 3), drag: float = 0.0):
+    """A cart: v' = u - 0.5 v - friction tanh(v/0.01) - drag v |v|, noise 0.005."""
+    found = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        t = 0.02 * np.arange(400)
+        u = np.repeat(rng.uniform(-2, 2, 20), 20)
+        v, x = 0.0, 0.0
+        rows = []
+        for i in range(400):
+            rows.append((x, v))
+            for _ in range(40):
+                x += 0.0005 * v
+                v += 0.0005 * (u[i] - 0.5 * v - friction * np.tanh(v / 0.01) - drag * v * abs(v))
+        values = np.array(rows) + 0.005 * rng.standard_normal((400, 2))
+        found.append({"t": t, "x": values[:, 0], "v": values[:, 1], "u": u})
+    return found
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    text = """
+schema = "gpsindy.model/1"
+name = "cart"
+[[state]]
+name = "x"
+equation = "v"
+[[state]]
+name = "v"
+equation = "u - b*v"
+[[control]]
+name = "u"
+[[parameter]]
+name = "b"
+value = 0.5
+"""
+    return gpsindy.Model.from_toml(text)
+
+
+@pytest.fixture(scope="module")
+def found(nominal):
+    return gpsindy.diagnose(nominal, logs(0.6), effects=SUSPECTS)
+
+
+def test_the_friction_is_found_and_closes_the_gap(found):
+    assert found.verdict in ("explained", "partly_explained")
+    assert found.p_value < 0.05
+    assert ("coulomb_friction", "v") in {(cause.effect, cause.state) for cause in found.included}
+    assert found.closure["after"] < 0.5 * found.closure["before"]
+
+
+def test_the_augmented_model_simulates_and_scores_better(found, nominal):
+    fresh = logs(0.6, seeds=(9,))
+    assert found.augmented.score(fresh).rollout.pooled < 0.5 * nominal.score(fresh).rollout.pooled
+
+
+def test_a_perfect_simulator_has_no_gap(nominal):
+    found = gpsindy.diagnose(nominal, logs(0.0), effects=SUSPECTS)
+    assert found.verdict == "no_gap"
+    assert found.included == ()
+
+
+def test_the_report_is_written_and_travels(found, tmp_path):
+    found.save(tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["schema"] == "gpsindy.diagnosis/1"
+    assert report == found.to_dict() == json.loads(found.to_json())
+    assert "<html" in (tmp_path / "out" / "report.html").read_text()
+    assert gpsindy.Model.load(tmp_path / "out" / "augmented.toml") == found.augmented
+    twin = pickle.loads(pickle.dumps(found))
+    assert twin.causes == found.causes
+    assert "EXPLAINED" in repr(found)
+
+
+def test_a_callable_is_diagnosed_like_its_equations():
+    def simulator(t, x, u):
+        return [x[1], u[0] - 0.5 * x[1]]
+
+    runs = [{name: values[:150] for name, values in run.items()} for run in logs(0.6)]
+    found = gpsindy.diagnose(
+        simulator, runs, states=["x", "v"], controls=["u"], effects=["coulomb_friction", "bias"], most_effects=1
+    )
+    assert found.included[0].effect == "coulomb_friction"
+    assert gpsindy.simulate(found.augmented, runs[0])[0].x.shape == (150, 2)
+
+
+def test_an_error_of_the_simulator_ends_the_diagnosis_unchanged():
+    calls = []
+
+    def simulator(t, x, u):
+        calls.append(t)
+        if len(calls) > 2000:
+            raise ZeroDivisionError("the engine stalled")
+        return [x[1], u[0]]
+
+    with pytest.raises(ZeroDivisionError, match="the engine stalled"):
+        gpsindy.diagnose(simulator, logs(0.6), states=["x", "v"], controls=["u"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"effects": ["magic"]}, "effect `magic` is unknown; known: parameter_error"),
+        ({"confidence": 2.0}, "`confidence` must be between 0.5 and 0.999"),
+        ({"most_effects": 0}, "`most_effects` must be between 1 and 6"),
+        ({"hold": "cubic"}, "`hold` must be"),
+    ],
+)
+def test_wrong_settings_are_named(nominal, options, message):
+    with pytest.raises(ValueError, match=message):
+        gpsindy.diagnose(nominal, logs(0.0, seeds=(1,)), **options)
+
+
+def test_logs_without_the_control_are_refused(nominal):
+    run = logs(0.0, seeds=(1,))[0]
+    del run["u"]
+    with pytest.raises(ValueError, match="`u`"):
+        gpsindy.diagnose(nominal, run)
+    with pytest.raises(ValueError, match="states: a callable needs"):
+        gpsindy.diagnose(lambda t, x, u: x, run)
+
+
+def test_effects_of_the_user_are_suspects_too(nominal):
+    own = gpsindy.CustomEffect("drag", "v", "-c*v*abs(v)", {"c": (-5.0, 5.0)})
+    found = gpsindy.diagnose(nominal, logs(0.0, drag=0.8), effects=["drag", "bias"], custom=[own])
+    assert found.included[0].effect == "drag"
+    assert found.included[0].parameters[0]["value"] == pytest.approx(0.8, rel=0.1)
+
+
+def test_the_catalogue_has_the_effects_of_the_contract():
+    catalogue = {effect.id: effect for effect in gpsindy.effects()}
+    assert len(catalogue) >= 25
+    assert catalogue["input_delay"].form == "u becomes delay(u, tau)"
