@@ -92,9 +92,14 @@ pub(crate) fn whiten(colours: &[Colour], values: &mut DVector<f64>) {
     }
 }
 
-/// Log likelihood of the innovations, their variances at their best, up to a constant.
+/// Log likelihood of the innovations, their variances at their best, up to a constant; the coefficients
+/// of the noise models are charged as BIC does.
 pub(crate) fn log_likelihood(colours: &[Colour]) -> f64 {
-    -0.5 * colours.iter().map(|c| c.count as f64 * c.innovation.max(1e-12).ln()).sum::<f64>()
+    let one = |c: &Colour| {
+        let count = c.count.max(2) as f64;
+        count * c.innovation.max(1e-12).ln() + c.coefficients.len() as f64 * count.ln()
+    };
+    -0.5 * colours.iter().map(one).sum::<f64>()
 }
 
 /// Chance that a chi-squared variable with `degrees` degrees of freedom exceeds `value`.

@@ -1,6 +1,6 @@
 //! Detect and attribute: is there a gap, which effects cause it, and is anything left that has no name.
 
-use super::evidence::chi_squared_tail;
+use super::evidence::{chi_squared_tail, log_likelihood};
 use super::fitted::Fitted;
 use super::rival::Rival;
 use super::search::{CONVINCING, Contest, Expansion, MATERIAL, Summary, keep_first_of_each, sort_by_score};
@@ -75,9 +75,17 @@ pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64
     let moved = nominal.moved().into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
     let strained =
         (chi_squared_tail(moved - NEGLIGIBLE * nominal.count() as f64, 1) * nominal.free.len().max(1) as f64).min(1.0);
-    // Three searches, each paid for.
-    let p_value =
-        (3.0 * first.p_value(nominal.count()).min(rival_p_value(rivals, nominal.count())).min(strained)).min(1.0);
+    // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
+    let count = nominal.count();
+    let allowed = NEGLIGIBLE * count as f64;
+    let refitted = first.fits.iter().map(|fit| {
+        let gain = 2.0 * (log_likelihood(&fit.colours) - log_likelihood(&nominal.colours));
+        chi_squared_tail(gain - allowed, fit.complexity())
+    });
+    let refitted = (refitted.fold(1.0, f64::min) * first.tried as f64).min(1.0);
+    let smallest = refitted.min(first.p_value(count)).min(rival_p_value(rivals, count)).min(strained);
+    // Four searches, each paid for.
+    let p_value = (4.0 * smallest).min(1.0);
     Detected { gap: p_value <= 1.0 - confidence, p_value }
 }
 
