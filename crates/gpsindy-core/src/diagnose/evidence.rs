@@ -102,6 +102,27 @@ pub(crate) fn log_likelihood(colours: &[Colour]) -> f64 {
     -0.5 * colours.iter().map(one).sum::<f64>()
 }
 
+/// Chance that noise alone lowers the residual as much as a gain of twice the log likelihood says, when `degrees`
+/// parameters were added and `spent` others had been fitted to `count` values: an F test, honest in short logs.
+pub(crate) fn gain_tail(gain: f64, degrees: usize, count: usize, spent: usize) -> f64 {
+    use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+    let rest = count as f64 - (spent + degrees) as f64;
+    if !(gain > 0.0) || rest < 1.0 {
+        return 1.0;
+    }
+    let ratio = (gain / count as f64).exp_m1() * rest / degrees.max(1) as f64;
+    if !ratio.is_finite() {
+        return 0.0;
+    }
+    FisherSnedecor::new(degrees.max(1) as f64, rest).map_or(1.0, |d| d.sf(ratio))
+}
+
+/// A gain under a fixed noise level as one with the level fitted: `-N log(1 - gain/N)`.
+pub(crate) fn with_fitted_level(gain: f64, count: usize) -> f64 {
+    let count = count.max(1) as f64;
+    -count * (-(gain / count).min(0.999_999)).ln_1p()
+}
+
 /// Chance that a chi-squared variable with `degrees` degrees of freedom exceeds `value`.
 pub(crate) fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
     use statrs::distribution::{ChiSquared, ContinuousCDF};

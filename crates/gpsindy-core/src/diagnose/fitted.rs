@@ -123,6 +123,12 @@ impl Fitted {
         self.colours.iter().map(|c| c.count).sum()
     }
 
+    /// Number of values that were fitted already: initial states, free parameters, noise models.
+    pub(crate) fn spent(&self) -> usize {
+        let initial = self.experiment.windows.len() * self.system.n_states();
+        initial + self.free.len() + self.colours.iter().map(|c| c.coefficients.len() + 1).sum::<usize>()
+    }
+
     /// Number of parameters that the hypotheses brought.
     pub(crate) fn complexity(&self) -> usize {
         self.added.iter().map(Vec::len).sum()

@@ -69,6 +69,9 @@ pub(crate) struct Applied {
     pub(crate) starts: Vec<Start>,
 }
 
+/// Fewest repetitions within the logs before something may be called periodic: less is any smooth curve.
+const RIPPLES: f64 = 1.25;
+
 fn number(value: f64) -> Expression {
     Expression::Number(value)
 }
@@ -279,12 +282,12 @@ impl Writer<'_> {
                     return Ok(Vec::new());
                 }
                 let c = self.add("c", 0.0, rate, FREE, &unit);
-                let n = self.add("n", 1.0, TAU / range, POSITIVE, "");
+                let n = self.add("n", 1.0, TAU / range, (RIPPLES * TAU / range, f64::INFINITY), "");
                 let phase = self.add("phase", 0.0, 1.0, FREE, "rad");
                 let angle = Expression::Binary(Operator::Multiply, n.into(), z.into());
                 self.add_term(c.times(angle.plus(phase).apply(Function::Sin)));
-                // From one ripple over the range to sixty; steps of half a ripple, so that no line is missed.
-                (2..120).map(|k| sinusoid(&[small, PI * f64::from(k) / range, 0.0])).collect()
+                // Up to sixty ripples over the range; steps of half a ripple, so that no line is missed.
+                (3..120).map(|k| sinusoid(&[small, PI * f64::from(k) / range, 0.0])).collect()
             }
             _ => Vec::new(),
         })
@@ -396,21 +399,29 @@ impl Writer<'_> {
         let small = 1e-3 * rate;
         match effect {
             Effect::PeriodicDisturbance => {
+                let slowest = RIPPLES * TAU / span;
                 let c = self.add("c", 0.0, rate, FREE, &unit);
-                let omega = self.add("omega", 1.0, TAU / self.scene.duration, (0.0, PI / self.scene.period), "rad/s");
+                let omega =
+                    self.add("omega", 1.0, TAU / self.scene.duration, (slowest, PI / self.scene.period), "rad/s");
                 let phase = self.add("phase", 0.0, 1.0, FREE, "rad");
                 let angle = Expression::Binary(Operator::Multiply, omega.into(), Expression::Time.into());
                 self.add_term(c.times(angle.plus(phase).apply(Function::Sin)));
-                Ok(self.scene.peaks.iter().map(|&omega| sinusoid(&[small, omega, 0.0])).collect())
+                Ok(self
+                    .scene
+                    .peaks
+                    .iter()
+                    .filter(|&&omega| omega >= slowest)
+                    .map(|&omega| sinusoid(&[small, omega, 0.0]))
+                    .collect())
             }
             Effect::StepDisturbance => {
                 let c = self.add("c", 0.0, rate, FREE, &unit);
-                let t0 = self.add("t0", first, 0.01 * span, (first, last), "s");
+                let t0 = self.add("t0", first, 0.01 * span, (first + 0.04 * span, last - 0.04 * span), "s");
                 // A ramp of two samples in place of the edge, so that its time can be fitted.
                 let ramp = Expression::Time.minus(t0).over(number(2.0 * self.scene.period));
                 let edge = Expression::Call(Function::Clamp, vec![ramp, number(0.0), number(1.0)]);
                 self.add_term(c.times(edge));
-                Ok((1..32).map(|k| amplitude(&[small, first + span * f64::from(k) / 32.0])).collect())
+                Ok((2..31).map(|k| amplitude(&[small, first + span * f64::from(k) / 32.0])).collect())
             }
             _ => {
                 let Some(name) = self.hypothesis.variables.first().cloned() else {

@@ -1,6 +1,6 @@
 //! The contest: screen every hypothesis at a contestant, refit the promising ones, go on from the best.
 
-use super::evidence::chi_squared_tail;
+use super::evidence::{gain_tail, with_fitted_level};
 use super::fitted::Fitted;
 use super::hypothesis::{Applied, Combine, Hypothesis};
 use super::rival::Rival;
@@ -61,10 +61,14 @@ pub(crate) struct Expansion {
 }
 
 impl Expansion {
-    /// Chance that noise and negligible structure in `count` values give as large a gain somewhere in the search (Bonferroni).
-    pub(crate) fn p_value(&self, count: usize) -> f64 {
+    /// Chance that noise and negligible structure give as large a gain somewhere in the search (Bonferroni).
+    pub(crate) fn p_value(&self, at: &Fitted) -> f64 {
+        let (count, spent) = (at.count(), at.spent());
         let allowed = super::settle::NEGLIGIBLE * count as f64;
-        let best = self.screened.iter().map(|s| chi_squared_tail(s.gain - allowed, s.degrees));
+        let best = self
+            .screened
+            .iter()
+            .map(|s| gain_tail(with_fitted_level(s.gain - allowed, count), s.degrees, count, spent));
         (best.fold(1.0, f64::min) * self.tried as f64).min(1.0)
     }
 }

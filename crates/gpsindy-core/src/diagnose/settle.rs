@@ -1,6 +1,6 @@
 //! Detect and attribute: is there a gap, which effects cause it, and is anything left that has no name.
 
-use super::evidence::{chi_squared_tail, log_likelihood};
+use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use super::fitted::Fitted;
 use super::rival::Rival;
 use super::search::{CONVINCING, Contest, Expansion, MATERIAL, Summary, keep_first_of_each, sort_by_score};
@@ -65,10 +65,12 @@ impl Outcome {
 pub(crate) const NEGLIGIBLE: f64 = 0.005;
 
 /// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
-fn rival_p_value(gains: &[(f64, usize)], count: usize) -> f64 {
+fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
+    let (count, spent) = (at.count(), at.spent());
     let allowed = NEGLIGIBLE * count as f64;
-    let best = gains.iter().map(|&(gain, degrees)| chi_squared_tail(gain - allowed, degrees)).fold(1.0, f64::min);
-    (best * gains.len() as f64).min(1.0)
+    let tail =
+        |&(gain, degrees): &(f64, usize)| gain_tail(with_fitted_level(gain - allowed, count), degrees, count, spent);
+    (gains.iter().map(tail).fold(1.0, f64::min) * gains.len() as f64).min(1.0)
 }
 
 pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
@@ -80,10 +82,10 @@ pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64
     let allowed = NEGLIGIBLE * count as f64;
     let refitted = first.fits.iter().map(|fit| {
         let gain = 2.0 * (log_likelihood(&fit.colours) - log_likelihood(&nominal.colours));
-        chi_squared_tail(gain - allowed, fit.complexity())
+        gain_tail(gain - allowed, fit.complexity(), count, nominal.spent())
     });
     let refitted = (refitted.fold(1.0, f64::min) * first.tried as f64).min(1.0);
-    let smallest = refitted.min(first.p_value(count)).min(rival_p_value(rivals, count)).min(strained);
+    let smallest = refitted.min(first.p_value(nominal)).min(rival_p_value(rivals, nominal)).min(strained);
     // Four searches, each paid for.
     let p_value = (4.0 * smallest).min(1.0);
     Detected { gap: p_value <= 1.0 - confidence, p_value }
@@ -241,7 +243,7 @@ fn left_over(best: &Fitted, last: &Expansion, gains: &[(f64, usize)], rivals: &[
         .iter()
         .enumerate()
         .max_by(|a, b| (a.1.0 - 2.0 * a.1.1 as f64).total_cmp(&(b.1.0 - 2.0 * b.1.1 as f64)))?;
-    let p_value = (2.0 * rival_p_value(gains, best.count()).min(last.p_value(best.count()))).min(1.0);
+    let p_value = (2.0 * rival_p_value(gains, best).min(last.p_value(best))).min(1.0);
     let rival = &rivals[place];
     Some(Left { energy: energy(gain, degrees), p_value, state: rival.state, depends_on: rival.variables.clone() })
 }
