@@ -1,7 +1,8 @@
 //! The arguments of the program and those that several commands share.
 
 use crate::commands::{completions, demo, diagnose, effects, exam, export, identify, man, score, simulate, smooth};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use gpsindy_core::Hold;
 use gpsindy_files::LogOptions;
 use std::path::PathBuf;
 
@@ -104,4 +105,25 @@ pub(crate) struct Output {
     /// Write the result to a file, whole or not at all [default: stdout]
     #[arg(long, short, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
+}
+
+/// What a control does between its samples, where the logs may tell.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum AutoHold {
+    /// Whichever of the two explains the logs better
+    Auto,
+    /// It keeps the value of the last sample
+    Zero,
+    /// It goes in a straight line to the next sample
+    Linear,
+}
+
+impl From<AutoHold> for Option<Hold> {
+    fn from(hold: AutoHold) -> Self {
+        match hold {
+            AutoHold::Auto => None,
+            AutoHold::Zero => Some(Hold::Zero),
+            AutoHold::Linear => Some(Hold::Linear),
+        }
+    }
 }

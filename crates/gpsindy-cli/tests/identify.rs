@@ -22,6 +22,22 @@ fn lotka_volterra_has_its_four_terms_and_no_other() {
 }
 
 #[test]
+fn the_unicycle_has_its_four_terms_and_no_other() {
+    let folder = Folder::new();
+    let derivatives = "--derivative x1=dx1 --derivative x2=dx2 --derivative x3=dx3 --derivative x4=dx4";
+    let library = "--degree 1 --trig --products --hold linear";
+    let ran = folder
+        .run(&format!(
+            "identify {} --state x1,x2,x3,x4 --control u1,u2 {derivatives} {library} --json",
+            data("unicycle.csv")
+        ))
+        .done();
+    let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let found: Vec<Vec<String>> = (0..4).map(|s| terms(&result, s)).collect();
+    assert_eq!(found, [["x3*cos(x4)"], ["x3*sin(x4)"], ["u1"], ["u2"]]);
+}
+
+#[test]
 fn the_model_goes_to_the_file_and_the_summary_to_the_screen() {
     let folder = Folder::new();
     let arguments = format!("identify {} --state hare,lynx --degree 2", data("hare_lynx.csv"));
@@ -104,6 +120,8 @@ fn every_method_of_the_contract_runs() {
         "--select rollout",
         "--lambda 2",
         "--standardize",
+        "--preset paper",
+        "--preset paper --regressor stlsq --lambda 0.1",
         "--train-fraction 0.5",
     ] {
         let ran = folder.run(&format!("identify {log} --state x1,x2 --degree 2 --no-refine --quiet {options}")).done();

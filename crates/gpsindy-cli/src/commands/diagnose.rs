@@ -1,13 +1,13 @@
 //! `gpsindy diagnose`: where a simulator is wrong, why, and how far a correction helps.
 
-use crate::args::Columns;
+use crate::args::{AutoHold, Columns};
 use crate::commands::model_dataset;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, hold_out};
-use gpsindy_core::{Dataset, Hold, Model};
+use gpsindy_core::{Dataset, Model};
 use gpsindy_files::{Logs, model_to_toml, read_effects, read_model, write_whole};
 use std::path::{Path, PathBuf};
 
@@ -55,18 +55,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "N", default_value_t = 4)]
     most_effects: usize,
     /// What a control does between its samples
-    #[arg(long, value_enum, default_value_t = Between::Auto)]
-    hold: Between,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Between {
-    /// Whichever of the two fits the logs better
-    Auto,
-    /// It keeps the value of the last sample
-    Zero,
-    /// It goes in a straight line to the next sample
-    Linear,
+    #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
+    hold: AutoHold,
 }
 
 impl Options {
@@ -84,11 +74,7 @@ impl Options {
             custom,
             confidence: self.confidence,
             most_effects: self.most_effects,
-            hold: match self.hold {
-                Between::Auto => None,
-                Between::Zero => Some(Hold::Zero),
-                Between::Linear => Some(Hold::Linear),
-            },
+            hold: self.hold.into(),
         })
     }
 }

@@ -1,6 +1,6 @@
 //! `gpsindy identify`: logs to a model.
 
-use crate::args::{Columns, Output, pair};
+use crate::args::{AutoHold, Columns, Output, pair};
 use crate::commands::{check_folder_of, chosen, dataset, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use gpsindy_core::library::{Fixed, Forbidden, LibrarySettings, Signed};
 use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
 use gpsindy_core::{Choice, Delay, Identification, Identify as Settings, Target};
-use gpsindy_core::{Dataset, Differentiation, Score, Scoring, SecondStage, Smoother, score};
+use gpsindy_core::{Dataset, Differentiation, Hold, Score, Scoring, SecondStage, Simulate, Smoother, score};
 use gpsindy_files::{Logs, model_to_toml, write_model};
 use serde_json::json;
 use std::path::PathBuf;
@@ -75,24 +75,30 @@ struct LibraryOptions {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
 struct MethodOptions {
-    /// How the states are smoothed
-    #[arg(long, value_enum, default_value_t = Smoothing::Gp)]
-    smoother: Smoothing,
+    /// Where the settings start from, before the other options
+    #[arg(long, value_enum, default_value_t = Preset::Default)]
+    preset: Preset,
+    /// What a control does between its samples
+    #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
+    hold: AutoHold,
+    /// How the states are smoothed [default: gp]
+    #[arg(long, value_enum)]
+    smoother: Option<Smoothing>,
     /// Kernel of the smoother: auto, se, matern12, matern32, matern52, periodic, rq, or a sum or product such as se+periodic
     #[arg(long, default_value = "auto")]
     kernel: String,
     /// What the regression compares [default: weak, with the derivatives of --derivative where there are some]
     #[arg(long, value_enum, value_name = "METHOD")]
     derivative_method: Option<DerivativeMethod>,
-    /// The sparse regression
-    #[arg(long, value_enum, default_value_t = Regression::Subset)]
-    regressor: Regression,
+    /// The sparse regression [default: subset]
+    #[arg(long, value_enum)]
+    regressor: Option<Regression>,
     /// Its tuning value: auto, or a number (lambda, a threshold or a number of terms)
     #[arg(long, default_value = "auto", allow_negative_numbers = true)]
     lambda: String,
-    /// How auto chooses the tuning value
-    #[arg(long, value_enum, default_value_t = Select::Cv)]
-    select: Select,
+    /// How auto chooses the tuning value [default: cv]
+    #[arg(long, value_enum)]
+    select: Option<Select>,
     /// Delay of a control in s, or auto to estimate it (auto:0.5 between 0 and 0.5 s)
     #[arg(long, value_name = "CONTROL=auto|SECONDS", value_parser = pair)]
     delay: Vec<(String, String)>,
@@ -105,12 +111,20 @@ struct MethodOptions {
     /// Bootstraps for inclusion probabilities, 0 for none
     #[arg(long, value_name = "N", default_value_t = 0)]
     ensemble: usize,
-    /// Fit once more through the integrator, on the raw measurements (the default)
+    /// Fit once more through the integrator, on the raw measurements [default: unless the preset is paper]
     #[arg(long, overrides_with = "no_refine")]
     refine: bool,
     /// Leave the second fit out
     #[arg(long)]
     no_refine: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Preset {
+    /// Our best
+    Default,
+    /// Algorithm 1 of the paper as it is stated, without a second fit
+    Paper,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -183,7 +197,9 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     settings.delays = delays(command, &logs, &data)?;
     let progress = screen.progress();
     let found = settings.fit(&data, &progress)?;
-    let fit = found.model.compile().and_then(|system| score(&system, &data, &Scoring::default(), &progress)).ok();
+    let simulate = Simulate { hold: found.hold, ..Simulate::default() };
+    let scoring = Scoring { simulate, window: None };
+    let fit = found.model.compile().and_then(|system| score(&system, &data, &scoring, &progress)).ok();
     drop(progress);
     for note in &found.notes {
         screen.warn(note);
@@ -205,7 +221,11 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
 /// The settings that the options ask for; states are left empty where no option names them.
 fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     let (library, method) = (&command.library, &command.method);
-    let mut settings = Settings { seed, ..Settings::default() };
+    let start = match method.preset {
+        Preset::Default => Settings::default(),
+        Preset::Paper => Settings::paper(),
+    };
+    let mut settings = Settings { seed, hold: method.hold.into(), ..start };
     settings.states = chosen(logs, &command.state)?;
     settings.controls = chosen(logs, &command.control)?;
     for (state, column) in &command.derivative {
@@ -228,13 +248,14 @@ fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     for text in &library.sign {
         constraints.signed.push(Signed::parse(text).map_err(|e| Failure::input(format!("--sign: {e}")))?);
     }
-    settings.smoother = match method.smoother {
-        Smoothing::None => None,
-        Smoothing::Gp => {
-            let default = Smoother::default();
-            Some(Smoother { kernels: smooth::kernels(&method.kernel, default.kernels.clone())?, ..default })
-        }
-    };
+    match method.smoother {
+        Some(Smoothing::None) => settings.smoother = None,
+        Some(Smoothing::Gp) => settings.smoother = Some(Smoother::default()),
+        None => {}
+    }
+    if let Some(smoother) = &mut settings.smoother {
+        smoother.kernels = smooth::kernels(&method.kernel, smoother.kernels.clone())?;
+    }
     if let Some(derivative) = method.derivative_method {
         settings.target = match derivative {
             DerivativeMethod::Weak => Target::Weak,
@@ -245,17 +266,22 @@ fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
             DerivativeMethod::Given => Target::Derivative(Differentiation::Given(Vec::new())),
         };
     }
-    settings.regressor = regressor(method.regressor);
-    settings.choice = match (method.lambda.as_str(), method.select) {
-        ("auto", Select::Cv) => Choice::Rows(Selection::default()),
-        ("auto", Select::Bic) => Choice::Rows(Selection::Bic { noise: None }),
-        ("auto", Select::Rollout) => Choice::Rollout,
-        (text, _) => Choice::Rows(Selection::Fixed(level(text)?)),
-    };
-    settings.standardize = method.standardize;
+    if let Some(regression) = method.regressor {
+        settings.regressor = regressor(regression);
+    }
+    match method.select {
+        Some(Select::Cv) => settings.choice = Choice::Rows(Selection::default()),
+        Some(Select::Bic) => settings.choice = Choice::Rows(Selection::Bic { noise: None }),
+        Some(Select::Rollout) => settings.choice = Choice::Rollout,
+        None => {}
+    }
+    if method.lambda != "auto" {
+        settings.choice = Choice::Rows(Selection::Fixed(level(&method.lambda)?));
+    }
+    settings.standardize |= method.standardize;
     settings.train_fraction = method.train_fraction;
     settings.ensemble = method.ensemble;
-    settings.refine = !method.no_refine;
+    settings.refine = method.refine || (settings.refine && !method.no_refine);
     Ok(settings)
 }
 
@@ -392,6 +418,7 @@ pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json
         "model": found.model,
         "states": states.collect::<Vec<_>>(),
         "delays": delays.collect::<Vec<_>>(),
+        "hold": if found.hold == Hold::Zero { "zero" } else { "linear" },
         "rollout": rollout,
         "notes": found.notes,
     })
