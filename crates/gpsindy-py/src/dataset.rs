@@ -7,10 +7,11 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Runs that carry the same channels.
 #[pyclass(frozen, name = "Dataset", module = "gpsindy._gpsindy")]
-pub(crate) struct PyDataset(pub(crate) Dataset);
+pub(crate) struct PyDataset(pub(crate) Arc<Dataset>);
 
 #[pymethods]
 impl PyDataset {
@@ -28,7 +29,7 @@ impl PyDataset {
         let channels = columns.into_iter().zip(units).map(|(name, unit)| Channel { name, unit }).collect();
         let runs = names.into_iter().zip(&times).zip(&values);
         let runs = runs.map(|((name, t), x)| Run { name, time: vector(t), values: matrix(x) }).collect();
-        Ok(Self(Dataset::new(channels, runs).map_err(error)?))
+        Ok(Dataset::new(channels, runs).map_err(error)?.into())
     }
 
     /// Every column of numbers in the files, and what is likely a mistake in them.
@@ -45,7 +46,7 @@ impl PyDataset {
         let read = py.detach(|| {
             let logs = Logs::read(&paths, &options)?;
             let data = logs.dataset(&logs.numeric_columns(), &[])?;
-            Ok((Self(data), logs.warnings()))
+            Ok((data.into(), logs.warnings()))
         });
         read.map_err(file_error)
     }
@@ -75,20 +76,26 @@ impl PyDataset {
 
     /// The runs with these indices.
     fn with_runs(&self, indices: Vec<usize>) -> PyResult<Self> {
-        Ok(Self(self.0.with_runs(&indices).map_err(error)?))
+        Ok(self.0.with_runs(&indices).map_err(error)?.into())
     }
 
     /// Without the jumps of these wrapped angles (rad).
     fn unwrap_angles(&self, columns: Vec<String>) -> PyResult<Self> {
-        let mut data = self.0.clone();
+        let mut data = Dataset::clone(&self.0);
         for column in &columns {
             data.unwrap_angle(column).map_err(error)?;
         }
-        Ok(Self(data))
+        Ok(data.into())
     }
 
     fn __len__(&self) -> usize {
         self.0.runs().len()
+    }
+}
+
+impl From<Dataset> for PyDataset {
+    fn from(data: Dataset) -> Self {
+        Self(Arc::new(data))
     }
 }
 

@@ -34,18 +34,22 @@ pub(crate) fn diagnose(
     let hold = hold.map(hold_of).transpose()?;
     let custom = custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?;
     let settings = Diagnose { effects, without, custom, confidence, most_effects, hold };
-    let (train, holdout): (Dataset, Dataset) = match holdout {
+    let (train, holdout): (Arc<Dataset>, Arc<Dataset>) = match holdout {
         Some(holdout) => (train.get().0.clone(), holdout.get().0.clone()),
-        None => hold_out(&train.get().0).map_err(error)?,
+        None => {
+            let (train, holdout) = hold_out(&train.get().0).map_err(error)?;
+            (train.into(), holdout.into())
+        }
     };
     let model = model.get();
     let watch = Arc::new(Watch::default());
     let dynamics = model.dynamics(py, &watch);
-    let listening: &Watch = &watch;
-    let diagnosed = model.run(py, &watch, progress.as_ref(), || match dynamics {
-        Some(dynamics) => settings.run_simulator(&model.model, dynamics, &train, &holdout, listening),
-        None => settings.run(&model.model, &train, &holdout, listening),
-    })?;
+    let (nominal, listening) = (model.model.clone(), watch.clone());
+    let work = move || match dynamics {
+        Some(dynamics) => settings.run_simulator(&nominal, dynamics, &train, &holdout, listening.as_ref()),
+        None => settings.run(&nominal, &train, &holdout, listening.as_ref()),
+    };
+    let diagnosed = model.run(py, &watch, progress.as_ref(), work)?;
     let simulator = model.simulator.as_ref().map(|(f, n, m)| (f.clone_ref(py), *n, *m));
     let augmented = PyModel { model: diagnosed.augmented, simulator };
     Ok((serde_json::to_string_pretty(&diagnosed.diagnosis).map_err(internal)?, augmented))
@@ -61,6 +65,15 @@ pub(crate) fn render(report: &str) -> PyResult<String> {
 #[pyfunction]
 pub(crate) fn summary(report: &str, width: usize, colour: bool) -> PyResult<String> {
     Ok(gpsindy_report::summary(&read(report)?, width, colour))
+}
+
+/// Effects of the user's own from a TOML file.
+#[pyfunction]
+pub(crate) fn read_effects(path: PathBuf) -> PyResult<Vec<Custom>> {
+    let parameter = |p: CustomParameter| (p.name, p.low, p.high, p.unit);
+    let effects = gpsindy_files::read_effects(&path).map_err(file_error)?.into_iter();
+    let parts = effects.map(|e| (e.id, e.state, e.form.to_string(), e.parameters.into_iter().map(parameter).collect()));
+    Ok(parts.collect())
 }
 
 /// Writes a text file, whole or not at all.

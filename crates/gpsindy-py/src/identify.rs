@@ -167,11 +167,11 @@ pub(crate) fn identify<'py>(
     settings: Settings,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(PyModel, Bound<'py, PyDict>)> {
-    let data = &data.get().0;
-    let settings = settings.identify(data)?;
+    let data = data.get().0.clone();
+    let settings = settings.identify(&data)?;
     let watch = Arc::new(Watch::default());
-    let listening: &Watch = &watch;
-    let found = watch.run(py, progress.as_ref(), || settings.fit(data, listening))?;
+    let listening = watch.clone();
+    let found = watch.run(py, progress.as_ref(), move || settings.fit(&data, listening.as_ref()))?;
     let report = PyDict::new(py);
     let states = found.states.iter().map(|s| {
         let entry = PyDict::new(py);

@@ -6,8 +6,8 @@ use crate::simulator::Callable;
 use crate::watch::Watch;
 
 use gpsindy_core::{
-    Control, Dynamics, Error, Excitation, Expression, Hold, Language, Method, Model, Result, Rollout, Simulate, State,
-    StateReader, System,
+    Control, Dynamics, Error, Excitation, Expression, Hold, Language, Method, Model, Result, Rollout, Run, Simulate,
+    State, StateReader, System,
 };
 use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 use numpy::PyArray2;
@@ -185,7 +185,7 @@ impl PyModel {
         let (t, x, u) = (vector(&t), matrix(&x), matrix(&u));
         let watch = Arc::new(Watch::default());
         let system = self.system(py, &watch)?;
-        let dx = self.run(py, &watch, None, || {
+        let dx = self.run(py, &watch, None, move || {
             let mut dx = faer::Mat::zeros(x.nrows(), system.n_states());
             let mut rates = vec![0.0; system.n_states()];
             for i in 0..x.nrows() {
@@ -211,7 +211,7 @@ impl PyModel {
         let (t, u) = (vector(&t), matrix(&u));
         let watch = Arc::new(Watch::default());
         let system = self.system(py, &watch)?;
-        let rollout = self.run(py, &watch, None, || {
+        let rollout = self.run(py, &watch, None, move || {
             let excitation = Excitation::new(&system, &t, u.as_ref(), settings.hold)?;
             settings.rollout(&system, &excitation, &initial)
         })?;
@@ -229,7 +229,7 @@ impl PyModel {
     ) -> PyResult<Vec<NamedArrays<'py>>> {
         let settings = settings(&how)?;
         let (start, stop) = span;
-        let data = &data.get().0;
+        let data = data.get().0.clone();
         let mut model = self.model.clone();
         for (name, value) in &initial {
             if model.state_index(name).is_none() {
@@ -240,16 +240,18 @@ impl PyModel {
         }
         let watch = Arc::new(Watch::default());
         let system = self.compiled(py, &model, &watch)?;
-        let one = |run: &gpsindy_core::Run| -> Result<Rollout> {
-            let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
+        let logs = data.clone();
+        let one = move |run: &Run| -> Result<Rollout> {
+            let excitation = Excitation::of_run(&system, run, logs.channels(), settings.hold)?;
             let first = start.map_or(0, |start| run.time.partition_point(|t| *t < start));
             let end = stop.map_or(run.n_samples(), |stop| run.time.partition_point(|t| *t <= stop));
             if first >= end {
-                let span = format!("{} to {} s", run.time[0], run.time[run.n_samples() - 1]);
-                let message = format!("run `{}`: no sample between `start` and `stop`; it lasts from {span}", run.name);
+                let lasts = format!("{} to {} s", run.time[0], run.time[run.n_samples() - 1]);
+                let message =
+                    format!("run `{}`: no sample between `start` and `stop`; it lasts from {lasts}", run.name);
                 return Err(Error::invalid(message));
             }
-            let mut state = StateReader::new(&system, run, data.channels(), &excitation)?.at(first)?;
+            let mut state = StateReader::new(&system, run, logs.channels(), &excitation)?.at(first)?;
             for (name, value) in &initial {
                 if let Some(index) = model.state_index(name) {
                     state[index] = *value;
@@ -257,7 +259,9 @@ impl PyModel {
             }
             settings.rollout_range(&system, &excitation, &state, first..end)
         };
-        let rollouts = self.run(py, &watch, None, || data.runs().iter().map(one).collect::<Result<Vec<_>>>())?;
+        let runs = data.clone();
+        let work = move || runs.runs().iter().map(one).collect::<Result<Vec<_>>>();
+        let rollouts = self.run(py, &watch, None, work)?;
         let pairs = data.runs().iter().zip(rollouts);
         Ok(pairs
             .map(|(run, rollout)| {
@@ -270,12 +274,12 @@ impl PyModel {
 
 impl PyModel {
     /// Runs `work`, which may call the user's own simulator.
-    pub(crate) fn run<T: Send>(
+    pub(crate) fn run<T: Send + 'static>(
         &self,
         py: Python<'_>,
-        watch: &Watch,
+        watch: &Arc<Watch>,
         listener: Option<&Py<PyAny>>,
-        work: impl FnOnce() -> Result<T> + Send,
+        work: impl FnOnce() -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
         match self.simulator {
             Some(_) => watch.run_calling(py, listener, work),

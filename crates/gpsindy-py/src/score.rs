@@ -24,10 +24,10 @@ pub(crate) fn score(
     let watch = Arc::new(Watch::default());
     let model = model.get();
     let system = model.system(py, &watch)?;
-    let data = &data.get().0;
-    let listening: &Watch = &watch;
-    let found =
-        model.run(py, &watch, progress.as_ref(), || gpsindy_core::score(&system, data, &settings, listening))?;
+    let data = data.get().0.clone();
+    let listening = watch.clone();
+    let work = move || gpsindy_core::score(&system, &data, &settings, listening.as_ref());
+    let found = model.run(py, &watch, progress.as_ref(), work)?;
     Ok((kind(found.rollout), kind(found.windowed), kind(found.one_step)))
 }
 

@@ -29,13 +29,14 @@ pub(crate) fn smooth<'py>(
     covariance: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyList>)> {
-    let data = &data.get().0;
+    let data = data.get().0.clone();
     let channels = data.indices_of(&columns).map_err(error)?;
     let noise = noise.map_or(Noise::Estimated, Noise::Given);
     let smoother = Smoother { noise, covariance, ..smoother(kernel)? };
     let watch = Arc::new(Watch::default());
-    let listening: &Watch = &watch;
-    let smoothed = watch.run(py, progress.as_ref(), || smoother.smooth(data, &channels, listening))?;
+    let listening = watch.clone();
+    let work = move || smoother.smooth(&data, &channels, listening.as_ref());
+    let smoothed = watch.run(py, progress.as_ref(), work)?;
     let runs = PyList::empty(py);
     for run in &smoothed.runs {
         let entry = PyDict::new(py);

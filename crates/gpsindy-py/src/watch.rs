@@ -8,13 +8,16 @@ use gpsindy_core::{Progress, Result};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 /// How often the calling thread looks for signals.
 const PERIOD: Duration = Duration::from_millis(50);
+
+/// Periods for which a computation that was asked to stop is waited for.
+const PATIENCE: usize = 5;
 
 /// Stack of the working thread, as generous as that of a main thread.
 const STACK: usize = 8 << 20;
@@ -53,11 +56,11 @@ impl Watch {
     ///
     /// # Errors
     /// As [`Watch::run`].
-    pub(crate) fn run_calling<T: Send>(
-        &self,
+    pub(crate) fn run_calling<T: Send + 'static>(
+        self: &Arc<Self>,
         py: Python<'_>,
         listener: Option<&Py<PyAny>>,
-        work: impl FnOnce() -> Result<T> + Send,
+        work: impl FnOnce() -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
         let known = |worker: rayon::ThreadBuilder| {
             let task = move || Python::attach(|py| py.detach(|| worker.run()));
@@ -65,39 +68,50 @@ impl Watch {
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).spawn_handler(known).build();
         let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("no thread for the simulator: {e}")))?;
-        self.run(py, listener, || pool.install(work))
+        self.run(py, listener, move || pool.install(work))
     }
 
     /// Runs `work` on a thread of its own; `listener` is called with (stage, done, total).
     ///
+    /// After Ctrl-C the caller does not wait for the next place where the computation can stop: it ends by itself there.
+    ///
     /// # Errors
     /// What the user's own code raised, unchanged; else what `work` returned.
-    pub(crate) fn run<T: Send>(
-        &self,
+    pub(crate) fn run<T: Send + 'static>(
+        self: &Arc<Self>,
         py: Python<'_>,
         listener: Option<&Py<PyAny>>,
-        work: impl FnOnce() -> Result<T> + Send,
+        work: impl FnOnce() -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
-        let outcome = py.detach(|| {
-            thread::scope(|scope| {
-                let (alive, finished) = channel::<()>();
-                let working = move || {
-                    let _alive = alive;
-                    work()
-                };
-                let worker = thread::Builder::new().stack_size(STACK).spawn_scoped(scope, working)?;
-                while finished.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                    Python::attach(|py| self.look(py, listener));
-                }
-                Ok::<_, std::io::Error>(worker.join())
-            })
-        })?;
+        let (sender, receiver) = channel();
+        let working = move || {
+            // Nobody listens any more after Ctrl-C.
+            let _ = sender.send(work());
+        };
+        thread::Builder::new().stack_size(STACK).spawn(working)?;
+        let outcome = py.detach(move || self.wait(receiver, listener));
+        // The last report may have come just before the end.
+        self.look(py, listener);
         if let Some(failure) = lock(&self.failure).take() {
             return Err(failure);
         }
         match outcome {
-            Ok(result) => result.map_err(error),
-            Err(_) => Err(PyRuntimeError::new_err("internal error of gpsindy; please report it with the data")),
+            Some(result) => result.map_err(error),
+            None => Err(PyRuntimeError::new_err("internal error of gpsindy; please report it with the data")),
+        }
+    }
+
+    /// The result; None where the working thread panicked, or did not end soon after it was asked to.
+    fn wait<T>(&self, receiver: Receiver<Result<T>>, listener: Option<&Py<PyAny>>) -> Option<Result<T>> {
+        let mut patience = PATIENCE;
+        loop {
+            match receiver.recv_timeout(PERIOD) {
+                Ok(result) => return Some(result),
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Err(RecvTimeoutError::Timeout) if !self.stopped() => Python::attach(|py| self.look(py, listener)),
+                Err(RecvTimeoutError::Timeout) if patience == 0 => return None,
+                Err(RecvTimeoutError::Timeout) => patience -= 1,
+            }
         }
     }
 

@@ -135,6 +135,8 @@ def test_logs_without_the_control_are_refused(nominal):
         gpsindy.diagnose(nominal, run)
     with pytest.raises(ValueError, match="states: a callable needs"):
         gpsindy.diagnose(lambda t, x, u: x, run)
+    with pytest.raises(ValueError, match="model: expected a Model, a model file"):
+        gpsindy.diagnose(None, run)
 
 
 def test_effects_of_the_user_are_suspects_too(nominal):
@@ -142,6 +144,27 @@ def test_effects_of_the_user_are_suspects_too(nominal):
     found = gpsindy.diagnose(nominal, logs(0.0, drag=0.8), effects=["drag", "bias"], custom=[own])
     assert found.included[0].effect == "drag"
     assert found.included[0].parameters[0]["value"] == pytest.approx(0.8, rel=0.1)
+
+
+def test_effects_are_read_from_a_file(tmp_path, nominal):
+    file = tmp_path / "effects.toml"
+    file.write_text(
+        "[[effect]]\nid = 'drag'\nstate = 'v'\nform = '-c*v*abs(v)'\n"
+        "parameters = [{name = 'c', low = -5.0, high = 5.0, unit = '1/m'}]\n"
+    )
+    (own,) = gpsindy.read_effects(file)
+    assert own == gpsindy.CustomEffect("drag", "v", "-c*v*abs(v)", {"c": (-5.0, 5.0)}, {"c": "1/m"})
+    file.write_text("[[effect]]\nid = 'drag'\n")
+    with pytest.raises(ValueError, match=r"effects\.toml"):
+        gpsindy.read_effects(file)
+
+
+def test_logs_of_the_simulator_stand_in_for_it():
+    simulated = [{name: run[name] for name in ("t", "v", "u")} for run in logs(0.0, seeds=(4, 5))]
+    real = [{name: run[name] for name in ("t", "v", "u")} for run in logs(0.0, drag=0.8)]
+    twin = gpsindy.GPSINDy(degree=1, kernel="se").fit(simulated, u="u")
+    found = gpsindy.diagnose(twin, real, effects=["quadratic_drag", "bias"])
+    assert found.included[0].effect == "quadratic_drag"
 
 
 def test_the_catalogue_has_the_effects_of_the_contract():

@@ -121,6 +121,21 @@ def test_scikit_learn_clones_it():
     assert repr(twin) == "GPSINDy(degree=2, terms=['x0*abs(x0)'], delays={'u0': 'auto'})"
 
 
+def test_scikit_learn_knows_whether_it_is_fitted(fitted):
+    validation = pytest.importorskip("sklearn.utils.validation")
+    validation.check_is_fitted(fitted)
+    with pytest.raises(ValueError, match="not fitted"):
+        validation.check_is_fitted(gpsindy.GPSINDy())
+
+
+def test_files_can_be_named_at_once():
+    found = gpsindy.GPSINDy(degree=2, refine=False, kernel="se").fit(
+        DATA / "lotka_volterra.csv", x_dot={"x1": "dx1", "x2": "dx2"}, feature_names=["prey", "hunter"]
+    )
+    assert list(found.feature_names_in_) == ["prey", "hunter"]
+    assert "prey*hunter" in found.get_feature_names()
+
+
 def test_settings_are_stored_as_they_are_and_changed_by_name():
     estimator = gpsindy.GPSINDy()
     assert repr(estimator) == "GPSINDy()"

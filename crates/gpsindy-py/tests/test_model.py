@@ -42,7 +42,7 @@ def test_a_callable_and_its_equations_give_the_same_rollout(cart):
     np.testing.assert_allclose(twin.derivative(rows, [1.0, 2.0]), [[0.1, -0.2], [-1.0, -2.0]])
 
 
-def test_logs_give_controls_and_first_states(cart, runs):
+def test_logs_give_controls_and_first_states(cart, runs, tmp_path):
     t, x, u = runs[0]
     log = {"t": t, "x": x[:, 0], "v": x[:, 1], "u": u}
     (rollout,) = gpsindy.simulate(cart, log)
@@ -51,6 +51,8 @@ def test_logs_give_controls_and_first_states(cart, runs):
     late = gpsindy.simulate(cart, log, start=1.0, stop=2.0, initial={"v": 0.0})[0]
     assert late.t[0] == pytest.approx(1.0)
     assert late["v"][0] == 0.0
+    cart.save(tmp_path / "cart.toml")
+    assert gpsindy.score(tmp_path / "cart.toml", log) == cart.score(log)
     found = cart.score(log)
     assert found.rollout.pooled < 0.05
     assert found.one_step.by_state[0].unit == "m"
@@ -141,6 +143,20 @@ def test_control_c_ends_a_long_simulation():
     with pytest.raises(KeyboardInterrupt):
         model.simulate([1.0], np.linspace(0, 1000, 1001))
     assert time.monotonic() - begin < 10
+
+
+def test_control_c_does_not_wait_for_a_long_step():
+    import _thread
+
+    t = np.linspace(0, 30, 1500)
+    columns = {"t": t, "x": np.sin(t) + np.sin(17 * t) + np.random.default_rng(0).standard_normal(1500)}
+    timer = threading.Timer(0.2, _thread.interrupt_main)
+    begin = time.monotonic()
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        # One column is one step of progress, many seconds long.
+        gpsindy.smooth(columns, kernel="rq*se+periodic")
+    assert time.monotonic() - begin < 5
 
 
 def test_other_threads_run_during_a_computation(runs):

@@ -41,8 +41,18 @@ def test_an_estimator_plots_its_model(fitted, runs):
 
 
 def test_smoothed_columns_have_bands():
-    from gpsindy import plot
-
     t = np.linspace(0, 5, 60)
-    figure = plot.smoothed(gpsindy.smooth({"t": t, "x": np.sin(t)}, kernel="se"))
+    log = {"t": t, "x": np.sin(t)}
+    figure = gpsindy.smooth(log, kernel="se").plot(log)
     assert len(figure.axes[0].collections) == 1
+    assert [line.get_label() for line in figure.axes[0].lines] == ["measured", "smoothed"]
+
+
+def test_a_diagnosis_draws_the_held_out_runs():
+    text = """{"figures": {"rollouts": [{"run": "a", "column": "x", "unit": "m", "time": [0.0, 1.0],
+        "measured": [1.0, null], "before": [1.0, 2.0], "after": [1.0, 1.5]}]}}"""
+    figure = gpsindy.plot.diagnosis(gpsindy.Diagnosis(text, gpsindy.Model.from_toml(ONE)))
+    assert [line.get_label() for line in figure.axes[0].lines] == ["measured", "simulator", "with its causes"]
+
+
+ONE = "schema = 'gpsindy.model/1'\n[[state]]\nname = 'x'\nequation = '-x'\n"

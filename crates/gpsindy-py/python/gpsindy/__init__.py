@@ -8,6 +8,10 @@
 ['-0.5*x']
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 from gpsindy._gpsindy import NumericalError, __version__
 from gpsindy.dataset import Dataset, Run, read_csv
 from gpsindy.diagnosis import (
@@ -17,6 +21,7 @@ from gpsindy.diagnosis import (
     Effect,
     diagnose,
     effects,
+    read_effects,
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
@@ -60,7 +65,17 @@ __all__ = [
     "diagnose",
     "effects",
     "read_csv",
+    "read_effects",
     "score",
     "simulate",
     "smooth",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "plot":
+        # Pictures need matplotlib, everything else does not.
+        import importlib
+
+        return importlib.import_module("gpsindy.plot")
+    raise AttributeError(f"module 'gpsindy' has no attribute {name!r}")

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 from gpsindy import _gpsindy
 from gpsindy._tables import names_of
 from gpsindy.dataset import Path, as_dataset
-from gpsindy.model import Hold, Model, Progress, Simulator
+from gpsindy.model import Hold, Model, Progress, Simulator, as_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from gpsindy.estimator import GPSINDy
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,30 @@ class CustomEffect:
         What is added, in the names of the model and of its own parameters.
     parameters : mapping of str to (float, float)
         Its parameters and their ranges; the first one that is free of sign scales the effect.
+    units : mapping of str to str
+        Units of the parameters, for the report.
     """
 
     id: str
     state: str
     form: str
     parameters: Mapping[str, tuple[float, float]]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def _entry(self) -> tuple[str, str, str, list[tuple[str, float, float, str]]]:
+        ranges = [(n, float(low), float(high), self.units.get(n, "")) for n, (low, high) in self.parameters.items()]
+        return (self.id, self.state, self.form, ranges)
+
+
+def read_effects(path: Path) -> tuple[CustomEffect, ...]:
+    """Effects of the user's own from the ``[[effect]]`` entries of a TOML file."""
+    found = _gpsindy.read_effects(os.fspath(path))
+    return tuple(
+        CustomEffect(
+            id, state, form, {n: (low, high) for n, low, high, _ in ranges}, {n: unit for n, _, _, unit in ranges if unit}
+        )
+        for id, state, form, ranges in found
+    )
 
 
 @dataclass(frozen=True)
@@ -194,7 +214,7 @@ class Diagnosis:
 
 
 def diagnose(
-    model: Model | Simulator,
+    model: Model | GPSINDy | Path | Simulator,
     logs: Any,
     holdout: Any = None,
     *,
@@ -212,8 +232,9 @@ def diagnose(
 
     Parameters
     ----------
-    model : Model or callable
-        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``.
+    model : Model, path of a model file, fitted GPSINDy or callable
+        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``. Where there are only logs of the
+        simulator, hand in an estimator that was fitted to them.
     logs : Dataset, paths of CSV files, frame or list of frames
         The real logs, with the model's controls and states as columns.
     holdout : as logs, optional
@@ -244,21 +265,20 @@ def diagnose(
     NumericalError
         A nominal model that diverges whatever its initial state.
     """
-    if not isinstance(model, Model):
+    if callable(model):
         if states is None:
             raise ValueError("states: a callable needs the names of its states (and of its controls, where it has any)")
-        model = Model.from_callable(model, states, controls, kinematic=kinematic)
+        nominal = Model.from_callable(model, states, controls, kinematic=kinematic)
+    else:
+        nominal = as_model(model)
     chosen = names_of(effects)
     suspects = [name for name in chosen if not name.startswith("!")]
     without = [name[1:] for name in chosen if name.startswith("!")]
-    own = [
-        (effect.id, effect.state, effect.form, [(n, float(low), float(high), "") for n, (low, high) in effect.parameters.items()])
-        for effect in custom
-    ]
+    own = [effect._entry() for effect in custom]
     train = as_dataset(logs)._inner
     held = None if holdout is None else as_dataset(holdout, "holdout")._inner
     report, augmented = _gpsindy.diagnose(
-        model._inner, train, held, suspects, without, own, confidence, most_effects, hold, progress
+        nominal._inner, train, held, suspects, without, own, confidence, most_effects, hold, progress
     )
     return Diagnosis(report, Model._of(augmented))
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,7 +13,7 @@ import numpy as np
 
 from gpsindy import _gpsindy
 from gpsindy._tables import Array, Table, is_list_of_runs, names_of, readonly, tables, times
-from gpsindy.dataset import Dataset, inner_dataset
+from gpsindy.dataset import Dataset, inner_dataset, read_csv
 from gpsindy.errors import NotFittedError
 from gpsindy.model import Hold, Model, Progress, score
 
@@ -193,7 +195,7 @@ class GPSINDy:
 
         Parameters
         ----------
-        x : array, frame, Dataset or list of arrays or frames
+        x : array, frame, Dataset, paths of CSV files or list of arrays or frames
             States, shape (n_samples, n_states); a list is a list of runs. NaN is a missing value.
         t : float, array or list of arrays, optional
             Times in seconds, or the step between samples. Left out, frames bring a column ``t`` or ``time``.
@@ -306,7 +308,7 @@ class GPSINDy:
         self._check_fitted("predict")
         states, controls = self._features(x, u)
         rates = [self.model_.derivative(rows, inputs) for rows, inputs in zip(states, controls)]
-        return rates if is_list_of_runs(x) or isinstance(x, Dataset) else rates[0]
+        return rates if isinstance(x, Dataset) or is_list_of_runs(x) else rates[0]
 
     def simulate(self, x0: Any, t: Any, u: Any = None) -> Array:
         """States at the times ``t`` from ``x0`` at ``t[0]``, shape (n_samples, n_states); see :meth:`Model.simulate`."""
@@ -346,7 +348,7 @@ class GPSINDy:
 
     def _logs(self, x: Any, t: Any, u: Any) -> Dataset:
         names = None
-        if not isinstance(x, Dataset) and tables(x, "x")[0].names is None:
+        if _runs(x)[0].names is None:
             names = [*self.feature_names_in_, *self.control_names_in_]
         if u is None and names is None and len(self.control_names_in_):
             u = list(self.control_names_in_)
@@ -354,7 +356,7 @@ class GPSINDy:
         return Dataset._of(runs)
 
     def _features(self, x: Any, u: Any) -> tuple[list[Array], list[Array | None]]:
-        found = x._tables() if isinstance(x, Dataset) else tables(x, "x")
+        found = _runs(x)
         wanted = list(self.feature_names_in_)
         states = [_chosen(table, wanted, "x") for table in found]
         names = list(self.control_names_in_)
@@ -391,6 +393,11 @@ class GPSINDy:
         if not hasattr(self, "model_"):
             raise NotFittedError(f"{what} needs a fitted estimator; call fit first")
 
+    def __sklearn_tags__(self) -> Any:
+        # Asked by scikit-learn alone, so it is there.
+        utils = importlib.import_module("sklearn.utils")
+        return utils.Tags(estimator_type=None, target_tags=utils.TargetTags(required=False))
+
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "model_")
 
@@ -409,10 +416,17 @@ class _Layout:
         self.derivatives = derivatives
 
 
+def _runs(x: Any) -> list[Table]:
+    paths = x if isinstance(x, (list, tuple)) else [x]
+    if paths and all(isinstance(path, (str, os.PathLike)) for path in paths):
+        x = read_csv(paths)
+    return x._tables() if isinstance(x, Dataset) else tables(x, "x")
+
+
 def _layout(
     x: Any, t: Any, x_dot: Any, u: Any, feature_names: Iterable[str] | None
 ) -> tuple[_gpsindy.Dataset, _Layout]:
-    found = x._tables() if isinstance(x, Dataset) else tables(x, "x")
+    found = _runs(x)
     clock = times(t, found)
     columns = found[0].names
     control_columns: list[str] = []

@@ -16,6 +16,8 @@ from gpsindy.dataset import Dataset, Path, as_dataset
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from gpsindy.estimator import GPSINDy
+
 Hold = Literal["zero", "linear"]
 Target = Literal["latex", "sympy", "python", "c", "rust", "julia", "modelica"]
 Method = Literal["auto", "rosenbrock", "rk4", "euler"]
@@ -493,6 +495,16 @@ class Model:
         return f"Model {self.name!r}: {equations}" if self.name else f"Model: {equations}"
 
 
+def as_model(model: Any) -> Model:
+    """A model as it is, a path as a model file, a fitted estimator as what it learnt."""
+    if isinstance(model, (str, os.PathLike)):
+        return Model.load(model)
+    found = getattr(model, "model_", model)
+    if not isinstance(found, Model):
+        raise ValueError(f"model: expected a Model, a model file or a fitted estimator, found {type(model).__name__}")
+    return found
+
+
 def _increasing(t: Any) -> Array:
     time = np.array(floats(t, "t"), dtype=np.float64)
     if time.ndim != 1 or len(time) == 0:
@@ -503,7 +515,7 @@ def _increasing(t: Any) -> Array:
 
 
 def simulate(
-    model: Model,
+    model: Model | GPSINDy | Path,
     logs: Any,
     *,
     initial: Mapping[str, float] | None = None,
@@ -517,7 +529,7 @@ def simulate(
 
     Parameters
     ----------
-    model : Model
+    model : Model, path of a model file or fitted GPSINDy
     logs : Dataset, paths of CSV files, frame or list of frames
     initial : mapping of str to float, optional
         Initial values that override those of the log.
@@ -539,7 +551,7 @@ def simulate(
     >>> gpsindy.simulate(model, log)[0]["x"].round(4)
     array([1.    , 0.3679, 0.1353])
     """
-    data = as_dataset(logs)
+    model, data = as_model(model), as_dataset(logs)
     pairs = [(name, float(value)) for name, value in (initial or {}).items()]
     found = model._inner.simulate_runs(data._inner, pairs, (start, stop), (hold, method, tolerance))
     names = tuple(state.name for state in model.states)
@@ -547,13 +559,18 @@ def simulate(
 
 
 def score(
-    model: Model, logs: Any, *, window: float | None = None, hold: Hold = "zero", progress: Progress | None = None
+    model: Model | GPSINDy | Path,
+    logs: Any,
+    *,
+    window: float | None = None,
+    hold: Hold = "zero",
+    progress: Progress | None = None,
 ) -> Score:
     """Errors of whole runs, windows and single steps, by state.
 
     Parameters
     ----------
-    model : Model
+    model : Model, path of a model file or fitted GPSINDy
     logs : Dataset, paths of CSV files, frame or list of frames
     window : float, optional
         Length of the windows, s. Default: a tenth of each run.
@@ -574,7 +591,7 @@ def score(
     >>> round(gpsindy.score(model, log).rollout.by_state[0].rmse, 4)
     0.1732
     """
-    kinds = _gpsindy.score(model._inner, as_dataset(logs)._inner, window, hold, progress)
+    kinds = _gpsindy.score(as_model(model)._inner, as_dataset(logs)._inner, window, hold, progress)
     return Score(*(_errors(*kind) for kind in kinds))
 
 

@@ -21,7 +21,7 @@ MEASURED: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3,
 
 
 def _grid(rows: int, columns: int, figsize: tuple[float, float] | None) -> tuple[Figure, Any]:
-    size = figsize or (min(4.0 * columns, 16.0), 2.2 * rows)
+    size = figsize or (min(max(4.0 * columns, 6.4), 16.0), max(2.2 * rows, 3.2))
     return plt.subplots(rows, columns, sharex="col", squeeze=False, figsize=size, layout="constrained")
 
 
@@ -69,12 +69,16 @@ def rollouts(
     return _finish(figure, axes, [run.name for run in data])
 
 
-def smoothed(found: Smoothed, *, max_runs: int = 4, figsize: tuple[float, float] | None = None) -> Figure:
+def smoothed(
+    found: Smoothed, logs: Any = None, *, max_runs: int = 4, figsize: tuple[float, float] | None = None
+) -> Figure:
     """Smoothed columns with their 95 % bands.
 
     Parameters
     ----------
     found : Smoothed
+    logs : Dataset, paths of CSV files, frame or list of frames, optional
+        What was smoothed, to be drawn beside it.
     max_runs : int
         Runs shown, at most.
     figsize : (float, float), optional
@@ -84,11 +88,14 @@ def smoothed(found: Smoothed, *, max_runs: int = 4, figsize: tuple[float, float]
     matplotlib.figure.Figure
     """
     runs = found.runs[:max_runs]
+    samples = None if logs is None else as_dataset(logs)
     figure, axes = _grid(len(found.columns), len(runs), figsize)
     for j, run in enumerate(runs):
         for i, fit in enumerate(found.fits):
             axis: Axes = axes[i, j]
             middle, half = run.x[:, i], 1.96 * run.x_std[:, i]
+            if samples is not None:
+                axis.plot(samples[j].t, samples[j][fit.column], **MEASURED)
             axis.fill_between(run.t, middle - half, middle + half, color="C0", alpha=0.25, linewidth=0)
             axis.plot(run.t, middle, color="C0", label="smoothed")
             if j == 0:

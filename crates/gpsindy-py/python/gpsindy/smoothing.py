@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpsindy import _gpsindy
 from gpsindy._tables import Array, floats, names_of
 from gpsindy.dataset import as_dataset
 from gpsindy.model import Progress
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,12 @@ class Smoothed:
     columns: tuple[str, ...]
     runs: tuple[SmoothedRun, ...]
     fits: tuple[ColumnFit, ...]
+
+    def plot(self, logs: Any = None, **options: Any) -> Figure:
+        """The columns with their 95 % bands; see :func:`gpsindy.plot.smoothed`. Needs matplotlib."""
+        from gpsindy import plot
+
+        return plot.smoothed(self, logs, **options)
 
 
 def smooth(
