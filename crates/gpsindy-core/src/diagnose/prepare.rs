@@ -243,6 +243,7 @@ pub(crate) fn experiment(
         notes.push(format!("{removed} isolated spike(s) in the logs were left out as outliers"));
         experiment.noise = noise_levels(&experiment.logs, n_columns);
     }
+    experiment = decimate(experiment, notes);
     let free = super::fitted::tolerated(system.model());
     let parameters = system.parameter_values();
     let start = crate::refine::guess_initial(system, &experiment);
@@ -267,7 +268,7 @@ pub(crate) fn experiment(
 }
 
 /// Most samples that a contest looks at; more would not change its answer, only its time.
-const MOST_SAMPLES: usize = 20_000;
+const MOST_SAMPLES: usize = 12_000;
 
 /// Keeps evenly spread windows where the logs are longer than a contest needs.
 fn thin(experiment: Experiment, notes: &mut Vec<String>) -> Experiment {
@@ -287,6 +288,46 @@ fn thin(experiment: Experiment, notes: &mut Vec<String>) -> Experiment {
     experiment.windows = experiment.windows.into_iter().step_by(keep_every).collect();
     notes.push(format!("the logs hold {total} samples; the search looked at stretches of {length:.3} s spread over a {keep_every}th of them"));
     experiment
+}
+
+/// Takes every k-th sample of logs that are far denser than their motion, with the mean of the controls between.
+fn decimate(experiment: Experiment, notes: &mut Vec<String>) -> Experiment {
+    let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
+    let stride = total.div_ceil(MOST_SAMPLES);
+    if stride < 2 || !is_dense(&experiment, stride) {
+        return experiment;
+    }
+    let logs: Vec<Log> = experiment
+        .logs
+        .iter()
+        .map(|log| {
+            let mean =
+                |values: &Vec<f64>| values.chunks(stride).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
+            Log {
+                name: log.name.clone(),
+                time: log.time.iter().copied().step_by(stride).collect(),
+                controls: log.controls.iter().map(mean).collect(),
+                measured: log.measured.iter().map(|c| c.iter().copied().step_by(stride).collect()).collect(),
+            }
+        })
+        .collect();
+    notes.push(format!("the logs are far denser than their motion: the search used every {stride}th sample"));
+    whole_runs(Experiment { logs: logs.into(), ..experiment })
+}
+
+/// Whether every column is a straight line over `stride` samples to either side, up to noise or a hundredth of its spread.
+fn is_dense(experiment: &Experiment, stride: usize) -> bool {
+    (0..experiment.columns.len()).all(|c| {
+        let bends = experiment.logs.iter().flat_map(|log| {
+            let values = &log.measured[c];
+            (stride..values.len().saturating_sub(stride))
+                .map(|i| values[i] - 0.5 * (values[i - stride] + values[i + stride]))
+        });
+        let finite: Vec<f64> = bends.filter(|b| b.is_finite()).collect();
+        let rms = (finite.iter().map(|b| b * b).sum::<f64>() / finite.len().max(1) as f64).sqrt();
+        // Noise alone bends by sqrt(1 + 2/4) of itself.
+        rms < 2.5 * experiment.noise[c] || rms < 0.01 * experiment.scale[experiment.columns[c]]
+    })
 }
 
 /// Every state must be logged, be the rate of one that is, or have a start that its equation or `initial` gives.
