@@ -223,11 +223,8 @@ fn windows(nominal: &Fitted, missing: &Missing, j: usize, all: &mut Vec<GapWindo
     if total <= 0.0 {
         return;
     }
-    let mut seen = 0;
-    for rates in &missing.rates {
-        // Windows of the corrected fit follow each other as the logs do.
-        let Some(span) = nominal.experiment.windows.get(seen) else { break };
-        seen += 1;
+    // Windows of the corrected fit follow each other as the logs do.
+    for (rates, span) in missing.rates.iter().zip(&nominal.experiment.windows) {
         let log = &nominal.experiment.logs[span.log];
         let size = rates[j].len().div_ceil(BINS).max(1);
         for (part, bin) in rates[j].chunks(size).enumerate() {

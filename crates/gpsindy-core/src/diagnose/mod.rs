@@ -4,6 +4,7 @@
 //! to say "no gap" or "none of these". Effects are judged in output space: each is written into the model
 //! and fitted by rollouts to the raw measurements, with initial states and tolerated parameters free.
 
+mod apply;
 mod effect;
 mod evidence;
 mod fitted;

@@ -115,9 +115,15 @@ pub(crate) fn attribute(
     let mut place = 0;
     while place < best.hypotheses.len() {
         let rest = without(contest, &nominal, &best, place)?;
-        let mut fits = contest.expand(&rest, "alternatives")?.fits;
+        let mut fits = match known.take() {
+            // The first round has already tried everything in this one's place.
+            Some(fits) => fits,
+            None => contest.expand(&rest, "alternatives")?.fits,
+        };
         fits.push(best.clone());
-        let mut fits: Vec<Fitted> = fits.into_iter().map(|f| f.on(&best.experiment, &thorough).unwrap_or(f)).collect();
+        let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
+        let finish = |f: Fitted| if contest.score(&f) > leader - FINISH { f.again(&thorough) } else { f };
+        let mut fits: Vec<Fitted> = fits.into_par_iter().map(finish).collect();
         sort_by_score(&mut fits, |f| contest.score(f));
         keep_first_of_each(&mut fits);
         let gain = contest.score(&fits[0]) - contest.score(&best);

@@ -241,7 +241,7 @@ mod tests {
         let runs = (0..2)
             .map(|r| {
                 let time: Vec<f64> = (0..200).map(|i| 0.05 * i as f64).collect();
-                let u = |i: usize| (0.7 * time[i] + r as f64).sin() + f64::from((i / 37) % 2 == 0);
+                let u = |i: usize| (0.7 * time[i] + r as f64).sin() + f64::from((i / 37).is_multiple_of(2));
                 let log = Log {
                     name: "truth".into(),
                     time: time.clone(),
