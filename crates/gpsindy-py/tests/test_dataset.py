@@ -107,6 +107,7 @@ def test_times_in_milliseconds_are_warned_of(tmp_path):
         ((COLUMNS,), {"columns": ["y"]}, "no column 'y'; found x, u"),
         ((COLUMNS,), {"time": "clock"}, "no time column 'clock'"),
         (({"t": T},), {}, "no column of numbers"),
+        (({"t": T, "x": T, "y": T[:2]},), {}, r"column 'y' has shape \(2,\), column 'x' has \(3,\)"),
         (({"t": T[::-1], "x": T},), {}, "time must increase"),
         (({"t": T, "x": [1.0, np.inf, 0.0]},), {}, "not a finite number"),
         ((COLUMNS,), {"units": {"y": "m"}}, "units: no column 'y'"),

@@ -9,7 +9,8 @@ import pytest
 
 import gpsindy
 
-MODULES = ["gpsindy", *(f"gpsindy.{name}" for name in ("dataset", "diagnosis", "estimator", "model", "plot", "smoothing"))]
+NAMES = ("dataset", "diagnosis", "estimator", "model", "scoring", "simulation", "smoothing")
+MODULES = ["gpsindy", *(f"gpsindy.{name}" for name in NAMES)]
 
 
 @pytest.mark.parametrize("name", MODULES)

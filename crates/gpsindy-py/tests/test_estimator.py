@@ -55,6 +55,17 @@ def test_a_delay_is_estimated(runs):
     assert "delay(u0, " in found.equations()[1]
 
 
+def test_the_unicycle_with_given_derivatives_has_the_true_terms_and_no_others():
+    data = gpsindy.read_csv(DATA / "unicycle.csv")
+    rates = {f"x{i}": f"dx{i}" for i in range(1, 5)}
+    settings = {"degree": 1, "products": True, "hold": "linear"}
+    found = gpsindy.GPSINDy(**settings).fit(data, x_dot=rates, u=["u1", "u2"])
+    terms = found.get_feature_names()
+    support = [[terms[j] for j in np.flatnonzero(row)] for row in found.coef_]
+    assert support == [["x3*cos(x4)"], ["x3*sin(x4)"], ["u1"], ["u2"]]
+    assert found.coef_.sum(axis=1) == pytest.approx(np.ones(4), abs=0.02)
+
+
 def test_fitted_attributes_follow_the_conventions(fitted):
     assert fitted.coef_.shape == (2, len(fitted.get_feature_names()))
     assert (fitted.n_features_in_, fitted.n_control_features_) == (2, 1)

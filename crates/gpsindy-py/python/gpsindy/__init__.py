@@ -25,18 +25,9 @@ from gpsindy.diagnosis import (
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
-from gpsindy.model import (
-    Control,
-    Errors,
-    Model,
-    Parameter,
-    Rollout,
-    Score,
-    State,
-    StateError,
-    score,
-    simulate,
-)
+from gpsindy.model import Control, Identification, Model, Parameter, State
+from gpsindy.scoring import Errors, Score, StateError, score
+from gpsindy.simulation import Rollout, simulate
 from gpsindy.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
 
 __all__ = [
@@ -50,6 +41,7 @@ __all__ = [
     "Effect",
     "Errors",
     "GPSINDy",
+    "Identification",
     "Model",
     "NotFittedError",
     "NumericalError",

@@ -160,7 +160,11 @@ def _table(entry: Any, what: str, time: str | None) -> Table:
     names = [name for name in columns.headers if name != clock and columns.is_numeric(name)]
     if not names:
         raise ValueError(f"{what}: no column of numbers beside the time")
-    values = np.column_stack([columns.numbers(name) for name in names])
+    found = [columns.numbers(name) for name in names]
+    for name, column in zip(names, found):
+        if column.ndim != 1 or len(column) != len(found[0]):
+            raise ValueError(f"{what}: column {name!r} has shape {column.shape}, column {names[0]!r} has {found[0].shape}")
+    values = np.column_stack(found)
     units = tuple(columns.units[name] for name in names)
     return Table(tuple(names), units, values, None if clock is None else columns.numbers(clock))
 
@@ -170,7 +174,8 @@ def times(t: Any, runs: Sequence[Table], what: str = "t") -> list[Array]:
     if t is None:
         missing = [i for i, run in enumerate(runs) if run.time is None]
         if missing:
-            raise ValueError(f"{what}: hand in the sample times or the step in seconds; run {missing[0]} brings no column `t` or `time`")
+            where = f"run {missing[0]} brings no column `t` or `time`"
+            raise ValueError(f"{what}: hand in the sample times or the step in seconds; {where}")
         return [run.time for run in runs if run.time is not None]
     if isinstance(t, (list, tuple)) and t and not all(np.ndim(entry) == 0 for entry in t):
         if len(t) != len(runs):

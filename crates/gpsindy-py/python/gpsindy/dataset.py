@@ -190,7 +190,8 @@ def inner_dataset(
     for i, table in enumerate(found):
         if table.names is None:
             if table.values.shape[1] != len(wanted):
-                raise ValueError(f"runs[{i}]: expected {len(wanted)} columns ({', '.join(wanted)}), found {table.values.shape[1]}")
+                found_count = table.values.shape[1]
+                raise ValueError(f"runs[{i}]: expected {len(wanted)} columns ({', '.join(wanted)}), found {found_count}")
             values.append(contiguous(table.values))
             continue
         for name in wanted:

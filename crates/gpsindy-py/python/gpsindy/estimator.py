@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array, Table, is_list_of_runs, names_of, readonly, tables, times
-from gpsindy.dataset import Dataset, inner_dataset, read_csv
+from gpsindy._layout import Layout, chosen, lay_out, runs_of
+from gpsindy._tables import Array, is_list_of_runs, names_of, readonly, tables
+from gpsindy.dataset import Dataset
 from gpsindy.errors import NotFittedError
-from gpsindy.model import Hold, Model, Progress, score
+from gpsindy.model import Hold, Model, Progress
+from gpsindy.scoring import score
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_RATE = "_dot"
 _NUMBER = re.compile(r"(?<![A-Za-z_0-9.])(\d+\.?\d*(?:[eE][-+]?\d+)?)")
 
 
@@ -214,7 +214,7 @@ class GPSINDy:
         GPSINDy
             The estimator itself.
         """
-        runs, layout = _layout(x, t, x_dot, u, feature_names)
+        runs, layout = lay_out(x, t, x_dot, u, feature_names)
         model, report = _gpsindy.identify(runs, self._settings(layout), progress)
         self.model_ = Model._of(model)
         record = self.model_.identification
@@ -232,11 +232,12 @@ class GPSINDy:
         self.window_ = report["window"]
         self.hold_: Hold = report["hold"]
         self.report_ = tuple(report["states"])
-        self.notes_ = tuple(report["notes"])
+        # The core names options as the command line writes them.
+        self.notes_ = tuple(note.replace("`--hold linear`", '`hold="linear"`') for note in report["notes"])
         self._terms = record.terms
         return self
 
-    def _settings(self, layout: _Layout) -> dict[str, Any]:
+    def _settings(self, layout: Layout) -> dict[str, Any]:
         seed = 0 if self.random_state is None else self.random_state
         if not isinstance(seed, (int, np.integer)) or seed < 0:
             raise ValueError(f"random_state: expected None or an integer of at least 0, found {self.random_state!r}")
@@ -348,25 +349,25 @@ class GPSINDy:
 
     def _logs(self, x: Any, t: Any, u: Any) -> Dataset:
         names = None
-        if _runs(x)[0].names is None:
+        if runs_of(x)[0].names is None:
             names = [*self.feature_names_in_, *self.control_names_in_]
         if u is None and names is None and len(self.control_names_in_):
             u = list(self.control_names_in_)
-        runs, _ = _layout(x, t, None, u, names)
+        runs, _ = lay_out(x, t, None, u, names)
         return Dataset._of(runs)
 
     def _features(self, x: Any, u: Any) -> tuple[list[Array], list[Array | None]]:
-        found = _runs(x)
+        found = runs_of(x)
         wanted = list(self.feature_names_in_)
-        states = [_chosen(table, wanted, "x") for table in found]
+        states = [chosen(table, wanted, "x") for table in found]
         names = list(self.control_names_in_)
         if not names:
             return states, [None] * len(found)
         if u is None or isinstance(u, str) or (isinstance(u, (list, tuple)) and all(isinstance(n, str) for n in u)):
             if any(table.names is None for table in found):
                 raise ValueError(f"u: the model has the controls {', '.join(names)}; hand in their samples")
-            return states, [_chosen(table, names, "x") for table in found]
-        inputs = [_chosen(table, names, "u") for table in tables(u, "u")]
+            return states, [chosen(table, names, "x") for table in found]
+        inputs = [chosen(table, names, "u") for table in tables(u, "u")]
         if len(inputs) != len(states):
             raise ValueError(f"u: expected {len(states)} runs as in x, found {len(inputs)}")
         return states, list(inputs)
@@ -405,128 +406,6 @@ class GPSINDy:
         defaults = inspect.signature(type(self).__init__).parameters
         changed = [f"{n}={v!r}" for n, v in self.get_params().items() if not _same(v, defaults[n].default)]
         return f"GPSINDy({', '.join(changed)})"
-
-
-class _Layout:
-    """Names of the columns of a dataset, by the part that they play."""
-
-    def __init__(self, states: list[str], controls: list[str], derivatives: list[tuple[str, str]]) -> None:
-        self.states = states
-        self.controls = controls
-        self.derivatives = derivatives
-
-
-def _runs(x: Any) -> list[Table]:
-    paths = x if isinstance(x, (list, tuple)) else [x]
-    if paths and all(isinstance(path, (str, os.PathLike)) for path in paths):
-        x = read_csv(paths)
-    return x._tables() if isinstance(x, Dataset) else tables(x, "x")
-
-
-def _layout(
-    x: Any, t: Any, x_dot: Any, u: Any, feature_names: Iterable[str] | None
-) -> tuple[_gpsindy.Dataset, _Layout]:
-    found = _runs(x)
-    clock = times(t, found)
-    columns = found[0].names
-    control_columns: list[str] = []
-    inputs: list[Table] = []
-    if isinstance(u, str) or (isinstance(u, (list, tuple)) and u and all(isinstance(name, str) for name in u)):
-        control_columns = names_of(u)
-        if columns is None:
-            raise ValueError("u: columns can be named where x has names; hand in arrays here")
-    elif u is not None:
-        inputs = tables(u, "u")
-        _check_like(inputs, found, "u")
-    rate_columns: dict[str, str] = {}
-    rates: list[Table] = []
-    if isinstance(x_dot, Mapping) and all(isinstance(name, str) for name in x_dot.values()):
-        rate_columns = {str(state): column for state, column in x_dot.items()}
-        if columns is None:
-            raise ValueError("x_dot: columns can be named where x has names; hand in arrays here")
-    elif x_dot is not None:
-        rates = tables(x_dot, "x_dot")
-        _check_like(rates, found, "x_dot")
-    if columns is None:
-        state_columns = [f"x{i}" for i in range(found[0].values.shape[1])]
-    else:
-        taken = {*control_columns, *rate_columns.values()}
-        for name in sorted(taken):
-            if name not in columns:
-                raise ValueError(f"{'u' if name in control_columns else 'x_dot'}: no column {name!r} in x; found {', '.join(columns)}")
-        state_columns = [name for name in columns if name not in taken]
-    blocks = [_chosen(table, state_columns, "x") for table in found]
-    units = [_unit(found[0], name) for name in state_columns]
-    n_states = len(state_columns)
-    if control_columns:
-        inputs = [_part(table, control_columns) for table in found]
-    control_names = control_columns
-    if inputs and not control_columns:
-        control_names = list(inputs[0].names or (f"u{i}" for i in range(inputs[0].values.shape[1])))
-    state_names = state_columns
-    if feature_names is not None:
-        given = names_of(feature_names)
-        if len(given) not in (n_states, n_states + len(control_names)):
-            raise ValueError(
-                f"feature_names: expected {n_states} names of states"
-                + (f" or {n_states + len(control_names)} with those of the controls" if control_names else "")
-                + f", found {len(given)}"
-            )
-        state_names = given[:n_states]
-        control_names = given[n_states:] or control_names
-    renamed = dict(zip(state_columns, state_names))
-    names = [*state_names, *control_names]
-    if inputs:
-        wanted = control_columns or list(inputs[0].names or control_names)
-        units += [_unit(inputs[0], name) for name in wanted]
-        blocks = [np.column_stack([b, _chosen(table, wanted, "u")]) for b, table in zip(blocks, inputs)]
-    derivatives: list[tuple[str, str]] = []
-    if rate_columns:
-        for state in rate_columns:
-            if state not in renamed:
-                raise ValueError(f"x_dot: no state {state!r}; found {', '.join(state_columns)}")
-        rates = [_part(table, list(rate_columns.values())) for table in found]
-        derivatives = [(renamed[state], renamed[state] + _RATE) for state in rate_columns]
-    elif rates:
-        if rates[0].values.shape[1] != n_states:
-            raise ValueError(f"x_dot: expected {n_states} columns as in x, found {rates[0].values.shape[1]}")
-        derivatives = [(name, name + _RATE) for name in state_names]
-    if rates:
-        blocks = [np.column_stack([b, table.values]) for b, table in zip(blocks, rates)]
-        names += [column for _, column in derivatives]
-        units += [""] * len(derivatives)
-    stacked = [Table(tuple(names), tuple(units), b, None, table.run) for b, table in zip(blocks, found)]
-    return inner_dataset(stacked, clock), _Layout(list(state_names), list(control_names), derivatives)
-
-
-def _check_like(found: Sequence[Table], x: Sequence[Table], what: str) -> None:
-    if len(found) != len(x):
-        raise ValueError(f"{what}: expected {len(x)} runs as in x, found {len(found)}")
-    for i, (one, other) in enumerate(zip(found, x)):
-        if one.n_samples != other.n_samples:
-            place = what if len(x) == 1 else f"{what}[{i}]"
-            raise ValueError(f"{place}: expected {other.n_samples} samples as in x, found {one.n_samples}")
-
-
-def _chosen(table: Table, names: Sequence[str], what: str) -> Array:
-    """The named columns; of a table without names all of them."""
-    if table.names is None:
-        if table.values.shape[1] != len(names):
-            raise ValueError(f"{what}: expected {len(names)} columns ({', '.join(names)}), found {table.values.shape[1]}")
-        return table.values
-    for name in names:
-        if name not in table.names:
-            raise ValueError(f"{what}: no column {name!r}; found {', '.join(table.names)}")
-    return table.values[:, [table.names.index(name) for name in names]]
-
-
-def _part(table: Table, names: Sequence[str]) -> Table:
-    units = tuple(_unit(table, name) for name in names)
-    return Table(tuple(names), units, _chosen(table, names, "x"), None, table.run)
-
-
-def _unit(table: Table, name: str) -> str:
-    return table.units[table.names.index(name)] if table.names is not None and name in table.names else ""
 
 
 def _count(value: Any, name: str) -> int:

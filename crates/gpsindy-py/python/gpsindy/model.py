@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from gpsindy import _gpsindy
 from gpsindy._tables import Array, contiguous, floats, frame, matrix, readonly
-from gpsindy.dataset import Dataset, Path, as_dataset
+from gpsindy.dataset import Path
+from gpsindy.scoring import Score, score
+from gpsindy.simulation import Rollout
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from gpsindy.estimator import GPSINDy
 
 Hold = Literal["zero", "linear"]
 Target = Literal["latex", "sympy", "python", "c", "rust", "julia", "modelica"]
@@ -69,105 +69,6 @@ class Parameter:
     value: float
     unit: str
     tolerance: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class Rollout:
-    """A simulated run.
-
-    Attributes
-    ----------
-    name : str
-        Name of the run.
-    t : ndarray of shape (n_samples,)
-        Times, s.
-    x : ndarray of shape (n_samples, n_states)
-        The states.
-    y : ndarray of shape (n_samples, n_states)
-        What the log's columns would read, by the model's ``measured``.
-    states : tuple of str
-        Names of the columns of ``x`` and ``y``.
-    """
-
-    name: str
-    t: Array
-    x: Array
-    y: Array
-    states: tuple[str, ...]
-
-    def __getitem__(self, state: str) -> Array:
-        """What the column of one state reads."""
-        if state not in self.states:
-            raise KeyError(f"no state {state!r}; found {', '.join(self.states)}")
-        return self.y[:, self.states.index(state)]
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-@dataclass(frozen=True)
-class StateError:
-    """Prediction error of one logged state.
-
-    Attributes
-    ----------
-    state, unit : str
-    rmse : float
-        Root mean square error, in the unit.
-    normalised : float
-        The same divided by the column's standard deviation in the data.
-    n_samples : int
-        Samples compared.
-    """
-
-    state: str
-    unit: str
-    rmse: float
-    normalised: float
-    n_samples: int
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors of one kind of prediction.
-
-    Attributes
-    ----------
-    pooled : float
-        Root mean square, over samples and columns, of the error divided by the column's standard deviation:
-        0 is perfect, 1 as bad as the mean.
-    n_started, n_diverged : int
-        Predictions started, and those of them that diverged.
-    by_state : tuple of StateError
-    """
-
-    pooled: float
-    n_started: int
-    n_diverged: int
-    by_state: tuple[StateError, ...]
-
-    def rmse(self) -> dict[str, float]:
-        """Root mean square error by state, in its unit."""
-        return {entry.state: entry.rmse for entry in self.by_state}
-
-
-@dataclass(frozen=True)
-class Score:
-    """How far a model's predictions lie from logs.
-
-    Attributes
-    ----------
-    rollout : Errors
-        Of whole runs from their first sample.
-    windowed : Errors
-        Of windows, each started from the log.
-    one_step : Errors
-        From each sample to the next.
-    """
-
-    rollout: Errors
-    windowed: Errors
-    one_step: Errors
 
 
 @dataclass(frozen=True)
@@ -512,104 +413,3 @@ def _increasing(t: Any) -> Array:
     if not bool(np.all(np.isfinite(time))) or not bool(np.all(np.diff(time) > 0)):
         raise ValueError("t: times must be finite and increase")
     return time
-
-
-def simulate(
-    model: Model | GPSINDy | Path,
-    logs: Any,
-    *,
-    initial: Mapping[str, float] | None = None,
-    start: float | None = None,
-    stop: float | None = None,
-    hold: Hold = "zero",
-    method: Method = "auto",
-    tolerance: float = 1e-8,
-) -> list[Rollout]:
-    """A rollout of every run, under the log's controls and from its first sample.
-
-    Parameters
-    ----------
-    model : Model, path of a model file or fitted GPSINDy
-    logs : Dataset, paths of CSV files, frame or list of frames
-    initial : mapping of str to float, optional
-        Initial values that override those of the log.
-    start, stop : float, optional
-        Only the samples between these times, s; delays see the log before ``start``.
-    hold, method, tolerance
-        As in :meth:`Model.simulate`.
-
-    Returns
-    -------
-    list of Rollout
-        One a run.
-
-    Examples
-    --------
-    >>> import gpsindy
-    >>> model = gpsindy.Model.from_callable(lambda t, x, u: [-2 * x[0] + u[0]], ["x"], ["u"])
-    >>> log = {"t": [0.0, 0.5, 1.0], "x": [1.0, 0.4, 0.1], "u": [0.0, 0.0, 0.0]}
-    >>> gpsindy.simulate(model, log)[0]["x"].round(4)
-    array([1.    , 0.3679, 0.1353])
-    """
-    model, data = as_model(model), as_dataset(logs)
-    pairs = [(name, float(value)) for name, value in (initial or {}).items()]
-    found = model._inner.simulate_runs(data._inner, pairs, (start, stop), (hold, method, tolerance))
-    names = tuple(state.name for state in model.states)
-    return [Rollout(name, readonly(np.array(t)), x, y, names) for name, t, x, y in found]
-
-
-def score(
-    model: Model | GPSINDy | Path,
-    logs: Any,
-    *,
-    window: float | None = None,
-    hold: Hold = "zero",
-    progress: Progress | None = None,
-) -> Score:
-    """Errors of whole runs, windows and single steps, by state.
-
-    Parameters
-    ----------
-    model : Model, path of a model file or fitted GPSINDy
-    logs : Dataset, paths of CSV files, frame or list of frames
-    window : float, optional
-        Length of the windows, s. Default: a tenth of each run.
-    hold : {"zero", "linear"}
-        What controls do between samples.
-    progress : callable, optional
-        Called with (stage, done, total).
-
-    Returns
-    -------
-    Score
-
-    Examples
-    --------
-    >>> import gpsindy
-    >>> model = gpsindy.Model.from_callable(lambda t, x, u: [1.0], ["x"])
-    >>> log = {"t": [0.0, 1.0, 2.0], "x": [0.0, 1.0, 2.3]}
-    >>> round(gpsindy.score(model, log).rollout.by_state[0].rmse, 4)
-    0.1732
-    """
-    kinds = _gpsindy.score(as_model(model)._inner, as_dataset(logs)._inner, window, hold, progress)
-    return Score(*(_errors(*kind) for kind in kinds))
-
-
-def _errors(pooled: float, started: int, diverged: int, states: Iterable[tuple[Any, ...]]) -> Errors:
-    return Errors(pooled, started, diverged, tuple(StateError(*entry) for entry in states))
-
-
-__all__ = [
-    "Control",
-    "Dataset",
-    "Errors",
-    "Identification",
-    "Model",
-    "Parameter",
-    "Rollout",
-    "Score",
-    "State",
-    "StateError",
-    "score",
-    "simulate",
-]

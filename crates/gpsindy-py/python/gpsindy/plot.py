@@ -8,7 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gpsindy.dataset import as_dataset
-from gpsindy.model import Hold, Model, simulate
+from gpsindy.model import Hold, Model
+from gpsindy.simulation import simulate
 from gpsindy.smoothing import Smoothed
 
 if TYPE_CHECKING:
