@@ -83,7 +83,10 @@ fn model_and_log_are_read_from_stdin() {
 fn every_mistake_is_one_line_and_nothing_is_written() {
     let folder = Folder::new();
     folder.write("cart.toml", CART).write("decay.toml", DECAY).write("log.csv", "t,u,x,v\n0,1,5,0\n1,0,6,1\n");
-    folder.write("no_u.csv", "t,x,v\n0,5,0\n1,6,1\n").write("bad.csv", "t,u,x,v\n0,1,5,0\n1,off,6,1\n");
+    folder
+        .write("no_u.csv", "t,x,v\n0,5,0\n1,6,1\n")
+        .write("other.csv", "t,y\n0,1\n1,2\n")
+        .write("bad.csv", "t,u,x,v\n0,1,5,0\n1,off,6,1\n");
     folder.write("unknown.toml", &CART.replace("u - v", "u - w"));
     folder.write("syntax.toml", &CART.replace("u - v", "u - (v"));
     for (arguments, expected) in [
@@ -100,6 +103,11 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
             "simulate cart.toml --data log.csv --from 7",
             "log.csv: no sample between --from and --to; the log runs from 0 to 1 s",
         ),
+        (
+            "simulate decay.toml --data other.csv",
+            "other.csv: no column is a state of the model (x); found: y; name them with --rename",
+        ),
+        ("simulate log.csv --data cart.toml", "log.csv: not a model; a model is TOML or JSON, a log is CSV"),
         ("simulate cart.toml --data log.csv --period 0.1", "the model has the control `u`"),
         ("simulate decay.toml --period 0.1 --to 1", "state `x` has no initial value; give it with --initial x=..."),
         (
@@ -122,7 +130,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     }
     assert_eq!(
         folder.names(),
-        ["bad.csv", "cart.toml", "decay.toml", "log.csv", "no_u.csv", "syntax.toml", "unknown.toml"]
+        ["bad.csv", "cart.toml", "decay.toml", "log.csv", "no_u.csv", "other.csv", "syntax.toml", "unknown.toml"]
     );
 }
 

@@ -29,6 +29,9 @@ pub fn read_model(path: &Path) -> Result<Model> {
 /// # Errors
 /// As [`read_model`].
 pub fn parse_model(file: &str, text: &str) -> Result<Model> {
+    if file.ends_with(".csv") {
+        return Err(Error::file(file, "not a model; a model is TOML or JSON, a log is CSV"));
+    }
     let json = file.ends_with(".json") || text.trim_start().starts_with('{');
     let model: Model = if json { from_json(file, text)? } else { from_toml(file, text)? };
     model.check().map_err(|source| Error::Content { file: file.into(), source })?;

@@ -16,7 +16,7 @@ use crate::args::{Arguments, Columns, Command, Output};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Model};
-use gpsindy_files::Logs;
+use gpsindy_files::{Log, Logs};
 use std::path::Path;
 
 /// Runs the command that was asked for.
@@ -101,17 +101,23 @@ fn columns_of(model: &Model) -> (Vec<String>, Vec<String>) {
 fn model_dataset(logs: &Logs, model: &Model, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
     let (controls, states) = columns_of(model);
     for log in logs.files() {
-        if states.iter().all(|state| log.column(state).is_none()) {
-            let found: Vec<&str> = log.columns().map(|h| h.name.as_str()).collect();
-            return Err(Failure::input(format!(
-                "{}: no column is a state of the model ({}); found: {}; name them with --rename",
-                log.file,
-                states.join(", "),
-                found.join(", ")
-            )));
-        }
+        check_states(log, &states)?;
     }
     dataset(logs, &controls, &states, columns, screen)
+}
+
+/// Refuses a log without any state of the model: most likely the wrong log, or other names.
+fn check_states(log: &Log, states: &[String]) -> Outcome {
+    if states.iter().any(|state| log.column(state).is_some()) {
+        return Ok(());
+    }
+    let found: Vec<&str> = log.columns().map(|h| h.name.as_str()).collect();
+    Err(Failure::input(format!(
+        "{}: no column is a state of the model ({}); found: {}; name them with --rename",
+        log.file,
+        states.join(", "),
+        found.join(", ")
+    )))
 }
 
 /// Writes a result to the file of `--out`, else to stdout.

@@ -1,7 +1,7 @@
 //! `gpsindy simulate`: a rollout of a model under the controls of a log, as CSV.
 
 use crate::args::{Columns, Output, values};
-use crate::commands::{check_folder_of, columns_of, dataset, deliver};
+use crate::commands::{check_folder_of, check_states, columns_of, dataset, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
@@ -79,6 +79,9 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
         (Some(log), _) => {
             let logs = Logs::read(std::slice::from_ref(log), &command.columns.options())?;
             let (controls, states) = columns_of(&model);
+            if states.iter().any(|state| !model.initial.contains_key(state)) {
+                check_states(&logs.files()[0], &states)?;
+            }
             let data = dataset(&logs, &controls, &states, &command.columns, screen)?;
             let rollout = |run: &Run| {
                 let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
