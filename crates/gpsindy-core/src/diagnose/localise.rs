@@ -133,10 +133,8 @@ fn missing(nominal: &Fitted, corrected: &Fitted) -> Option<Missing> {
 /// Share of the gap by nominal state: of every included effect what it removes, of the rest where a function without a name fits.
 fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, usize)]) -> Vec<f64> {
     let mut energy = vec![0.0; nominal.system.n_states()];
-    for (hypothesis, alternatives) in outcome.best.hypotheses.iter().zip(&outcome.alternatives) {
-        // The drop from the nominal misfit is split by how much the runner-up places would lose.
-        let worst = alternatives.last().map_or(nominal.misfit(), Fitted::misfit).max(outcome.best.misfit());
-        energy[hypothesis.state] += (worst.min(nominal.misfit()) - outcome.best.misfit()).max(1e-9);
+    for (hypothesis, removed) in outcome.best.hypotheses.iter().zip(&outcome.removed) {
+        energy[hypothesis.state] += removed.max(1e-9);
     }
     if let Some(left) = &outcome.left {
         energy[left.state] += left.energy;

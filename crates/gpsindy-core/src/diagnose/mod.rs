@@ -148,21 +148,18 @@ impl Diagnose {
         let nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
         let scene = Scene::new(system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
 
-        // Detect: does any suspect, or any smooth function, explain more than noise would?
+        // Detect and attribute: does any suspect, or any smooth function, explain more than noise would; and which?
         let logged = nominal.experiment.columns.clone();
         let hypotheses = self.suspects(hypothesis::enumerate(model, &logged, &self.custom)?)?;
         let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
         let contest = Contest { hypotheses, scene, settings, progress };
-        let first = contest.expand(&nominal, "suspects")?;
         let rivals = rival::enumerate(model, &contest.scene, model.states.len());
-        let free_gains = contest.rivals(&nominal, &rivals);
-        let detected = settle::detect(&first, &free_gains, self.confidence, &nominal);
-
-        // Attribute: refit, weigh, add effects as long as they convince.
-        let outcome = match detected.gap {
-            true => settle::attribute(&contest, &nominal, first, &rivals, self.most_effects, &mut notes)?,
-            false => settle::Outcome::no_gap(&nominal, &first),
+        let held = settle::judge(&contest, nominal, &rivals, self, &mut notes)?;
+        let judged = match self.hold {
+            Some(_) => held,
+            None => settle::reconsider_hold(&contest, held, &rivals, self, &mut notes)?,
         };
+        let settle::Judged { nominal, detected, free_gains, outcome } = judged;
 
         // Verify on held-out logs, localise, and write it down.
         let nominal = outcome.nominal.as_ref().unwrap_or(&nominal);

@@ -191,23 +191,6 @@ pub(crate) fn choose_substeps(
     experiment
 }
 
-/// What the control does between the samples: held, unless interpolation fits clearly better.
-pub(crate) fn choose_hold(system: &System, experiment: &Experiment, parameters: &[f64], free: &[Free]) -> Hold {
-    if system.n_controls() == 0 {
-        return Hold::Zero;
-    }
-    let settings = Refine { max_iterations: 6, tolerance: 1e-4 };
-    let n_columns = experiment.columns.len();
-    let likelihood = |hold: Hold| {
-        let tried = Experiment { hold, ..experiment.clone() };
-        settings.fit(system, &tried, parameters, free, None).map_or(f64::NEG_INFINITY, |fit| {
-            super::evidence::log_likelihood(&super::evidence::colours(&fit.residuals, n_columns))
-        })
-    };
-    // Ten nats: far beyond what chance gives one binary choice.
-    if likelihood(Hold::Linear) > likelihood(Hold::Zero) + 10.0 { Hold::Linear } else { Hold::Zero }
-}
-
 /// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one.
 pub(crate) fn unwrapped(model: &Model, data: &Dataset, notes: &mut Vec<String>) -> Result<Dataset> {
     use std::f64::consts::{PI, TAU};
@@ -250,15 +233,7 @@ pub(crate) fn experiment(
     experiment = choose_substeps(system, experiment, &parameters, &start);
     let (experiment, cut) = choose_windows(system, experiment, &parameters, &free)?;
     let mut experiment = thin(experiment, notes);
-    experiment.hold = match hold {
-        Some(hold) => hold,
-        None => choose_hold(system, &experiment, &parameters, &free),
-    };
-    if hold.is_none() && experiment.hold == Hold::Linear {
-        notes.push(
-            "the control looks interpolated between samples, not held: no delay below one sample is claimed".into(),
-        );
-    }
+    experiment.hold = hold.unwrap_or_default();
     if let Some(length) = cut {
         notes.push(format!(
             "rollouts are restarted every {length:.3} s in the fits, because the nominal model leaves the logs on longer ones"

@@ -1,12 +1,13 @@
 //! Detect and attribute: is there a gap, which effects cause it, and is anything left that has no name.
 
+use super::Diagnose;
 use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use super::fitted::Fitted;
 use super::rival::Rival;
 use super::search::{CONVINCING, Contest, Expansion, MATERIAL, Summary, keep_first_of_each, sort_by_score};
 use crate::error::Result;
 use crate::model::System;
-use crate::refine::{Experiment, Refine};
+use crate::refine::{Experiment, Hold, Refine};
 use rayon::prelude::*;
 
 /// Contestants at most this many nats behind the best are fitted to the last digit before they are weighed.
@@ -38,6 +39,8 @@ pub(crate) struct Outcome {
     pub(crate) best: Fitted,
     /// For every effect of the winner: contestants that differ from the winner in that effect alone, the winner included.
     pub(crate) alternatives: Vec<Vec<Fitted>>,
+    /// Mean squared residual (noise units) that each effect of the winner removes, taken last.
+    pub(crate) removed: Vec<f64>,
     /// Where no effect convinced: single effects, best first.
     pub(crate) singles: Vec<Fitted>,
     pub(crate) left: Option<Left>,
@@ -51,6 +54,7 @@ impl Outcome {
             nominal: None,
             best: nominal.clone(),
             alternatives: Vec::new(),
+            removed: Vec::new(),
             singles: first.fits.clone(),
             left: None,
             screened: first.screened.clone(),
@@ -64,6 +68,72 @@ impl Outcome {
 /// log a test of exactly nothing would find them.
 pub(crate) const NEGLIGIBLE: f64 = 0.005;
 
+/// A nominal model, whether it has a gap, and what causes it.
+pub(crate) struct Judged {
+    pub(crate) nominal: Fitted,
+    pub(crate) detected: Detected,
+    /// Gain and degrees of freedom of every rival at the nominal model.
+    pub(crate) free_gains: Vec<(f64, usize)>,
+    pub(crate) outcome: Outcome,
+}
+
+/// Detects a gap, and where there is one finds its causes.
+pub(crate) fn judge(
+    contest: &Contest<'_>,
+    nominal: Fitted,
+    rivals: &[Rival],
+    settings: &Diagnose,
+    notes: &mut Vec<String>,
+) -> Result<Judged> {
+    let first = contest.expand(&nominal, "suspects")?;
+    let free_gains = contest.rivals(&nominal, rivals);
+    let detected = detect(&first, &free_gains, settings.confidence, &nominal);
+    let outcome = match detected.gap {
+        true => attribute(contest, &nominal, first, rivals, settings.most_effects, notes)?,
+        false => Outcome::no_gap(&nominal, &first),
+    };
+    Ok(Judged { nominal, detected, free_gains, outcome })
+}
+
+/// The verdict under interpolated controls, where that is clearly the better account of the logs.
+///
+/// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
+/// interpolation with a delay of half a sample is nearly a held control.
+pub(crate) fn reconsider_hold(
+    contest: &Contest<'_>,
+    held: Judged,
+    rivals: &[Rival],
+    settings: &Diagnose,
+    notes: &mut Vec<String>,
+) -> Result<Judged> {
+    /// Far beyond what chance gives one binary choice, in nats.
+    const CLEARLY: f64 = 10.0;
+    if !held.detected.gap || held.nominal.system.n_controls() == 0 {
+        return Ok(held);
+    }
+    let linear = |fit: &Fitted| {
+        let experiment = Experiment { hold: Hold::Linear, ..fit.experiment.clone() };
+        fit.on(&experiment, &contest.settings)
+    };
+    let is_better = |fit: &Fitted| linear(fit).is_ok_and(|other| contest.score(&other) > contest.score(fit) + CLEARLY);
+    if !is_better(&held.nominal) && !is_better(&held.outcome.best) {
+        return Ok(held);
+    }
+    let mut own_notes = Vec::new();
+    let interpolated = judge(contest, linear(&held.nominal)?, rivals, settings, &mut own_notes)?;
+    let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.id() == "input_delay");
+    let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + CLEARLY;
+    // A delay under interpolation that the held control does not need is the phantom of half a sample.
+    let phantom = delayed(&interpolated) && !delayed(&held);
+    let still_gaping = interpolated.detected.gap && !wins;
+    if phantom || still_gaping {
+        return Ok(held);
+    }
+    notes.append(&mut own_notes);
+    notes.push("the control looks interpolated between samples, not held: no delay below one sample is claimed".into());
+    Ok(interpolated)
+}
+
 /// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
 fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
     let (count, spent) = (at.count(), at.spent());
@@ -73,7 +143,7 @@ fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
     (gains.iter().map(tail).fold(1.0, f64::min) * gains.len() as f64).min(1.0)
 }
 
-pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
+fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
     let moved = nominal.moved().into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
     let strained =
         (chi_squared_tail(moved - NEGLIGIBLE * nominal.count() as f64, 1) * nominal.free.len().max(1) as f64).min(1.0);
@@ -92,7 +162,7 @@ pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64
 }
 
 /// The contest from first suspects to a winner, its rivals and what it leaves.
-pub(crate) fn attribute(
+fn attribute(
     contest: &Contest<'_>,
     nominal: &Fitted,
     first: Expansion,
@@ -110,6 +180,7 @@ pub(crate) fn attribute(
     let mut known = (best.hypotheses.len() == 1 && unchanged).then(|| singles.clone());
     let thorough = Refine { max_iterations: 20, tolerance: 1e-6 };
     let mut alternatives: Vec<Vec<Fitted>> = Vec::new();
+    let mut removed: Vec<f64> = Vec::new();
     // Swap: leave each effect out in turn, and let all others apply for its place.
     let mut swaps = 0;
     let mut place = 0;
@@ -132,23 +203,26 @@ pub(crate) fn attribute(
             // Others have made this effect superfluous.
             best = rest;
             alternatives.clear();
+            removed.clear();
             place = 0;
             continue;
         }
         if !same && gain > 0.5 && swaps < 4 {
             best = fits[0].clone();
             alternatives.clear();
+            removed.clear();
             swaps += 1;
             place = 0;
             continue;
         }
         alternatives.push(fits);
+        removed.push((rest.misfit() - best.misfit()).max(0.0));
         place += 1;
     }
     let last = contest.expand(&best, "what is left")?;
     let gains = contest.rivals(&best, rivals);
     let left = left_over(&best, &last, &gains, rivals);
-    Ok(Outcome { nominal: Some(nominal), best, alternatives, singles, left, screened: last.screened })
+    Ok(Outcome { nominal: Some(nominal), best, alternatives, removed, singles, left, screened: last.screened })
 }
 
 /// Initial states with every lagging input (states from `known` on) starting at its control.

@@ -15,6 +15,7 @@ use crate::data::Dataset;
 use crate::error::Result;
 use crate::expression::{Expression, Function, Operator};
 use crate::model::Model;
+use std::cmp::Ordering;
 
 /// Difference in BIC below which two effects count as not told apart.
 const TWINS: f64 = 6.0;
@@ -156,7 +157,12 @@ fn causes(
         }
         return all;
     }
-    for (fits, hypothesis) in outcome.alternatives.iter().zip(&outcome.best.hypotheses) {
+    // The effect that removes most comes first.
+    let mut places: Vec<usize> = (0..outcome.best.hypotheses.len()).collect();
+    let removed = |place: usize| outcome.removed.get(place).copied().unwrap_or(0.0);
+    places.sort_by(|&a, &b| removed(b).total_cmp(&removed(a)));
+    for place in places {
+        let (fits, hypothesis) = (&outcome.alternatives[place], &outcome.best.hypotheses[place]);
         let weights = weights(contest, fits);
         let best_bic = fits.iter().map(|f| -2.0 * f.score()).fold(f64::INFINITY, f64::min);
         // The effect that each contestant has in this one's place.
@@ -184,7 +190,12 @@ fn causes(
         all.push(cause(settings, &outcome.best, place, class_weight * sound, keep, equivalent));
         all.extend(rest);
     }
-    all.sort_by(|a, b| b.included.cmp(&a.included).then(b.probability.total_cmp(&a.probability)));
+    // Stable: included effects stay in their order, the others follow by probability.
+    all.sort_by(|a, b| {
+        let by_probability =
+            if a.included && b.included { Ordering::Equal } else { b.probability.total_cmp(&a.probability) };
+        b.included.cmp(&a.included).then(by_probability)
+    });
     all
 }
 
