@@ -3,12 +3,15 @@
 //! Smooth the states, make rows of regression, choose terms by sparse regression, then look again through the integrator:
 //! coefficients, delays and initial states on the raw measurements, terms dropped, added and exchanged by evidence.
 
+mod author;
 mod choose;
 mod equations;
 mod plan;
 mod rows;
 mod structure;
 mod track;
+
+pub use author::{Author, AuthorResult};
 
 use crate::data::Dataset;
 use crate::differentiate::{Differentiation, SecondStage};
