@@ -2,7 +2,7 @@
 
 use super::rows::Rows;
 use crate::error::Result;
-use crate::regress::{Ensemble, Folds, Reduced, Regressor, Selection, Stability};
+use crate::regress::{Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
 use faer::Mat;
 
 /// What the regression of one state may do.
@@ -32,6 +32,18 @@ pub(super) struct Chosen {
     pub(super) errors: Vec<f64>,
     /// Every candidate of the path, p coefficients each.
     pub(super) path: Vec<Vec<f64>>,
+    /// Place of the candidate of the best evidence by its own rows; the chosen one may be sparser.
+    pub(super) best: Option<usize>,
+}
+
+/// Place of the smallest `n ln(residual / n) + k (ln n + 2 ln p)`, n rows, k of p terms.
+fn best_of(fits: &[Fit], n: usize, p: usize) -> Option<usize> {
+    let (rows, terms) = (n as f64, p.max(1) as f64);
+    let evidence = |fit: &Fit| {
+        rows * (fit.residual.max(f64::MIN_POSITIVE) / rows).ln() + fit.n_terms() as f64 * (rows.ln() + 2.0 * terms.ln())
+    };
+    let told = (0..fits.len()).filter(|&i| 2 * fits[i].n_terms() < n);
+    told.min_by(|&a, &b| evidence(&fits[a]).total_cmp(&evidence(&fits[b])))
 }
 
 /// Folds of the cross-validation.
@@ -84,6 +96,7 @@ impl Task<'_> {
             residual: noise * noise * size * size,
             errors: spread(&errors),
             path: choice.candidates.fits.iter().map(|fit| spread(&fit.coefficients)).collect(),
+            best: best_of(&choice.candidates.fits, rows.target.len(), allowed.len()),
         })
     }
 

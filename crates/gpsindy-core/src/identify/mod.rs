@@ -211,7 +211,8 @@ impl Identify {
             }
         }
         let mut notes = plan.notes.clone();
-        let refined = if self.refine { self.refined(&plan, &equations, progress, &mut notes)? } else { None };
+        let starts = starts(&equations, &chosen);
+        let refined = if self.refine { self.refined(&plan, &starts, progress, &mut notes)? } else { None };
         let inclusion = self.inclusion(&plan, &equations, &rows, &chosen)?;
         Ok(self.report(&plan, &equations, &chosen, refined, inclusion, notes))
     }
@@ -279,28 +280,39 @@ impl Identify {
     fn refined(
         &self,
         plan: &Plan,
-        equations: &Equations,
+        starts: &[Equations],
         progress: &dyn Progress,
         notes: &mut Vec<String>,
     ) -> Result<Option<Refinement>> {
         let keep_going = || step(progress, "refine", 0, 1);
         let mut window = self.window.unwrap_or_else(|| plan.shortest_window());
-        let Some((mut best, hold)) = self.first_look(plan, equations, window, &keep_going, notes)? else {
+        let Some((mut best, hold)) = self.first_look(plan, starts, window, &keep_going, notes)? else {
             return Ok(None);
         };
         let search: Search<'_> = plan.search(hold);
         if self.window.is_none() {
-            let start = window;
+            // Whether the terms were looked at since the rollouts last grew.
+            let mut fresh = true;
             while window < plan.longest_run() {
                 keep_going()?;
                 let longer = (2.0 * window).min(plan.longest_run());
-                let Ok(trial) = search.fit(&best.equations, longer, None) else { break };
-                if !on_course(&best, &trial) {
-                    break;
+                match search.fit(&best.equations, longer, Some(&best)) {
+                    Ok(trial) if growth(&best, &trial) <= ON_COURSE => {
+                        fresh = false;
+                        let unchanged = growth(&best, &trial) <= UNCHANGED;
+                        (best, window) = (trial, longer);
+                        if unchanged {
+                            continue;
+                        }
+                    }
+                    _ if fresh => break,
+                    // The terms of shorter rollouts may be too few for longer ones.
+                    _ => {}
                 }
-                (best, window) = (trial, longer);
+                best = search.improve(best, window, &keep_going)?;
+                fresh = true;
             }
-            if window > start {
+            if !fresh {
                 best = search.improve(best, window, &keep_going)?;
             }
         }
@@ -310,28 +322,29 @@ impl Identify {
         Ok(Some(Refinement { trial: best, window, hold }))
     }
 
-    /// The first fit and its better supports, with held and with interpolated controls where that is open.
+    /// The first fits and their better supports, from every start, with held and with interpolated controls where that is
+    /// open; the one of the best evidence.
     fn first_look(
         &self,
         plan: &Plan,
-        equations: &Equations,
+        starts: &[Equations],
         window: f64,
         keep_going: &dyn Fn() -> Result<()>,
         notes: &mut Vec<String>,
     ) -> Result<Option<(Trial, Hold)>> {
         let holds = match self.hold {
             Some(hold) => vec![hold],
-            None if equations.controls.is_empty() => vec![Hold::Zero],
+            None if self.controls.is_empty() => vec![Hold::Zero],
             None => vec![Hold::Zero, Hold::Linear],
         };
         let mut best: Option<(Trial, Hold)> = None;
         let mut failure = None;
-        for hold in holds {
+        for (hold, equations) in holds.iter().flat_map(|&hold| starts.iter().map(move |e| (hold, e))) {
             let search = plan.search(hold);
             match search.fit(equations, window, None) {
                 Ok(trial) => {
                     let trial = search.improve(trial, window, keep_going)?;
-                    // A tie keeps the control held, which is what drives do.
+                    // A tie keeps the sparser start, and the control held, which is what drives do.
                     if best.as_ref().is_none_or(|(other, _)| trial.score < other.score - 2.0) {
                         best = Some((trial, hold));
                     }
@@ -424,9 +437,27 @@ impl Identify {
     }
 }
 
-/// Whether longer rollouts fit about as well: no column's residual may grow by half.
-fn on_course(short: &Trial, long: &Trial) -> bool {
-    short.noise.iter().zip(&long.noise).all(|(short, long)| *long <= 1.5 * short)
+/// The equations as chosen, and where those are others than what the rows' evidence takes also the latter: a search that
+/// starts too sparse may find no way, one that starts too dense may find no rollout.
+fn starts(equations: &Equations, chosen: &[Option<Chosen>]) -> Vec<Equations> {
+    let mut denser = equations.clone();
+    for (own, chosen) in denser.coefficients.iter_mut().zip(chosen) {
+        if let Some(best) = chosen.as_ref().and_then(|c| c.best.map(|k| &c.path[k])) {
+            own.clone_from(best);
+        }
+    }
+    if denser.support() == equations.support() { vec![equations.clone()] } else { vec![equations.clone(), denser] }
+}
+
+/// Growth of the residual up to which longer rollouts count as being on course.
+const ON_COURSE: f64 = 1.3;
+
+/// Growth of the residual up to which longer rollouts tell nothing new about the terms.
+const UNCHANGED: f64 = 1.01;
+
+/// By how much the residual of a column grows with longer rollouts, at most.
+fn growth(short: &Trial, long: &Trial) -> f64 {
+    short.noise.iter().zip(&long.noise).map(|(short, long)| long / short).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

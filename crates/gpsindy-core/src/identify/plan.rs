@@ -127,9 +127,11 @@ impl Plan {
         })
     }
 
-    /// Length in s of the shortest rollouts that tell an equation from its neighbours.
+    /// Length in s of the shortest rollouts that tell an equation from its neighbours; the longest run halved some times.
     pub(super) fn shortest_window(&self) -> f64 {
-        (3.0 * self.pace).max(10.0 * self.period).min(self.longest_run())
+        let longest = self.longest_run();
+        let wanted = (3.0 * self.pace).max(10.0 * self.period);
+        longest / (longest / wanted).max(1.0).log2().floor().exp2()
     }
 
     /// Length of the longest run, s.

@@ -17,6 +17,7 @@ use crate::model::System;
 use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Refine, Window};
 use crate::regress::{Gains, Reduced};
 use faer::Mat;
+use nalgebra::{DMatrix, DVector};
 
 /// Moves that are tried in full each round, the most promising first.
 const TRIALS: usize = 5;
@@ -53,6 +54,8 @@ pub(super) struct Trial {
     pub(super) errors: Vec<Vec<f64>>,
     /// Standard error of each delay that was estimated.
     pub(super) delay_errors: Vec<f64>,
+    /// The windows that were rolled out.
+    pub(super) windows: Vec<Window>,
     /// Initial state of every window.
     pub(super) initial: Vec<Vec<f64>>,
     /// Root mean square residual of each column, in its unit.
@@ -81,11 +84,14 @@ impl Search<'_> {
         let model = equations.model(&support, true);
         let system = model.compile()?;
         let mut experiment = self.experiment(equations, window, &noise)?;
-        let starts: Vec<Vec<f64>> = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
-        let mut initial = match near {
-            Some(trial) if trial.initial.len() == starts.len() => trial.initial.clone(),
-            _ => starts,
+        // A window that begins where one of the earlier fit began starts from what that one found.
+        let found = |w: &Window| {
+            let place =
+                |trial: &Trial| trial.windows.iter().position(|other| (other.log, other.first) == (w.log, w.first));
+            near.and_then(|trial| place(trial).map(|k| trial.initial[k].clone()))
         };
+        let mut initial: Vec<Vec<f64>> =
+            experiment.windows.iter().map(|w| found(w).unwrap_or_else(|| self.start(&system, w))).collect();
         let free = self.free(equations, &support);
         let mut parameters = system.parameter_values();
         let refine = Refine { max_iterations: 25, tolerance: 1e-5 };
@@ -132,7 +138,18 @@ impl Search<'_> {
             let price: f64 = support.iter().flatten().map(|&j| self.price(equations, j, n * share)).sum();
             let score = share * misfit + price;
             let converged = refined.converged;
-            return Ok(Trial { equations: fitted, errors, delay_errors, initial, noise, score, share, converged });
+            let windows = experiment.windows;
+            return Ok(Trial {
+                equations: fitted,
+                errors,
+                delay_errors,
+                windows,
+                initial,
+                noise,
+                score,
+                share,
+                converged,
+            });
         }
         Err(Error::NotConverged { what: "refinement".into(), why: "the noise does not settle; give it".into() })
     }
@@ -191,9 +208,7 @@ impl Search<'_> {
             let linear = self.linearise(&best, window)?;
             let mut found = None;
             for support in linear.proposals() {
-                let mut equations = best.equations.clone();
-                equations.set_support(&support, &linear.solution(&support));
-                let Ok(trial) = self.fit(&equations, window, Some(&best)) else { continue };
+                let Some(trial) = self.attempt(&best, &linear, &support, window) else { continue };
                 if trial.score < best.score - 1e-6 * best.score.abs().max(1.0) {
                     found = Some(trial);
                     break;
@@ -205,6 +220,33 @@ impl Search<'_> {
             }
         }
         Ok(best)
+    }
+
+    /// The full fit of `support`, from where the linear problem has its optimum; where no term leaves also from where
+    /// `best` stands, since the linear optimum may lie too far away to be one.
+    fn attempt(&self, best: &Trial, linear: &Linear, support: &[usize], window: f64) -> Option<Trial> {
+        let (solution, initial) = linear.solution(support, &best.initial);
+        let mut equations = best.equations.clone();
+        equations.set_support(support, &solution);
+        let near = Trial { initial, ..best.clone() };
+        let far = self.fit(&equations, window, Some(&near)).ok();
+        if linear.active.iter().any(|k| !support.contains(k)) {
+            return far;
+        }
+        let mut coefficients = best.equations.coefficients.clone();
+        for &k in support {
+            let (s, j) = linear.candidates[k];
+            if coefficients[s][j] == 0.0 {
+                coefficients[s][j] = 1e-9 * self.scales[s][j].copysign(solution[s][j]);
+            }
+        }
+        let mut equations = best.equations.clone();
+        equations.set_support(support, &coefficients);
+        let close = self.fit(&equations, window, Some(best)).ok();
+        match (far, close) {
+            (Some(far), Some(close)) => Some(if far.score <= close.score { far } else { close }),
+            (far, close) => far.or(close),
+        }
     }
 
     /// Trajectories around `trial` as a linear function of every candidate coefficient, initial states projected out.
@@ -225,7 +267,8 @@ impl Search<'_> {
         let mut theta = Mat::zeros(rows, q);
         let mut target = Vec::with_capacity(rows);
         let mut top = 0;
-        for block in &jacobian.blocks {
+        let mut blocks = Vec::with_capacity(jacobian.blocks.len());
+        for block in jacobian.blocks {
             let mut derivative = block.derivative.columns(n, q).into_owned();
             let mut residual = block.residual.clone();
             for (k, value) in now.iter().enumerate() {
@@ -234,9 +277,17 @@ impl Search<'_> {
             // Columns of initial states that nothing measures are zero and stay out.
             let seen: Vec<usize> = (0..n).filter(|&j| block.derivative.column(j).norm() > 0.0).collect();
             if !seen.is_empty() {
-                let basis = block.derivative.select_columns(&seen).qr().q();
+                let factors = block.derivative.select_columns(&seen).qr();
+                let basis = factors.q();
+                // What the initial states take of a residual, and of each column's.
+                let upper = factors.r();
+                let of_residual = upper.solve_upper_triangular(&basis.tr_mul(&residual));
+                let of_columns = upper.solve_upper_triangular(&basis.tr_mul(&derivative));
+                blocks.push(of_residual.zip(of_columns).map(|(r, c)| (seen.clone(), r, c)));
                 derivative -= &basis * basis.tr_mul(&derivative);
                 residual -= &basis * basis.tr_mul(&residual);
+            } else {
+                blocks.push(None);
             }
             for k in 0..q {
                 for (i, value) in derivative.column(k).iter().enumerate() {
@@ -259,9 +310,13 @@ impl Search<'_> {
                 .collect(),
             candidates,
             shape: (equations.n_states(), equations.n_terms()),
+            blocks,
         })
     }
 }
+
+/// The initial states of a window that are seen, the step that fits the target alone, and its fall per candidate.
+type Eliminated = (Vec<usize>, DVector<f64>, DMatrix<f64>);
 
 /// The linearised problem: unit noise, one column a candidate, then the delays.
 struct Linear {
@@ -273,6 +328,8 @@ struct Linear {
     /// Fall of the sum of squares that each candidate must bring.
     prices: Vec<f64>,
     shape: (usize, usize),
+    /// One a window; none where no initial state is seen.
+    blocks: Vec<Option<Eliminated>>,
 }
 
 impl Linear {
@@ -339,8 +396,8 @@ impl Linear {
         proposals
     }
 
-    /// The linear problem's coefficients on `support` (n x p).
-    fn solution(&self, support: &[usize]) -> Vec<Vec<f64>> {
+    /// The linear problem's coefficients on `support` (n x p), and the initial states that belong to them.
+    fn solution(&self, support: &[usize], initial: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let fit = self.problem.refit(&self.with_always(support));
         let mut coefficients = vec![vec![0.0; self.shape.1]; self.shape.0];
         for &k in support {
@@ -348,7 +405,17 @@ impl Linear {
             // An exact zero would read as a term that is out.
             coefficients[s][j] = if fit.coefficients[k] == 0.0 { f64::MIN_POSITIVE } else { fit.coefficients[k] };
         }
-        coefficients
+        let all = DVector::from_column_slice(&fit.coefficients);
+        let mut moved = initial.to_vec();
+        for (start, block) in moved.iter_mut().zip(&self.blocks) {
+            if let Some((seen, of_residual, of_columns)) = block {
+                let step = of_residual - of_columns * &all;
+                for (&state, change) in seen.iter().zip(step.iter()) {
+                    start[state] += change;
+                }
+            }
+        }
+        (coefficients, moved)
     }
 }
 
