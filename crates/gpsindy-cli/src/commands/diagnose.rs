@@ -45,7 +45,7 @@ pub(crate) struct Options {
     /// Only these effects are suspects (ids separated by commas), or, with '!' before each, all but these
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     effects: Vec<String>,
-    /// Effects of your own, a TOML file of [[effect]] entries
+    /// Effects of your own, a TOML file of `[[effect]]` entries
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
     /// Confidence of intervals; a gap counts as detected when its p-value is at most one minus this
