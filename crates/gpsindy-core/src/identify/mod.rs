@@ -345,7 +345,7 @@ impl Identify {
                 Ok(trial) => {
                     let trial = search.improve(trial, window, keep_going)?;
                     // A tie keeps the sparser start, and the control held, which is what drives do.
-                    if best.as_ref().is_none_or(|(other, _)| trial.score < other.score - 2.0) {
+                    if best.as_ref().is_none_or(|(other, _)| search.lead(&trial, other) > 2.0) {
                         best = Some((trial, hold));
                     }
                 }

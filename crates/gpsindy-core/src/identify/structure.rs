@@ -28,6 +28,9 @@ const EXCHANGES: usize = 4;
 /// Rounds of drop, add and exchange.
 const ROUNDS: usize = 25;
 
+/// Evidence by which a support must lead to replace another: above the noise of the optimiser.
+const LEAST_LEAD: f64 = 0.01;
+
 /// Residuals below this share of a column's spread count as none: what is left is the integrator's.
 const FLOOR: f64 = 1e-7;
 
@@ -60,10 +63,12 @@ pub(super) struct Trial {
     pub(super) initial: Vec<Vec<f64>>,
     /// Root mean square residual of each column, in its unit.
     pub(super) noise: Vec<f64>,
-    /// Evidence, smaller is better.
-    pub(super) score: f64,
+    /// `sum_c n_c ln(rss_c / n_c)`.
+    misfit: f64,
+    /// Number of values compared.
+    n_values: f64,
     /// Share of the values that count as independent.
-    pub(super) share: f64,
+    share: f64,
     pub(super) converged: bool,
 }
 
@@ -135,8 +140,6 @@ impl Search<'_> {
                 }
             }
             let delay_errors = (k..free.len()).map(scaled).collect();
-            let price: f64 = support.iter().flatten().map(|&j| self.price(equations, j, n * share)).sum();
-            let score = share * misfit + price;
             let converged = refined.converged;
             let windows = experiment.windows;
             return Ok(Trial {
@@ -146,7 +149,8 @@ impl Search<'_> {
                 windows,
                 initial,
                 noise,
-                score,
+                misfit,
+                n_values: n,
                 share,
                 converged,
             });
@@ -172,6 +176,19 @@ impl Search<'_> {
             Err(Error::Diverged { .. }) => Ok(f64::INFINITY),
             Err(error) => Err(error),
         }
+    }
+
+    /// By how much the evidence of `trial` is better than that of `other`; both count their values alike, by the larger
+    /// share of independent ones, which is that of the better model.
+    pub(super) fn lead(&self, trial: &Trial, other: &Trial) -> f64 {
+        let share = trial.share.max(other.share);
+        self.evidence(other, share) - self.evidence(trial, share)
+    }
+
+    fn evidence(&self, trial: &Trial, share: f64) -> f64 {
+        let support = trial.equations.support();
+        let terms = support.iter().flatten();
+        share * trial.misfit + terms.map(|&j| self.price(&trial.equations, j, share * trial.n_values)).sum::<f64>()
     }
 
     /// What term `j` must bring, in evidence.
@@ -209,7 +226,7 @@ impl Search<'_> {
             let mut found = None;
             for support in linear.proposals() {
                 let Some(trial) = self.attempt(&best, &linear, &support, window) else { continue };
-                if trial.score < best.score - 1e-6 * best.score.abs().max(1.0) {
+                if self.lead(&trial, &best) > LEAST_LEAD {
                     found = Some(trial);
                     break;
                 }
@@ -244,7 +261,7 @@ impl Search<'_> {
         equations.set_support(support, &coefficients);
         let close = self.fit(&equations, window, Some(best)).ok();
         match (far, close) {
-            (Some(far), Some(close)) => Some(if far.score <= close.score { far } else { close }),
+            (Some(far), Some(close)) => Some(if self.lead(&far, &close) >= 0.0 { far } else { close }),
             (far, close) => far.or(close),
         }
     }
