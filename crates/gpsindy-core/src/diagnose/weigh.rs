@@ -77,9 +77,9 @@ fn gap_energy(nominal: &Fitted, outcome: &Outcome) -> f64 {
 
 /// Odds that the truth is outside the catalogue although `effects` of it fit well.
 ///
-/// Any curve is imitated by enough effects. With one case in seven outside the catalogue, one in ten a pair and
-/// few with three or more, drawn systems whose truth was outside were fitted well by one effect seldom, by two
-/// now and then, and by three or four often.
+/// Any curve is imitated by enough effects. The numbers are an argument, not a fit: of cases with one in seven outside
+/// the catalogue, one in ten a pair and few with three effects or more, and after a look at a handful of drawn
+/// development cases outside it, most of which took three or four effects to fit well.
 fn imitated(effects: usize) -> f64 {
     match effects {
         0 | 1 => 0.02,
