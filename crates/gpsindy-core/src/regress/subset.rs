@@ -1,10 +1,11 @@
-//! Best subset by forward selection with swaps.
+//! Best subset by forward selection with swaps and looks back.
 //!
 //! Libraries hold near-copies of terms (`x` and `sin(x)`, `x^2` and `cos(x)`), with which one-way methods go wrong early and
 //! can't turn back. Here each size starts from the best smaller subset plus the best term, and then exchanges terms
-//! until no exchange lowers the residual.
+//! until no exchange lowers the residual; a larger subset that beats a smaller one by a term less takes its place.
 //!
-//! Source: Miller 2002, Subset Selection in Regression, sections 3.4 and 3.5 (sequential replacement).
+//! Source: Miller 2002, Subset Selection in Regression, sections 3.4 and 3.5 (sequential replacement); Pudil, Novovicova and
+//! Kittler 1994, Floating search methods in feature selection.
 
 use super::dense::{axpy, gram, transposed_times};
 use super::{Fit, Reduced, Regressor};
@@ -48,8 +49,28 @@ impl Subset {
             exchange(&gains, &mut support);
             support.sort_unstable();
             subsets.push(support);
+            look_back(&gains, &mut subsets);
         }
         subsets
+    }
+}
+
+/// Takes the least term out of each subset, from the largest down, while that beats the subset of the smaller size.
+///
+/// Terms that explain much together and little alone (`x` and `x y`) are met late; this brings them to their own size.
+fn look_back(gains: &Gains, subsets: &mut [Vec<usize>]) {
+    for size in (1..subsets.len() - 1).rev() {
+        let larger = &subsets[size + 1];
+        let without = |&out: &usize| larger.iter().copied().filter(|&j| j != out).collect::<Vec<_>>();
+        let residual = |support: &Vec<usize>| gains.beside(support).1;
+        let fewer = larger.iter().map(without).min_by(|a, b| residual(a).total_cmp(&residual(b)));
+        let Some(mut fewer) = fewer else { return };
+        exchange(gains, &mut fewer);
+        if residual(&fewer) >= residual(&subsets[size]) * (1.0 - 1e-9) {
+            return;
+        }
+        fewer.sort_unstable();
+        subsets[size] = fewer;
     }
 }
 
@@ -201,6 +222,21 @@ mod tests {
         let target: Vec<f64> = (0..50).map(|i| theta[(i, 0)] + theta[(i, 1)]).collect();
         let fit = Subset { size: Some(2), ..Subset::default() }.fit(theta.as_ref(), &target).unwrap();
         assert_eq!(fit.support(), [0, 1]);
+    }
+
+    #[test]
+    fn a_pair_that_tells_nothing_alone_is_found_at_its_own_size() {
+        // Columns 0 and 1 share a large part, and the target is their difference; 2 and 3 are poor copies of it.
+        let (random, _) = random_problem(60, 5, &[], 1.0, 8);
+        let theta = Mat::from_fn(60, 4, |i, j| {
+            let (shared, copy) = (30.0 * random[(i, 4)], 1.5 * random[(i, 2 + j % 2)]);
+            if j < 2 { shared + random[(i, j)] } else { random[(i, j - 2)] + copy }
+        });
+        let target: Vec<f64> = (0..60).map(|i| theta[(i, 0)] - theta[(i, 1)]).collect();
+        let problem = Reduced::new(theta.as_ref(), &target).unwrap();
+        let subsets = Subset::default().search(&problem);
+        assert!(matches!(subsets[1][..], [2] | [3]), "{subsets:?}");
+        assert_eq!(subsets[2], [0, 1]);
     }
 
     #[test]
