@@ -36,7 +36,7 @@ pub enum Differentiation {
 /// | `given` | `None` | channels that carry noisy derivatives, one a state; `None` takes slopes of the raw samples |
 /// | `isotropic` | `false` | one length for all inputs instead of one each |
 /// | `covariance` | `false` | whether the joint covariance at the samples of a run is kept |
-/// | `dense_limit` | 2000 | samples up to which all runs are one data set; above, each run is predicted from its own |
+/// | `dense_limit` | 2000 | samples of all runs together; of more, an even part of this many stands for all |
 #[derive(Debug, Clone)]
 pub struct SecondStage {
     /// Kernels to try.
@@ -47,7 +47,7 @@ pub struct SecondStage {
     pub isotropic: bool,
     /// Whether covariances are kept.
     pub covariance: bool,
-    /// Samples up to which all runs are one data set.
+    /// Samples of all runs together; of more, an even part of this many stands for all.
     pub dense_limit: usize,
 }
 
@@ -176,26 +176,14 @@ impl SecondStage {
         if inputs.len() != targets.len() {
             return Err(Error::shape("runs of the inputs", targets.len(), inputs.len()));
         }
-        let mut points = inputs.iter().zip(targets).map(|(i, t)| complete(i, t)).collect::<Result<Vec<Points>>>()?;
-        let total: usize = points.iter().map(Points::len).sum();
-        if total <= self.dense_limit {
-            points = vec![pool(&points)];
-        }
+        let points = inputs.iter().zip(targets).map(|(i, t)| complete(i, t)).collect::<Result<Vec<Points>>>()?;
+        let pooled = pool(&points, self.dense_limit);
         let settings =
             FitSettings { isotropic: self.isotropic, dense_limit: self.dense_limit, ..FitSettings::default() };
-        let fit = fit(&self.kernels, &points, &settings)?;
-        let pooled = if points.len() == 1 { Some(Conditioned::new(&fit, &points[0])?) } else { None };
-        let mut runs = Vec::with_capacity(inputs.len());
-        for (r, columns) in inputs.iter().enumerate() {
-            let own;
-            let process = if let Some(pooled) = &pooled {
-                pooled
-            } else {
-                own = Conditioned::new(&fit, &points[r])?;
-                &own
-            };
-            runs.push(predict_run(process, columns, self.covariance)?);
-        }
+        let fit = fit(&self.kernels, std::slice::from_ref(&pooled), &settings)?;
+        let process = Conditioned::new(&fit, &pooled)?;
+        let runs = inputs.iter().map(|columns| predict_run(&process, columns, self.covariance));
+        let runs = runs.collect::<Result<Vec<_>>>()?;
         Ok(Prediction { runs, fit })
     }
 }
@@ -241,11 +229,17 @@ fn complete(columns: &[Vec<f64>], targets: &[f64]) -> Result<Points> {
     })
 }
 
-fn pool(runs: &[Points]) -> Points {
-    let dimension = runs.first().map_or(0, Points::dimension);
+/// All runs as one, thinned evenly to `limit` points at most: the cost grows with their third power, and derivatives of
+/// neighbouring samples tell nearly the same.
+fn pool(runs: &[Points], limit: usize) -> Points {
+    let total: usize = runs.iter().map(Points::len).sum();
+    let kept = total.min(limit.max(1));
+    let rows: Vec<usize> = (0..kept).map(|k| (2 * k + 1) * total / (2 * kept)).collect();
+    let pick = |column: Vec<f64>| rows.iter().map(|&i| column[i]).collect::<Vec<f64>>();
+    let joined = |column: &dyn Fn(&Points) -> Vec<f64>| pick(runs.iter().flat_map(column).collect());
     Points {
-        inputs: (0..dimension).map(|d| runs.iter().flat_map(|r| r.inputs[d].iter().copied()).collect()).collect(),
-        targets: runs.iter().flat_map(|r| r.targets.iter().copied()).collect(),
+        inputs: (0..runs.first().map_or(0, Points::dimension)).map(|d| joined(&|r| r.inputs[d].clone())).collect(),
+        targets: joined(&|r| r.targets.clone()),
         noise_weights: Vec::new(),
     }
 }
@@ -373,6 +367,10 @@ mod tests {
                 assert!(error < tolerance, "{method:?}: {error} at {i}");
             }
         }
+        let thinned = SecondStage { dense_limit: 50, ..SecondStage::default() };
+        let out =
+            Differentiation::GpState(thinned).differentiate(&data, &[0, 1], &[2], Some(&smoothed), &Silent).unwrap();
+        assert!((0..120).all(|i| (out.runs[0].dx[(i, 1)] - data.runs()[0].column(2)[i]).abs() < 0.03));
         let stage = Differentiation::GpControl(SecondStage::default());
         let out = stage.differentiate(&data, &[1], &[2], None, &Silent).unwrap();
         assert!((out.runs[0].dx[(60, 0)] - data.runs()[0].column(2)[60]).abs() < 1e-2);

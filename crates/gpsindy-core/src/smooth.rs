@@ -171,8 +171,12 @@ impl Smoother {
         let process = Conditioned::new(fit, points)?;
         let at = std::slice::from_ref(&run.time);
         if fit.kernel.differentiable() {
-            let derivative = process.predict(at, &[Quantity::Derivative], self.covariance)?;
-            return Ok([process.predict(at, &[Quantity::Value], false)?, derivative]);
+            let both = process.predict(at, &[Quantity::Value, Quantity::Derivative], false)?;
+            let [value, mut derivative] = halves(&both);
+            if self.covariance {
+                derivative.covariance = process.predict(at, &[Quantity::Derivative], true)?.covariance;
+            }
+            return Ok([value, derivative]);
         }
         let value = process.predict(at, &[Quantity::Value], true)?;
         let slope = mean_slope(&run.time, &value);
@@ -204,6 +208,16 @@ struct ChannelResult {
     fit: Fit,
     /// Value and derivative, one pair a run.
     laws: Vec<[Posterior; 2]>,
+}
+
+/// Laws of value and derivative out of one prediction of both.
+fn halves(both: &Posterior) -> [Posterior; 2] {
+    let n = both.mean.len() / 2;
+    [0..n, n..2 * n].map(|part| Posterior {
+        mean: both.mean[part.clone()].to_vec(),
+        variance: both.variance[part].to_vec(),
+        covariance: None,
+    })
 }
 
 /// Law of the slope over the neighbouring samples (one-sided at the ends), a linear map of the values.

@@ -1,7 +1,7 @@
 //! What every kernel must fulfil: symmetry, positive definiteness, gradients and derivatives
 //! that agree with differences. A new kernel joins by standing in [`kernels`].
 
-use super::covariance::{contract, derivatives, values};
+use super::covariance::{Lags, contract, derivatives, values};
 use super::dense::{self, DenseWorkspace};
 use super::{Evaluation, Kernel, Points, Workspace};
 
@@ -26,9 +26,9 @@ pub(super) fn some_hyper(kernel: &Kernel, dimension: usize) -> Vec<f64> {
 }
 
 fn value(kernel: &Kernel, hyper: &[f64], lag: &[f64]) -> f64 {
-    let columns: Vec<&[f64]> = lag.iter().map(std::slice::from_ref).collect();
+    let columns: Vec<Vec<f64>> = lag.iter().map(|l| vec![*l]).collect();
     let mut out = [0.0];
-    values(kernel, hyper, &columns, &mut out);
+    values(kernel, hyper, Lags { inputs: &columns, first: 0, origin: &vec![0.0; lag.len()] }, &mut out);
     out[0]
 }
 
@@ -68,16 +68,16 @@ fn hyperparameter_gradients_agree_with_differences() {
         for dimension in [1, 2] {
             let columns: Vec<Vec<f64>> =
                 (0..dimension).map(|d| (0..200).map(|i| 0.013 * (i * (d + 1)) as f64).collect()).collect();
-            let lags: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            let lags = Lags { inputs: &columns, first: 0, origin: &vec![0.0; dimension] };
             let weights: Vec<f64> = (0..200).map(|i| (0.9 * f64::from(i)).cos()).collect();
             let hyper = some_hyper(&kernel, dimension);
             let total = |hyper: &[f64]| {
                 let mut out = vec![0.0; 200];
-                values(&kernel, hyper, &lags, &mut out);
+                values(&kernel, hyper, lags, &mut out);
                 out.iter().zip(&weights).map(|(k, w)| k * w).sum::<f64>()
             };
             let mut gradient = vec![0.0; hyper.len()];
-            contract(&kernel, &hyper, &lags, &weights, &mut gradient);
+            contract(&kernel, &hyper, lags, &weights, &mut gradient);
             for p in 0..hyper.len() {
                 let (mut up, mut down) = (hyper.clone(), hyper.clone());
                 up[p] += 1e-5;

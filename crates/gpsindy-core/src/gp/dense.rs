@@ -4,7 +4,7 @@
 //! `d nll/d theta = 1/2 tr((K^-1 - a a') dK/d theta)` with `a = K^-1 y`.
 //! Source: Rasmussen & Williams 2006, algorithm 2.1 and equation 5.9.
 
-use super::covariance::{contract, dot, values};
+use super::covariance::{Lags, contract, dot, values};
 use super::kernel::Kernel;
 use super::likelihood::{Evaluation, LeaveOneOut};
 use super::points::Points;
@@ -18,18 +18,17 @@ pub(crate) struct DenseWorkspace {
     factor: Mat<f64>,
     inverse: Mat<f64>,
     memory: Option<(usize, MemBuffer)>,
-    lags: Vec<Vec<f64>>,
     weights: Vec<f64>,
 }
 
 impl Default for DenseWorkspace {
     fn default() -> Self {
-        Self { factor: Mat::new(), inverse: Mat::new(), memory: None, lags: Vec::new(), weights: Vec::new() }
+        Self { factor: Mat::new(), inverse: Mat::new(), memory: None, weights: Vec::new() }
     }
 }
 
 impl DenseWorkspace {
-    fn resize(&mut self, n: usize, dimension: usize) {
+    fn resize(&mut self, n: usize) {
         if self.factor.nrows() != n {
             self.factor = Mat::zeros(n, n);
             self.inverse = Mat::zeros(n, n);
@@ -39,23 +38,7 @@ impl DenseWorkspace {
             let both = factor.or(inverse::inverse_scratch::<f64>(n, Par::Seq));
             self.memory = Some((n, MemBuffer::new(both)));
         }
-        self.lags.resize(dimension, Vec::new());
-        self.lags.iter_mut().for_each(|l| l.resize(n, 0.0));
         self.weights.resize(n, 0.0);
-    }
-
-    /// Differences between the inputs of the points j, j+1, .. and that of point j.
-    fn fill_lags(&mut self, points: &Points, j: usize) {
-        for (lag, column) in self.lags.iter_mut().zip(&points.inputs) {
-            let origin = column[j];
-            for (l, &x) in lag.iter_mut().zip(&column[j..]) {
-                *l = x - origin;
-            }
-        }
-    }
-
-    fn lag_slices(&self, n: usize) -> Vec<&[f64]> {
-        self.lags.iter().map(|l| &l[..n]).collect()
     }
 
     /// Factor of K with `jitter` (relative to the variance of the process) added; `false` where K is not positive definite.
@@ -64,13 +47,14 @@ impl DenseWorkspace {
         if n == 0 {
             return true;
         }
-        self.resize(n, points.dimension());
+        self.resize(n);
         let (kernel_hyper, noise) = split(hyper);
         let noise2 = (2.0 * noise).exp();
         let mut matrix = std::mem::replace(&mut self.factor, Mat::new());
+        let mut origin = vec![0.0; points.dimension()];
         for j in 0..n {
-            self.fill_lags(points, j);
-            values(kernel, kernel_hyper, &self.lag_slices(n - j), &mut matrix.col_as_slice_mut(j)[j..]);
+            let lags = lags(points, j, &mut origin);
+            values(kernel, kernel_hyper, lags, &mut matrix.col_as_slice_mut(j)[j..]);
         }
         let extra = jitter * matrix[(0, 0)];
         for i in 0..n {
@@ -105,6 +89,12 @@ impl DenseWorkspace {
     pub(super) fn lower(&self) -> &Mat<f64> {
         &self.factor
     }
+}
+
+/// Differences between the inputs of the points j, j+1, .. and that of point j.
+fn lags<'a>(points: &'a Points, j: usize, origin: &'a mut [f64]) -> Lags<'a> {
+    origin.iter_mut().zip(&points.inputs).for_each(|(o, column)| *o = column[j]);
+    Lags { inputs: &points.inputs, first: j, origin }
 }
 
 /// Kernel hyperparameters and the log noise, which stands last.
@@ -145,8 +135,8 @@ pub(crate) fn likelihood(
     let (kernel_gradient, noise_gradient) = gradient.split_at_mut(kernel_hyper.len());
     let mut trace = 0.0;
     let mut weights = std::mem::take(&mut workspace.weights);
+    let mut origin = vec![0.0; points.dimension()];
     for j in 0..n {
-        workspace.fill_lags(points, j);
         let column = &workspace.inverse.col_as_slice(j)[j..];
         let aj = a[j];
         for ((w, &inverse), &ai) in weights.iter_mut().zip(column).zip(&a[j..]) {
@@ -155,7 +145,7 @@ pub(crate) fn likelihood(
         trace += weights[0] * points.noise_weight(j);
         // The lower triangle stands for both, the diagonal for itself: 1/2 (2 sum + diagonal).
         weights[0] *= 0.5;
-        contract(kernel, kernel_hyper, &workspace.lag_slices(n - j), &weights[..n - j], kernel_gradient);
+        contract(kernel, kernel_hyper, lags(points, j, &mut origin), &weights[..n - j], kernel_gradient);
     }
     workspace.weights = weights;
     noise_gradient[0] = (2.0 * noise).exp() * trace;

@@ -7,12 +7,13 @@
 //! weak stands in the result.
 //! Source: Rasmussen & Williams 2006, sections 5.4.1 and 5.4.2.
 
+use super::cost::Cost;
 use super::kernel::{Kernel, Role};
 use super::likelihood::{Engine, Evaluation, Workspace};
-use super::optimise::{Minimum, Optimiser};
 use super::points::Points;
 use super::scale::{Scale, standardise};
-use super::start::{Bounds, starts};
+use super::search::search;
+use super::start::Bounds;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 use std::fmt;
@@ -93,7 +94,7 @@ pub struct Candidate {
     pub leave_one_out: f64,
     /// Whether it passed the check against interpolation.
     pub predicts: bool,
-    /// Likelihoods with gradient that the optimiser asked for.
+    /// Likelihoods of all points with gradient that the optimiser asked for.
     pub evaluations: usize,
 }
 
@@ -253,31 +254,10 @@ fn fit_with_jitter(
 ) -> Option<OneFit> {
     let cost = Cost::new(kernel, runs, bounds, settings, jitter);
     let mut workspace = Workspace::default();
-    let mut ranked: Vec<(f64, Vec<f64>)> = starts(kernel, runs, bounds)
-        .into_iter()
-        .map(|start| cost.compress(&start))
-        .filter_map(|z| cost.evaluate(&z, &mut [], &mut workspace).map(|c| (c, z)))
-        .collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut chosen: Vec<Vec<f64>> = Vec::new();
-    for (_, z) in ranked {
-        // A start close to one that was taken leads to the same place.
-        if chosen.iter().all(|c| c.iter().zip(&z).any(|(a, b)| (a - b).abs() > 1.0)) {
-            chosen.push(z);
-        }
-        if chosen.len() == 2 {
-            break;
-        }
-    }
-    let minima: Vec<Minimum> = chosen
-        .iter()
-        .filter_map(|z| Optimiser::default().minimise(z, |z, gradient| cost.evaluate(z, gradient, &mut workspace)))
-        .collect();
-    let evaluations = minima.iter().map(|m| m.evaluations).sum();
-    let minimum = minima.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    let hyper = cost.expand(&minimum.point);
+    let minimum = search(&cost, settings, &mut workspace)?;
+    let (hyper, evaluations) = (cost.expand(&minimum.point), minimum.evaluations);
     let evaluation = Evaluation { kernel, hyper: &hyper, jitter };
-    let nll: f64 = runs.iter().map(|run| evaluation.likelihood(run, &mut [], &mut workspace)).sum::<Option<f64>>()?;
+    let nll = cost.likelihood(minimum.cost, &minimum.point);
     let (leave_one_out, share) = left_out(&evaluation, runs, &mut workspace)?;
     let predicts = leave_one_out.powi(2) <= UNPREDICTED || share >= NOISE_SHARE;
     let at_bound = cost.at_bound(&minimum.point);
@@ -298,96 +278,6 @@ fn left_out(evaluation: &Evaluation, runs: &[Points], workspace: &mut Workspace)
     }
     let rms = (sum / count).sqrt();
     rms.is_finite().then_some((rms, if sum > 0.0 { noise / sum } else { 1.0 }))
-}
-
-/// The cost as a function of free coordinates: tied lengths are one, a known noise is none.
-struct Cost<'a> {
-    kernel: &'a Kernel,
-    runs: &'a [Points],
-    bounds: &'a Bounds,
-    jitter: f64,
-    roles: Vec<Role>,
-    /// Free coordinate behind each kernel hyperparameter.
-    coordinate: Vec<usize>,
-    n_free: usize,
-    n_points: f64,
-}
-
-impl<'a> Cost<'a> {
-    fn new(kernel: &'a Kernel, runs: &'a [Points], bounds: &'a Bounds, settings: &FitSettings, jitter: f64) -> Self {
-        let roles = kernel.roles(runs[0].dimension());
-        let (mut coordinate, mut n_free): (Vec<usize>, usize) = (Vec::with_capacity(roles.len()), 0);
-        for (i, role) in roles.iter().enumerate() {
-            if settings.isotropic && matches!(role, Role::Length(d) if *d > 0) {
-                coordinate.push(coordinate[i - 1]);
-            } else {
-                coordinate.push(n_free);
-                n_free += 1;
-            }
-        }
-        let n_points = runs.iter().map(Points::len).sum::<usize>() as f64;
-        Self { kernel, runs, bounds, jitter, roles, coordinate, n_free, n_points }
-    }
-
-    /// Free coordinates of a full list of hyperparameters (log noise last).
-    fn compress(&self, hyper: &[f64]) -> Vec<f64> {
-        let mut z = vec![0.0; self.n_free];
-        for (&c, &h) in self.coordinate.iter().zip(hyper) {
-            z[c] = h;
-        }
-        if self.bounds.known_noise.is_none() {
-            z.push(hyper[self.roles.len()]);
-        }
-        z
-    }
-
-    /// Full list; the noise variance is that of the floor plus a free one.
-    fn expand(&self, z: &[f64]) -> Vec<f64> {
-        let mut hyper: Vec<f64> = self.coordinate.iter().map(|&c| z[c]).collect();
-        hyper.push(match self.bounds.known_noise {
-            Some(noise) => noise.ln(),
-            None => 0.5 * (self.bounds.noise_floor.powi(2) + (2.0 * z[self.n_free]).exp()).ln(),
-        });
-        hyper
-    }
-
-    fn evaluate(&self, z: &[f64], gradient: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
-        if z.iter().any(|v| v.is_nan() || v.abs() > 200.0) {
-            return None;
-        }
-        let hyper = self.expand(z);
-        let evaluation = Evaluation { kernel: self.kernel, hyper: &hyper, jitter: self.jitter };
-        let mut total = 0.0;
-        let mut full = vec![0.0; if gradient.is_empty() { 0 } else { hyper.len() }];
-        let mut sum = full.clone();
-        for run in self.runs {
-            total += evaluation.likelihood(run, &mut full, workspace)?;
-            sum.iter_mut().zip(&full).for_each(|(s, g)| *s += g);
-        }
-        let mut slopes = vec![0.0; z.len()];
-        for (i, role) in self.roles.iter().enumerate() {
-            let c = self.coordinate[i];
-            let (penalty, slope) = self.bounds.penalty(*role, z[c], self.n_points);
-            total += penalty;
-            slopes[c] += slope + sum.get(i).copied().unwrap_or(0.0);
-        }
-        if self.bounds.known_noise.is_none() {
-            let c = self.n_free;
-            let (penalty, slope) = self.bounds.noise_penalty(z[c], self.n_points);
-            total += penalty;
-            let free = (2.0 * z[c] - 2.0 * hyper[self.roles.len()]).exp();
-            slopes[c] += slope + free * sum.last().copied().unwrap_or(0.0);
-        }
-        for (g, s) in gradient.iter_mut().zip(&slopes) {
-            *g = s / self.n_points;
-        }
-        let cost = total / self.n_points;
-        cost.is_finite().then_some(cost)
-    }
-
-    fn at_bound(&self, z: &[f64]) -> bool {
-        self.roles.iter().zip(&self.coordinate).any(|(role, &c)| self.bounds.reached(*role, z[c]))
-    }
 }
 
 fn candidate(kernel: &Kernel, fit: Option<&OneFit>) -> Candidate {
@@ -472,48 +362,5 @@ fn constant_fit(kernel: &Kernel, runs: &[Points], dimension: usize, scale: &Scal
         converged: true,
         weak: vec![Weakness::Constant],
         candidates: Vec::new(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
-
-    fn uniform(rng: &mut ChaCha8Rng) -> f64 {
-        (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn normal(rng: &mut ChaCha8Rng) -> f64 {
-        (-2.0 * (1.0 - uniform(rng)).ln()).sqrt() * (std::f64::consts::TAU * uniform(rng)).cos()
-    }
-
-    #[test]
-    fn two_hundred_random_starts_reach_the_best_likelihood() {
-        let mut rng = ChaCha8Rng::seed_from_u64(7);
-        let time: Vec<f64> = (0..100).map(|i| 0.1 * f64::from(i)).collect();
-        let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.5 * (2.3 * t).cos() + 0.15 * normal(&mut rng)).collect();
-        let settings = FitSettings::default();
-        let runs = [Points::in_time(&time, &values)];
-        let scale = Scale::of(&runs, &settings).unwrap();
-        let runs = standardise(&runs, &scale).unwrap();
-        let bounds = Bounds::of(&runs, &scale, &settings);
-        let cost = Cost::new(&Kernel::SquaredExponential, &runs, &bounds, &settings, 0.0);
-        let mut workspace = Workspace::default();
-        let ends: Vec<Minimum> = (0..200)
-            .map(|_| {
-                // Amplitude and noise within a factor of e^3 of one, lengths from one spacing to twice the span:
-                // below one spacing all points are independent and no gradient leads out.
-                let start =
-                    [6.0 * uniform(&mut rng) - 3.0, 5.3 * uniform(&mut rng) - 2.3, 6.0 * uniform(&mut rng) - 3.0];
-                Optimiser::default().minimise(&start, |z, gradient| cost.evaluate(z, gradient, &mut workspace)).unwrap()
-            })
-            .collect();
-        let best = ends.iter().map(|m| m.cost).fold(f64::INFINITY, f64::min);
-        let elsewhere: Vec<&Minimum> = ends.iter().filter(|m| m.cost > best + 1e-6).collect();
-        assert!(elsewhere.len() <= 1, "{} of 200 stopped elsewhere: {elsewhere:?}", elsewhere.len());
-        let evaluations: usize = ends.iter().map(|m| m.evaluations).sum();
-        assert!(evaluations < 200 * 60, "{evaluations} evaluations");
     }
 }

@@ -8,6 +8,7 @@
 mod agreement;
 #[cfg(test)]
 mod contract;
+mod cost;
 mod covariance;
 mod dense;
 mod exp;
@@ -18,7 +19,9 @@ mod line_search;
 mod optimise;
 mod points;
 mod posterior;
+mod profile;
 mod scale;
+mod search;
 mod start;
 mod state_smoother;
 mod state_space;

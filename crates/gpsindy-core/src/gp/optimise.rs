@@ -13,18 +13,29 @@ use std::cell::RefCell;
 /// | `tolerance_gradient` | 1e-5 | norm of the gradient at which it stops |
 /// | `tolerance_cost` | 1e-8 | change of the cost between iterations at which it stops |
 /// | `max_iterations` | 100 | of each of the at most five L-BFGS runs |
+/// | `settled` | 1e-2 | norm of the gradient up to which an end without further descent counts as an optimum |
+/// | `leave_plateaus` | false | whether an end that is flat in a coordinate is left where lower ground lies along it |
 /// | `longest_move` | 2 | largest change of a coordinate in one step (a factor e^2 of a hyperparameter) |
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Optimiser {
     pub(crate) tolerance_gradient: f64,
     pub(crate) tolerance_cost: f64,
     pub(crate) max_iterations: u64,
+    pub(crate) settled: f64,
+    pub(crate) leave_plateaus: bool,
     pub(crate) longest_move: f64,
 }
 
 impl Default for Optimiser {
     fn default() -> Self {
-        Self { tolerance_gradient: 1e-5, tolerance_cost: 1e-8, max_iterations: 100, longest_move: 2.0 }
+        Self {
+            tolerance_gradient: 1e-5,
+            tolerance_cost: 1e-8,
+            max_iterations: 100,
+            settled: 1e-2,
+            leave_plateaus: false,
+            longest_move: 2.0,
+        }
     }
 }
 
@@ -40,6 +51,10 @@ pub(crate) struct Minimum {
 
 /// L-BFGS runs after the first, each from the best point so far with an empty memory.
 const RESTARTS: usize = 4;
+/// A change of the cost that is none, for a coordinate that moves by one.
+const FLAT: f64 = 1e-3;
+/// Farthest look along a flat coordinate.
+const FARTHEST: i32 = 10;
 /// Pairs of steps that L-BFGS remembers; hyperparameters are few.
 const MEMORY: usize = 10;
 
@@ -70,6 +85,9 @@ impl Optimiser {
                 (memo.best.0, memo.best.1.clone())
             };
             converged = self.descend(&objective, from);
+            if self.leave_plateaus && converged && self.look_along(&objective) {
+                continue;
+            }
             let after = objective.0.borrow().best.0;
             if converged || before - after <= self.tolerance_cost {
                 break;
@@ -78,8 +96,33 @@ impl Optimiser {
         let memo = objective.0.into_inner();
         let (cost, point, slope) = memo.best;
         // An optimum where rounding hides any further descent is an optimum.
-        let converged = converged || slope <= 1e3 * self.tolerance_gradient;
+        let converged = converged || slope <= self.settled;
         Some(Minimum { point, cost, converged, evaluations: memo.evaluations })
+    }
+
+    /// Looks for lower ground along every coordinate in which the best point is flat on one side: a bare likelihood has an
+    /// optimum of its own where a length is endless or the noise explains everything, and no gradient leads out of it.
+    /// Whether there was any, which then is the best point.
+    fn look_along<F: FnMut(&[f64], &mut [f64]) -> Option<f64>>(&self, objective: &Objective<F>) -> bool {
+        let (cost, origin) = {
+            let memo = objective.0.borrow();
+            (memo.best.0, memo.best.1.clone())
+        };
+        for c in 0..origin.len() {
+            for side in [-1.0, 1.0] {
+                for distance in 1..=FARTHEST {
+                    let mut point = origin.clone();
+                    point[c] += side * f64::from(distance);
+                    objective.evaluate(&point);
+                    let value = objective.0.borrow().value;
+                    // Negated, so that what is not a number ends the look; beyond a first flat step a hill may stand.
+                    if distance == 1 && !((value - cost).abs() < FLAT) {
+                        break;
+                    }
+                }
+            }
+        }
+        cost - objective.0.borrow().best.0 > self.tolerance_cost.max(FLAT)
     }
 
     fn descend<F: FnMut(&[f64], &mut [f64]) -> Option<f64>>(&self, objective: &Objective<F>, from: Vec<f64>) -> bool {

@@ -72,6 +72,11 @@ impl Bounds {
         wall(z, self.noise_floor.ln() - 3.0, 1.0, -2.0, 3.0, n_points)
     }
 
+    /// Cycles of a period, given by its logarithm, in the span of the first input.
+    pub(crate) fn cycles(&self, log_period: f64) -> f64 {
+        self.spans[0] * (-log_period).exp()
+    }
+
     /// Whether a length or period ended at or beyond an end of its range that means something.
     pub(crate) fn reached(&self, role: Role, z: f64) -> bool {
         let [low, high, ..] = self.range(role);

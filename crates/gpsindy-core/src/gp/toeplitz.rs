@@ -6,7 +6,7 @@
 //! `1/x_0 sum_k (n - d - 2 k) x_k x_(k+d)`, and the gradient is a sum over lags.
 //! Source: Golub & Van Loan 2013, Matrix Computations, section 4.7; Gohberg & Semencul 1972.
 
-use super::covariance::{contract, dot, values};
+use super::covariance::{Lags, contract, dot, values};
 use super::dense::split;
 use super::kernel::Kernel;
 use super::likelihood::LeaveOneOut;
@@ -23,7 +23,7 @@ const CHECKED_ROWS: usize = 8;
 /// Vectors that a fit uses again and again.
 #[derive(Default)]
 pub(crate) struct ToeplitzWorkspace {
-    lags: Vec<f64>,
+    lags: [Vec<f64>; 1],
     /// First column of T backwards, so that every convolution is a dot product.
     reversed: Vec<f64>,
     /// Forward predictor; at the end `e_(n-1)` times the first column of `T^-1`.
@@ -64,7 +64,7 @@ pub(crate) fn likelihood(
     weights[0] *= 0.5;
     gradient.fill(0.0);
     let (kernel_gradient, noise_gradient) = gradient.split_at_mut(kernel_hyper.len());
-    contract(kernel, kernel_hyper, &[lags], weights, kernel_gradient);
+    contract(kernel, kernel_hyper, Lags { inputs: lags, first: 0, origin: &[0.0] }, weights, kernel_gradient);
     noise_gradient[0] = (2.0 * noise).exp() * trace;
     (nll.is_finite() && gradient.iter().all(|g| g.is_finite())).then_some(nll)
 }
@@ -94,7 +94,7 @@ impl ToeplitzWorkspace {
         let step = points.uniform_step()?;
         let (kernel_hyper, noise) = split(hyper);
         for v in [
-            &mut self.lags,
+            &mut self.lags[0],
             &mut self.reversed,
             &mut self.forward,
             &mut self.backward,
@@ -104,8 +104,9 @@ impl ToeplitzWorkspace {
             v.clear();
             v.resize(n, 0.0);
         }
-        self.lags.iter_mut().enumerate().for_each(|(i, l)| *l = i as f64 * step);
-        values(kernel, kernel_hyper, &[&self.lags], &mut self.reversed);
+        self.lags[0].iter_mut().enumerate().for_each(|(i, l)| *l = i as f64 * step);
+        let lags = Lags { inputs: &self.lags, first: 0, origin: &[0.0] };
+        values(kernel, kernel_hyper, lags, &mut self.reversed);
         let signal = self.reversed[0];
         let noise2 = (2.0 * noise).exp() + jitter * signal;
         // Negated, so that what is not a number fails too.

@@ -1,4 +1,4 @@
-//! LASSO by ADMM.
+//! LASSO by ADMM; along a path the optimum of the lambda before is walked to the next where rounding allows.
 //!
 //! `minimise 1/2 ||theta xi - target||^2 + lambda sum_j s_j |xi_j|`, `s_j` the norm of column j (or 1).
 //!
@@ -8,6 +8,9 @@ use super::dense::{Cholesky, axpy, dot, gram, residual, times, transposed_times}
 use super::{Fit, Reduced, Regressor};
 use crate::error::{Error, Result};
 use faer::Mat;
+use walk::walk;
+
+mod walk;
 
 /// Settings of the LASSO.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,17 +118,24 @@ impl Regressor for Lasso {
         let mut solver = Admm::new(self, problem);
         // The paper's settings start every lambda from zero.
         let warm = self.gap_tolerance.is_some();
-        let mut fits = Vec::with_capacity(levels.len());
+        let mut fits: Vec<Fit> = Vec::with_capacity(levels.len());
+        let mut refitted: Option<(Vec<usize>, Fit)> = None;
         for &lambda in levels {
             if !warm {
                 solver.reset();
             }
-            let outcome = solver.solve(lambda);
+            let walked = if warm && levels.len() > 1 { solver.walk(lambda) } else { None };
+            let outcome = walked.unwrap_or_else(|| solver.solve(lambda));
             let coefficients = solver.coefficients();
             let mut fit = Fit { residual: problem.residual(&coefficients), coefficients, level: lambda, ..outcome };
             if self.refit {
-                let again = problem.refit(&fit.support());
-                fit = Fit { coefficients: again.coefficients, residual: again.residual, ..fit };
+                let support = fit.support();
+                let again = match refitted.take() {
+                    Some((of, again)) if of == support => again,
+                    _ => problem.refit(&support),
+                };
+                fit = Fit { coefficients: again.coefficients.clone(), residual: again.residual, ..fit };
+                refitted = Some((support, again));
             }
             fits.push(fit);
         }
@@ -251,6 +261,28 @@ impl<'a> Admm<'a> {
         outcome
     }
 
+    /// The optimum from that of the lambda before, without iterating; `None` (and nothing changed) where that fails.
+    fn walk(&mut self, lambda: f64) -> Option<Fit> {
+        let tolerance = self.settings.gap_tolerance?;
+        let before = self.z.clone();
+        let iterations = walk(self, lambda)?;
+        let gap = self.gap(lambda);
+        if gap > tolerance || gap.is_nan() {
+            self.z = before;
+            return None;
+        }
+        self.couple();
+        Some(Fit { coefficients: vec![], level: lambda, residual: 0.0, converged: true, iterations, gap })
+    }
+
+    /// The dual variable that belongs to z, so that the next lambda starts from an optimum.
+    fn couple(&mut self) {
+        let r = residual(&self.a, &self.b, &self.z);
+        for (u, c) in self.u.iter_mut().zip(transposed_times(&self.a, &r)) {
+            *u = c / self.rho;
+        }
+    }
+
     /// Boyd's rule with mu = 10, tau = 2, at most every tenth iteration, since each change costs a factorisation.
     fn adapt(&mut self, primal: f64, dual: f64) {
         let factor = if primal > 10.0 * dual {
@@ -298,11 +330,7 @@ impl<'a> Admm<'a> {
             self.z = before;
             return;
         }
-        // The dual variable that belongs to it, so that the next lambda starts from an optimum.
-        let r = residual(&self.a, &self.b, &self.z);
-        for (u, c) in self.u.iter_mut().zip(transposed_times(&self.a, &r)) {
-            *u = c / self.rho;
-        }
+        self.couple();
     }
 
     /// Slope of the penalty in the scaled variable j.
