@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import gpsindy
 import numpy as np
-from jetracer import CONTROLS, STATES, Array, Run
+
+import gpsindy
+import network as nnsindy
+from jetracer import CONTROLS, STATES, TRAIN, Array, Run
+from library import evaluate, terms
+from models import model_of
 
 Predict = Callable[[Run], Array]
 """States over the rows of the test, from the first of them as it was logged."""
 
+NAMES = [*STATES, *CONTROLS]
 CAR_LIBRARY = {"degree": 1, "products": True}
 """The authors' library for the car: constant, linear, sine, cosine and variable times sine and cosine, 91 terms."""
+OWN_INPUTS = {"v": "throttle", "heading": "steering"}
+"""What the authors' second Gaussian process takes for the two last states."""
+KINEMATICS = {"fix": ["x' = v*cos(heading)", "y' = v*sin(heading)"]}
+"""What everybody knows about a car: it moves where it points to."""
+PHYSICS = ["v", "v^2", "throttle", "steering", "v*steering", "v*steering^2", "v*steering^3"]
+"""Candidates that somebody who knows cars would write down."""
 
 
 def hold(run: Run) -> Array:
@@ -25,31 +36,114 @@ def mean(run: Run) -> Array:
     return np.repeat(run.x[: run.n_train].mean(axis=0)[None], len(run.t[run.test]), axis=0)
 
 
-def fitted(estimator: gpsindy.GPSINDy) -> Predict:
+def rollout(model: gpsindy.Model, run: Run, how: str = "zero", method: str = "auto") -> Array:
+    """From the first logged state of the test; not a number where it diverges."""
+    test = run.test
+    try:
+        return np.array(model.simulate(run.x[test][0], run.t[test], run.u[test], hold=how, method=method).x)
+    except gpsindy.NumericalError:
+        return np.full(run.x[test].shape, np.nan)
+
+
+def fitted(**settings: object) -> Predict:
     """An estimator of the package, its model integrated with the controls as it took them."""
 
     def predict(run: Run) -> Array:
         part = slice(0, run.n_train)
-        found = estimator.fit(run.x[part], run.t[part], u=run.u[part], feature_names=[*STATES, *CONTROLS])
-        try:
-            return np.array(found.simulate(run.x[run.test][0], run.t[run.test], run.u[run.test]))
-        except gpsindy.NumericalError:
-            return np.full(run.x[run.test].shape, np.nan)
+        estimator = gpsindy.GPSINDy(**settings)
+        found = estimator.fit(run.x[part], run.t[part], u=run.u[part], feature_names=NAMES)
+        return rollout(found.model_, run, found.hold_)
 
     return predict
 
 
-KINEMATICS = {"fix": ["x' = v*cos(heading)", "y' = v*sin(heading)"]}
-"""What everybody knows about a car: it moves where it points to."""
+def slopes(run: Run) -> Array:
+    """Differences of the two neighbours over the whole record, one-sided at its ends, as the authors'."""
+    dx = np.empty_like(run.x)
+    dx[1:-1] = (run.x[2:] - run.x[:-2]) / (run.t[2:] - run.t[:-2])[:, None]
+    dx[[0, -1]] = (run.x[[1, -1]] - run.x[[0, -2]]) / (run.t[[1, -1]] - run.t[[0, -2]])[:, None]
+    return dx
 
-PHYSICS = ["v", "v^2", "throttle", "steering", "v*steering", "v*steering^2", "v*steering^3"]
-"""Candidates that somebody who knows cars would write down."""
+
+def by_author(run: Run, dx: Array | None = None, **settings: object) -> Array:
+    """The authors' pipeline, by forward Euler; `dx` replaces the differences."""
+    found = gpsindy.author(run.x, run.t, dx, run.u, NAMES, train_fraction=TRAIN, **CAR_LIBRARY, **settings)
+    return rollout(found.model, run, method="euler")
+
+
+def polynomial_in_control(run: Run) -> Array:
+    """No Gaussian process: acceleration and turning rate as parabolas of throttle and steering, then the authors' SINDy."""
+    dx = slopes(run)
+    part = slice(0, run.n_train)
+    for state, control in ((2, 0), (3, 1)):
+        fit = np.polyfit(run.u[part, control], dx[part, state], 2)
+        dx[:, state] = np.polyval(fit, run.u[:, control])
+    return by_author(run, dx, gp=False)
+
+
+def network(run: Run) -> Array:
+    """NNSINDy of the paper: a network from states to derivatives in place of the Gaussian processes."""
+    dx = slopes(run)
+    part = slice(0, run.n_train)
+    dx[part] = nnsindy.refined(run.x[part], dx[part], seed=0)
+    return by_author(run, dx, gp=False)
+
+
+def ensemble(run: Run) -> Array:
+    """E-SINDy of PySINDy on the same library and differences."""
+    part = slice(0, run.n_train)
+    library = terms(NAMES, 1, True)
+    values = dict(zip(NAMES, np.column_stack([run.x, run.u])[part].T))
+    theta = np.column_stack([evaluate(term, values) for term in library])
+    import peers
+
+    coefficients = peers.ensemble_sindy(theta, slopes(run)[part], seed=0)
+    return rollout(model_of(STATES, CONTROLS, library, coefficients), run)
+
+
+def weak(run: Run) -> Array:
+    """Weak SINDy of PySINDy on the same library."""
+    part = slice(0, run.n_train)
+    library = terms(NAMES, 1, True)
+    z = np.column_stack([run.x, run.u])[part]
+    import peers
+
+    coefficients = peers.weak_sindy(z, run.t[part], NAMES, library, slopes(run)[part], seed=0)
+    return rollout(model_of(STATES, CONTROLS, library, coefficients), run)
+
+
+def plain(**settings: object) -> Predict:
+    """A sparse regression of ours on differences of the raw samples, its tuning value by cross-validation."""
+    return fitted(**CAR_LIBRARY, smoother=None, derivative_method="difference", refine=False, **settings)
+
 
 METHODS: dict[str, Predict] = {
     "hold": hold,
     "mean": mean,
-    # Ours: nothing known but the authors' library; the kinematics given; the kinematics and seven sensible terms.
-    "default": fitted(gpsindy.GPSINDy(**CAR_LIBRARY)),
-    "default-kinematic": fitted(gpsindy.GPSINDy(**CAR_LIBRARY, **KINEMATICS)),
-    "default-physics": fitted(gpsindy.GPSINDy(degree=0, terms=PHYSICS, **KINEMATICS)),
+    "sindy-author": lambda run: by_author(run, gp=False),
+    "gpsindy-author": lambda run: by_author(run, inputs=OWN_INPUTS),
+    "polynomial-in-control": polynomial_in_control,
+    "nnsindy": network,
+    "sindy-stlsq": plain(regressor="stlsq"),
+    "ssr-coefficient": plain(regressor="ssr-coefficient"),
+    "ssr-residual": plain(regressor="ssr-residual"),
+    "e-sindy": ensemble,
+    "weak-sindy": weak,
+    # Algorithm 1 as the paper states it, the second Gaussian process over the smoothed states or over the controls.
+    "gpsindy-x": lambda run: by_preset(run, "gp-state"),
+    "gpsindy-u": lambda run: by_preset(run, "gp-control"),
+    # Ours: nothing known but the authors' library; controls taken as interpolated; the kinematics given; the kinematics
+    # and seven sensible terms.
+    "default": fitted(**CAR_LIBRARY),
+    "default-linear": fitted(**CAR_LIBRARY, hold="linear"),
+    "default-kinematic": fitted(**CAR_LIBRARY, **KINEMATICS),
+    "default-physics": fitted(degree=0, terms=PHYSICS, **KINEMATICS),
 }
+
+
+def by_preset(run: Run, method: str) -> Array:
+    """The preset `paper`."""
+    part = slice(0, run.n_train)
+    estimator = gpsindy.GPSINDy.paper(**CAR_LIBRARY, derivative_method=method)
+    found = estimator.fit(run.x[part], run.t[part], u=run.u[part], feature_names=NAMES)
+    return rollout(found.model_, run, found.hold_)

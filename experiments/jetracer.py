@@ -43,11 +43,8 @@ class Run:
 
 
 def names(folder: Path) -> list[str]:
-    """The logs of the folder, sorted; an error where there are none."""
-    found = sorted(path.stem for path in folder.glob("rollout_*.csv"))
-    if not found:
-        raise FileNotFoundError(f"{folder}: no rollout_*.csv here; name the folder with --jetracer")
-    return found
+    """The logs of the folder, sorted."""
+    return sorted(path.stem for path in folder.glob("rollout_*.csv"))
 
 
 @cache
@@ -57,17 +54,16 @@ def _raw(path: Path) -> Array:
     return table
 
 
-def prepare(folder: Path, name: str, rate: int, sigma: float, seed: int, delay: bool = False) -> Run:
-    """The log `name` at `rate` Hz with noise `sigma`; with `delay` the controls stay where they were logged."""
-    table = _raw(folder / f"{name}.csv")
-    shift = 0 if delay else SHIFT
+def prepare(folder: Path | str, name: str, rate: int, sigma: float, seed: int) -> Run:
+    """The log `name` at `rate` Hz with noise `sigma`."""
+    table = _raw(Path(folder) / f"{name}.csv")
     rows = np.arange(SHIFT, len(table), FULL_RATE // rate)
     rows = rows[table[rows, 0] > CUT]
     clean = table[rows, 1:5]
     number = int(name.rsplit("_", 1)[1])
     random = np.random.default_rng([seed, number, rate, round(1000 * sigma)])
     noisy = clean + sigma * random.standard_normal(clean.shape)
-    return Run(table[rows, 0], clean, noisy, table[rows - shift, 5:7], int(np.floor(TRAIN * len(rows) + 0.5)))
+    return Run(table[rows, 0], clean, noisy, table[rows - SHIFT, 5:7], int(np.floor(TRAIN * len(rows) + 0.5)))
 
 
 def errors(run: Run, predicted: Array) -> dict[str, object]:

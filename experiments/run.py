@@ -16,7 +16,11 @@ from pathlib import Path
 os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The jobs take the cores, one each.
 
 EXPERIMENTS = {
+    "table1": "coefficients of Lotka-Volterra (Table I)",
+    "coefficients": "coefficient error over the noise, Lotka-Volterra and unicycle, and its figure",
     "table2": "open-loop error on the small car (Table II and its figure)",
+    "trajectory": "one rollout of the car as a picture",
+    "systems": "further systems by the default, and two ways to derivatives",
 }
 HERE = Path(__file__).resolve().parent
 LOGS = HERE.parent.parent / "shared" / "data" / "jetracer"
@@ -40,6 +44,8 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--methods", nargs="+", help="rows of the table [all]")
     found.add_argument("--rates", type=int, nargs="+", help="of the car, Hz [5 10 25]")
     found.add_argument("--every", type=int, default=1, help="every so-manieth run of the car [%(default)s]")
+    found.add_argument("--regimes", nargs="+", help="given10 free10 given5 free5 irregular [the first two]")
+    found.add_argument("--systems", nargs="+", help="simulated systems [all]")
     found.add_argument("--jetracer", type=Path, default=LOGS, help="folder of the car's logs [%(default)s]")
     return found
 

@@ -6,10 +6,11 @@ from argparse import Namespace
 from collections import defaultdict
 from pathlib import Path
 
+import numpy as np
+
 import car_methods
 import jetracer
 import jobs
-import numpy as np
 from tables import markdown, number, quartiles, slashed
 
 PAPER = {
@@ -31,22 +32,34 @@ PAPER = {
 
 def work(job: jobs.Job) -> jobs.Result:
     """One run, rate, noise and method."""
-    run = jetracer.prepare(Path(job["folder"]), job["run"], job["rate"], job["sigma"], job["seed"])
+    run = jetracer.prepare(job["folder"], job["run"], job["rate"], job["sigma"], job["seed"])
     return jetracer.errors(run, car_methods.METHODS[job["method"]](run))
 
 
-def run(options: Namespace) -> str:
-    """Computes what is missing and gives the tables as text."""
+def logs_of(options: Namespace, name: str) -> tuple[Path, str]:
+    """The folder of the logs, and what to say where there is none."""
     folder = options.jetracer
-    if folder is None or not folder.is_dir():
-        return f"table2: skipped, no logs of the car at {folder}; name their folder with --jetracer\n"
+    if folder.is_dir() and any(folder.glob("rollout_*.csv")):
+        return folder, ""
+    return folder, f"{name}: skipped, no rollout_*.csv of the car in {folder}; name their folder with --jetracer\n"
+
+
+def known_methods(names: list[str]) -> list[str]:
+    """The names, or an end with a message."""
+    if unknown := sorted(set(names) - set(car_methods.METHODS)):
+        raise SystemExit(f"--methods: unknown `{unknown[0]}`; known: {', '.join(car_methods.METHODS)}")
+    return names
+
+
+def run(options: Namespace) -> str:
+    """Computes what is missing, draws the figure and gives the tables as text."""
+    folder, missing = logs_of(options, "table2")
+    if missing:
+        return missing
     names = jetracer.names(folder)[:: options.every]
-    methods = options.methods or list(car_methods.METHODS)
-    if unknown := sorted(set(methods) - set(car_methods.METHODS)):
-        return f"table2: unknown method {unknown[0]}; known: {', '.join(car_methods.METHODS)}\n"
     wanted = [
         {"folder": str(folder), "run": name, "rate": rate, "sigma": sigma, "seed": options.seed, "method": method}
-        for method in sorted(methods, key=list(car_methods.METHODS).index)
+        for method in known_methods(options.methods or list(car_methods.METHODS))
         for rate in options.rates or jetracer.RATES
         for sigma in options.sigmas or jetracer.SIGMAS
         for name in names
@@ -54,6 +67,9 @@ def run(options: Namespace) -> str:
     results = jobs.run(wanted, work, options.out / "table2.jsonl", options.workers)
     text = summary(results)
     (options.out / "table2.md").write_text(text, encoding="utf-8")
+    import pictures
+
+    pictures.car(results, options.out / "table2.svg")
     return text
 
 

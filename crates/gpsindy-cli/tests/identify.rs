@@ -156,3 +156,32 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     }
     assert_eq!(folder.names(), ["log.csv"]);
 }
+
+#[test]
+fn the_authors_pipeline_runs_on_one_log_and_refuses_what_it_lacks() {
+    let folder = Folder::new();
+    let common = format!("identify {} --state x1,x2 --preset author --degree 2", data("lotka_volterra.csv"));
+    let given = "--derivative x1=dx1 --derivative x2=dx2 --lambda 0.1 --train-fraction 0.8";
+    for (smoother, kernel) in [("--smoother none", ""), ("", "--kernel se")] {
+        let ran = folder.run(&format!("{common} {given} {smoother} {kernel} --json")).done();
+        let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!((result["lambda"].as_f64(), result["model"]["states"][0]["name"].as_str()), (Some(0.1), Some("x1")));
+        // 241 samples whose two columns spread by about 3: a rollout that says nothing misses by 70.
+        assert!(result["train_error"].as_f64().unwrap() < 70.0, "{}", ran.stdout);
+        let record = &result["model"]["identification"];
+        let at = record["terms"].as_array().unwrap().iter().position(|t| t == "x1*x2").unwrap();
+        let found = record["coefficients"][1][at].as_f64().unwrap();
+        assert!((found - 0.4).abs() < 0.05, "{found}");
+    }
+    for (option, word) in [
+        ("--refine", "--refine"),
+        ("--regressor stlsq", "--regressor"),
+        ("--smoother none --gp-input x1=x2", "--gp-input"),
+        ("--gp-input dx1=x2", "no state"),
+    ] {
+        let ran = folder.run(&format!("{common} {option}"));
+        assert!(ran.refused().contains(word), "{option}: {ran:?}");
+    }
+    let alone = folder.run(&format!("identify {} --state x1,x2 --gp-input x1=x2", data("lotka_volterra.csv")));
+    assert!(alone.refused().contains("--preset author"), "{alone:?}");
+}

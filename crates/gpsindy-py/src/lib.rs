@@ -2,6 +2,7 @@
 //!
 //! What a user sees, with types and documentation, is the Python package in `python/gpsindy`.
 
+mod author;
 mod convert;
 mod dataset;
 mod diagnose;
@@ -20,6 +21,8 @@ mod _gpsindy {
     use super::PyResult;
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use super::author::author;
     #[pymodule_export]
     use super::convert::NumericalError;
     #[pymodule_export]

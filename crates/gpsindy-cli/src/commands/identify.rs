@@ -1,5 +1,7 @@
 //! `gpsindy identify`: logs to a model.
 
+mod author;
+
 use crate::args::{AutoHold, Columns, Output, pair};
 use crate::commands::{check_folder_of, chosen, dataset, smooth};
 use crate::failure::{Failure, Outcome};
@@ -105,9 +107,12 @@ struct MethodOptions {
     /// Bring columns and target to unit size before the regression
     #[arg(long)]
     standardize: bool,
-    /// First part of each run that is learnt from, above 0 and at most 1
-    #[arg(long, value_name = "FRACTION", default_value_t = 1.0, allow_negative_numbers = true)]
-    train_fraction: f64,
+    /// First part of each run that is learnt from, above 0 and at most 1 [default: 1, with the preset author 0.7]
+    #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
+    train_fraction: Option<f64>,
+    /// With the preset author: inputs of the second Gaussian process of a state, such as v=throttle [default: all states]
+    #[arg(long, value_name = "STATE=COLUMN", value_parser = pair)]
+    gp_input: Vec<(String, String)>,
     /// Bootstraps for inclusion probabilities, 0 for none
     #[arg(long, value_name = "N", default_value_t = 0)]
     ensemble: usize,
@@ -119,15 +124,17 @@ struct MethodOptions {
     no_refine: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 enum Preset {
     /// Our best
     Default,
     /// Algorithm 1 of the paper as it is stated, without a second fit
     Paper,
+    /// The pipeline behind the paper's tables as its authors ran it, slips included, on one log; --smoother none is their SINDy
+    Author,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 enum Smoothing {
     /// Gaussian process over time
     Gp,
@@ -180,6 +187,12 @@ enum Select {
 }
 
 pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
+    if command.method.preset == Preset::Author {
+        return author::run(command, screen);
+    }
+    if !command.method.gp_input.is_empty() {
+        return Err(Failure::input("--gp-input is for --preset author alone; remove it"));
+    }
     check_folder_of(command.output.out.as_deref())?;
     let logs = Logs::read(&command.logs, &command.columns.options())?;
     let mut settings = settings(command, &logs, seed)?;
@@ -222,8 +235,8 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
 fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     let (library, method) = (&command.library, &command.method);
     let start = match method.preset {
-        Preset::Default => Settings::default(),
         Preset::Paper => Settings::paper(),
+        Preset::Default | Preset::Author => Settings::default(),
     };
     let mut settings = Settings { seed, hold: method.hold.into(), ..start };
     settings.states = chosen(logs, &command.state)?;
@@ -279,7 +292,7 @@ fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
         settings.choice = Choice::Rows(Selection::Fixed(level(&method.lambda)?));
     }
     settings.standardize |= method.standardize;
-    settings.train_fraction = method.train_fraction;
+    settings.train_fraction = method.train_fraction.unwrap_or(settings.train_fraction);
     settings.ensemble = method.ensemble;
     settings.refine = method.refine || (settings.refine && !method.no_refine);
     Ok(settings)

@@ -16,12 +16,24 @@ use crate::smooth::Smoother;
 use faer::Mat;
 
 /// Settings of the authors' pipeline.
+///
+/// | setting | default | purpose |
+/// | --- | --- | --- |
+/// | `states`, `controls` | | columns of the log |
+/// | `derivatives` | none | (state, column) pairs: taken in place of differences, as for the simulated systems |
+/// | `library` | degree 1 and products | candidate terms, as for the car |
+/// | `train_fraction` | 0.7 | first part that is learnt from |
+/// | `inputs` | `None` | `None`: their SINDy; else their GPSINDy and the inputs of its second stage |
+/// | `kernels` | twelve | of both stages; the squared exponential alone for their simulated systems |
+/// | `lambda` | `None` | `None`: the open-loop error on the training part decides; 0.1 for their simulated systems |
 #[derive(Debug, Clone)]
 pub struct Author {
     /// Columns that are states.
     pub states: Vec<String>,
     /// Columns that are controls.
     pub controls: Vec<String>,
+    /// State and the column that carries its derivative; the other states are differenced.
+    pub derivatives: Vec<(String, String)>,
     /// Candidate terms; default degree 1 with sine, cosine and products, as for the car.
     pub library: LibrarySettings,
     /// Share of the samples that is learnt from; the rest, from the last of them on, is the test. Default 0.7.
@@ -29,16 +41,28 @@ pub struct Author {
     /// `None`: SINDy. Else GPSINDy: for each state the inputs of the Gaussian process of its derivative; an empty list
     /// stands for all smoothed states. For the car: none, none, the throttle, the steering.
     pub inputs: Option<Vec<Vec<String>>>,
+    /// Kernels that compete by likelihood, in both stages.
+    pub kernels: Vec<Kernel>,
+    /// Weight of the 1-norm, at least 0.
+    pub lambda: Option<f64>,
 }
 
 impl Default for Author {
     fn default() -> Self {
+        let base = [Kernel::SquaredExponential, Kernel::Matern12, Kernel::Matern32, Kernel::RationalQuadratic];
+        let with = |join: fn(Box<Kernel>, Box<Kernel>) -> Kernel| {
+            base.iter().map(move |k| join(Box::new(k.clone()), Box::new(Kernel::Periodic))).collect::<Vec<_>>()
+        };
+        let kernels = base.iter().cloned().chain(with(Kernel::Sum)).chain(with(Kernel::Product)).collect();
         Self {
             states: Vec::new(),
             controls: Vec::new(),
+            derivatives: Vec::new(),
             library: LibrarySettings { degree: 1, products: true, ..LibrarySettings::default() },
             train_fraction: 0.7,
             inputs: None,
+            kernels,
+            lambda: None,
         }
     }
 }
@@ -50,7 +74,7 @@ pub struct AuthorResult {
     pub model: Model,
     /// The lambda chosen.
     pub lambda: f64,
-    /// Frobenius norm of the open-loop error on the training part, mixed units.
+    /// Frobenius norm of the open-loop error on the training part, mixed units; not finite where the rollout diverges.
     pub train_error: f64,
     /// The same on the rest.
     pub test_error: f64,
@@ -66,7 +90,8 @@ impl Author {
     /// Learns from the first part of the only run of `data` and tests on the rest.
     ///
     /// # Errors
-    /// Not exactly one run, missing values, unknown columns, too few samples, no lambda whose rollout stays finite.
+    /// Not exactly one run, missing values, unknown columns, too few samples, a setting out of range, no lambda whose
+    /// rollout stays finite.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<AuthorResult> {
         let [run] = data.runs() else {
             let found = format!("{} runs", data.runs().len());
@@ -74,10 +99,19 @@ impl Author {
         };
         let states = data.indices_of(&self.states)?;
         let controls = data.indices_of(&self.controls)?;
-        if let Some(&c) = states.iter().chain(&controls).find(|&&c| run.column(c).iter().any(|v| !v.is_finite())) {
+        let given = self.given(data)?;
+        if let Some(&c) = states
+            .iter()
+            .chain(&controls)
+            .chain(given.iter().flatten())
+            .find(|&&c| run.column(c).iter().any(|v| !v.is_finite()))
+        {
             return Err(Error::NotFinite {
                 what: format!("run `{}`, channel `{}`", run.name, data.channels()[c].name),
             });
+        }
+        if self.lambda.is_some_and(|lambda| !(lambda.is_finite() && lambda >= 0.0)) {
+            return Err(Error::range("lambda", "at least 0", self.lambda.unwrap_or(f64::NAN)));
         }
         let n_train = (self.train_fraction * run.n_samples() as f64).round() as usize;
         if n_train < 4 || n_train >= run.n_samples() {
@@ -88,7 +122,7 @@ impl Author {
             });
         }
         let library = Library::new(&self.states, &self.controls, &self.library)?;
-        let (x, dx) = self.training(data, run, &states, n_train, progress)?;
+        let (x, dx) = self.training(data, run, (&states, &given), n_train, progress)?;
         let n = states.len();
         let rows =
             Mat::from_fn(
@@ -104,11 +138,14 @@ impl Author {
         });
 
         let mut best: Option<(f64, f64, Vec<Vec<f64>>)> = None;
-        for lambda in lambdas() {
+        let candidates = self.lambda.map_or_else(lambdas, |lambda| vec![lambda]);
+        for lambda in candidates {
             let one = |j: usize| Ok(Lasso::author(lambda).fit(theta.as_ref(), dx.col_as_slice(j))?.coefficients);
             let coefficients: Vec<Vec<f64>> = (0..n).map(one).collect::<Result<_>>()?;
             let error = euler_error(&library, &coefficients, run, &logged, (0, n_train));
-            if error.is_finite() && best.as_ref().is_none_or(|(_, least, _)| error < *least) {
+            // A lambda that was given is no candidate among others: what it finds is the result.
+            let usable = error.is_finite() || self.lambda.is_some();
+            if usable && best.as_ref().is_none_or(|(_, least, _)| error < *least) {
                 best = Some((lambda, error, coefficients));
             }
         }
@@ -120,34 +157,44 @@ impl Author {
         Ok(AuthorResult { model: self.model(&library, lambda, coefficients), lambda, train_error, test_error })
     }
 
+    /// The column of the derivative of each state, where the log carries one.
+    fn given(&self, data: &Dataset) -> Result<Vec<Option<usize>>> {
+        if let Some((state, _)) = self.derivatives.iter().find(|(state, _)| !self.states.contains(state)) {
+            return Err(Error::unknown("state", state, self.states.iter().map(String::as_str)));
+        }
+        let column =
+            |state: &String| self.derivatives.iter().find(|(s, _)| s == state).map(|(_, column)| column.clone());
+        let index = |name: String| Ok(data.indices_of(&[name])?[0]);
+        self.states.iter().map(|state| column(state).map(index).transpose()).collect()
+    }
+
     /// States and derivatives that the regression sees (train x n each).
     fn training(
         &self,
         data: &Dataset,
         run: &Run,
-        states: &[usize],
+        (states, given): (&[usize], &[Option<usize>]),
         n_train: usize,
         progress: &dyn Progress,
     ) -> Result<(Mat<f64>, Mat<f64>)> {
         let n = states.len();
         let raw = Mat::from_fn(n_train, n, |i, j| run.values[(i, states[j])]);
         // Over the whole record, before the split: the last training row sees one test sample.
-        let slopes: Vec<Vec<f64>> = states.iter().map(|&c| slope(&run.time, run.column(c))).collect();
+        let rate = |(&state, given): (&usize, &Option<usize>)| match given {
+            Some(column) => run.column(*column).to_vec(),
+            None => slope(&run.time, run.column(state)),
+        };
+        let slopes: Vec<Vec<f64>> = states.iter().zip(given).map(rate).collect();
         let dx = Mat::from_fn(n_train, n, |i, j| slopes[j][i]);
         let Some(inputs) = &self.inputs else { return Ok((raw, dx)) };
         if inputs.len() != n {
             return Err(Error::shape("inputs", format!("{n} lists, one a state"), inputs.len()));
         }
-        let base = [Kernel::SquaredExponential, Kernel::Matern12, Kernel::Matern32, Kernel::RationalQuadratic];
-        let with = |join: fn(Box<Kernel>, Box<Kernel>) -> Kernel| {
-            base.iter().map(move |k| join(Box::new(k.clone()), Box::new(Kernel::Periodic))).collect::<Vec<_>>()
-        };
-        let kernels: Vec<Kernel> = base.iter().cloned().chain(with(Kernel::Sum)).chain(with(Kernel::Product)).collect();
         let end = run.time[n_train - 1];
         let training = data.filter_samples(|_, t| t <= end)?;
-        let smoother = Smoother { kernels: kernels.clone(), ..Smoother::default() };
+        let smoother = Smoother { kernels: self.kernels.clone(), ..Smoother::default() };
         let mean = smoother.smooth(&training, states, progress)?.runs.remove(0).mean;
-        let stage = SecondStage { kernels, isotropic: true, ..SecondStage::default() };
+        let stage = SecondStage { kernels: self.kernels.clone(), isotropic: true, ..SecondStage::default() };
         let mut denoised = Mat::zeros(n_train, n);
         for (j, names) in inputs.iter().enumerate() {
             let columns: Vec<Vec<f64>> = if names.is_empty() {
@@ -239,6 +286,41 @@ mod tests {
         assert!(plain.train_error < 1.0 && plain.test_error < 1.0, "{plain:?}");
         let both = Author { inputs: Some(vec![vec!["x".into(), "u".into()]]), ..settings() };
         assert!(both.fit(&data(), &Silent).unwrap().train_error < 1.5);
+    }
+
+    #[test]
+    fn given_derivatives_and_a_given_lambda_are_taken() {
+        let one = data();
+        let run = &one.runs()[0];
+        // Exact rates of the discrete system: differences of the log are off, these are not.
+        let values =
+            Mat::from_fn(
+                80,
+                3,
+                |i, j| if j < 2 { run.values[(i, j)] } else { run.values[(i, 1)] - run.values[(i, 0)] },
+            );
+        let channels = vec![Channel::new("x"), Channel::new("u"), Channel::new("rate")];
+        let with_rate = Dataset::new(channels, vec![Run { values, ..run.clone() }]).unwrap();
+        let library = LibrarySettings { degree: 1, ..LibrarySettings::default() };
+        let given = Author {
+            derivatives: vec![("x".into(), "rate".into())],
+            library: library.clone(),
+            lambda: Some(1e-4),
+            ..settings()
+        };
+        let found = given.fit(&with_rate, &Silent).unwrap();
+        let record = found.model.identification.as_ref().unwrap();
+        assert_eq!((found.lambda, record.terms.join(" ")), (1e-4, "1 x u".into()));
+        // The two loose digits of their ADMM.
+        let off = record.coefficients[0].iter().zip([0.0, -1.0, 1.0]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 0.05, "{record:?}");
+        assert!(
+            found.test_error < 0.1 * Author { library, ..settings() }.fit(&one, &Silent).unwrap().test_error + 0.05
+        );
+        let unknown = Author { derivatives: vec![("y".into(), "rate".into())], ..settings() };
+        assert!(unknown.fit(&with_rate, &Silent).is_err());
+        let negative = Author { lambda: Some(-1.0), ..settings() }.fit(&one, &Silent).unwrap_err().to_string();
+        assert!(negative.contains("lambda"), "{negative}");
     }
 
     #[test]

@@ -26,11 +26,13 @@ from gpsindy.diagnosis import (
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
 from gpsindy.model import Control, Identification, Model, Parameter, State
+from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score
 from gpsindy.simulation import Rollout, simulate
 from gpsindy.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
 
 __all__ = [
+    "AuthorFit",
     "Cause",
     "ColumnFit",
     "Control",
@@ -54,6 +56,7 @@ __all__ = [
     "State",
     "StateError",
     "__version__",
+    "author",
     "diagnose",
     "effects",
     "read_csv",

@@ -9,6 +9,7 @@ __all__ = [
     "Model",
     "NumericalError",
     "__version__",
+    "author",
     "diagnose",
     "effects",
     "identify",
@@ -120,6 +121,9 @@ def score(
     model: Model, data: Dataset, window: float | None, hold: str, progress: _Progress
 ) -> tuple[_Kind, _Kind, _Kind]: ...
 def identify(data: Dataset, settings: dict[str, Any], progress: _Progress) -> tuple[Model, dict[str, Any]]: ...
+def author(
+    data: Dataset, settings: dict[str, Any], progress: _Progress
+) -> tuple[Model, float, float, float]: ...
 def diagnose(
     model: Model,
     train: Dataset,

@@ -1,0 +1,120 @@
+//! `gpsindy identify --preset author`: the pipeline behind the paper's tables.
+
+use super::{AutoHold, Identify, Smoothing, level};
+use crate::commands::{check_folder_of, chosen, dataset, smooth};
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use gpsindy_core::library::LibrarySettings;
+use gpsindy_core::{Author, AuthorResult};
+use gpsindy_files::{Logs, model_to_toml, write_model};
+use serde_json::json;
+
+pub(super) fn run(command: &Identify, screen: &Screen) -> Outcome {
+    refuse_other_options(command)?;
+    check_folder_of(command.output.out.as_deref())?;
+    let logs = Logs::read(&command.logs, &command.columns.options())?;
+    let author = settings(command, &logs)?;
+    let rates = author.derivatives.iter().map(|(_, column)| column.clone()).collect();
+    let needed = [author.states.clone(), author.controls.clone(), rates].concat();
+    let data = dataset(&logs, &needed, &[], &command.columns, screen)?;
+    let progress = screen.progress();
+    let found = author.fit(&data, &progress)?;
+    drop(progress);
+    if let Some(path) = &command.output.out {
+        write_model(path, &found.model)?;
+    }
+    let summary = summary(&found);
+    match &command.output.out {
+        _ if screen.json() => screen.out(&format!("{}\n", as_json(&found))),
+        Some(path) => screen.out(&format!("{summary}\nmodel: {}\n", path.display())),
+        None => {
+            screen.note(&summary);
+            screen.out(&model_to_toml(&found.model)?)
+        }
+    }
+}
+
+/// The authors' pipeline has no place for these.
+fn refuse_other_options(command: &Identify) -> Outcome {
+    let (library, method) = (&command.library, &command.method);
+    let given = [
+        ("--fix", !library.fix.is_empty()),
+        ("--forbid", !library.forbid.is_empty()),
+        ("--sign", !library.sign.is_empty()),
+        ("--hold", !matches!(method.hold, AutoHold::Auto | AutoHold::Zero)),
+        ("--derivative-method", method.derivative_method.is_some()),
+        ("--regressor", method.regressor.is_some()),
+        ("--select", method.select.is_some()),
+        ("--delay", !method.delay.is_empty()),
+        ("--standardize", method.standardize),
+        ("--ensemble", method.ensemble > 0),
+        ("--refine", method.refine),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        Some((option, _)) => Err(Failure::input(format!(
+            "{option}: the pipeline of --preset author is fixed; remove the option or choose another preset"
+        ))),
+        None if method.smoother == Some(Smoothing::None) && !method.gp_input.is_empty() => {
+            Err(Failure::input("--gp-input: there is no Gaussian process with --smoother none; remove one of the two"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn settings(command: &Identify, logs: &Logs) -> Outcome<Author> {
+    let (library, method) = (&command.library, &command.method);
+    let mut author = Author::default();
+    author.states = chosen(logs, &command.state)?;
+    author.controls = chosen(logs, &command.control)?;
+    if author.states.is_empty() {
+        return Err(Failure::input("--preset author needs the states; name them with --state"));
+    }
+    for (state, column) in &command.derivative {
+        author.derivatives.push((logs.resolve(state)?, logs.resolve(column)?));
+    }
+    author.library = LibrarySettings {
+        degree: library.degree,
+        trig: library.trig,
+        products: library.products,
+        extra: library.term.clone(),
+        ..LibrarySettings::default()
+    };
+    author.train_fraction = method.train_fraction.unwrap_or(author.train_fraction);
+    author.kernels = smooth::kernels(&method.kernel, author.kernels)?;
+    if method.lambda != "auto" {
+        author.lambda = Some(level(&method.lambda)?);
+    }
+    if method.smoother != Some(Smoothing::None) {
+        let mut inputs = vec![Vec::new(); author.states.len()];
+        for (state, column) in &method.gp_input {
+            let name = logs.resolve(state)?;
+            let Some(s) = author.states.iter().position(|s| *s == name) else {
+                return Err(Failure::input(format!("--gp-input {state}={column}: `{name}` is no state")));
+            };
+            inputs[s].push(logs.resolve(column)?);
+        }
+        author.inputs = Some(inputs);
+    }
+    Ok(author)
+}
+
+fn summary(found: &AuthorResult) -> String {
+    let mut text = String::from("equations by the pipeline of the paper's authors, slips included:\n\n");
+    for state in &found.model.states {
+        text += &format!("  {}' = {}\n", state.name, state.equation);
+    }
+    text += &format!(
+        "\n  lambda {}, Frobenius norm of the open-loop error by forward Euler: training {:.4}, test {:.4}\n",
+        found.lambda, found.train_error, found.test_error
+    );
+    text
+}
+
+fn as_json(found: &AuthorResult) -> serde_json::Value {
+    json!({
+        "model": found.model,
+        "lambda": found.lambda,
+        "train_error": found.train_error,
+        "test_error": found.test_error,
+    })
+}
