@@ -46,7 +46,10 @@ def run(jobs: Iterable[Job], work: Callable[[Job], Result], store: Path, workers
         store.parent.mkdir(parents=True, exist_ok=True)
         workers = workers or os.cpu_count() or 1
         progress = Progress(len(wanted), len(wanted) - len(missing))
+        torn = store.exists() and not store.read_text(encoding="utf-8").endswith("\n")
         with store.open("a", encoding="utf-8") as file:
+            if torn:  # The line that an interruption cut short stays a line of its own.
+                file.write("\n")
             for entry in _computed(missing, work, workers):
                 done[key_of(entry["job"])] = entry
                 file.write(json.dumps(entry) + "\n")

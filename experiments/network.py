@@ -12,7 +12,7 @@ from library import Array
 
 
 def refined(x: Array, dx: Array, seed: int) -> Array:
-    """Derivatives as the paper's networks see them: one a state, 32 hidden ReLU neurons, Adam, 100 epochs of single samples."""
+    """Derivatives as the paper's networks see them: 32 hidden ReLU neurons, Adam, 100 epochs of single samples."""
     found = np.empty_like(dx)
     for j in range(dx.shape[1]):
         net = MLPRegressor(hidden_layer_sizes=(32,), solver="adam", batch_size=1, max_iter=100, tol=0.0, random_state=seed)
