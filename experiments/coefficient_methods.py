@@ -131,7 +131,16 @@ METHODS: dict[str, Method] = {
     "gpsindy-paper": lambda system, data: of(paper(system), system, data),
     "default": fitted(),
     "oracle": oracle,
+    # Steps of the default for the ablation, all but the last with its regression: raw differences at raw states, at smoothed
+    # states, the derivative of the Gaussian process with its covariance, integrals; LASSO on the integrals.
+    "differences": fitted(smoother=None, derivative_method="difference", refine=False),
+    "smoothed-states": fitted(derivative_method="difference", refine=False),
+    "gp-time": fitted(derivative_method="gp-time", refine=False),
+    "weak": fitted(refine=False),
+    "weak-lasso": fitted(refine=False, regressor="lasso"),
 }
+ROWS = list(METHODS)[:11]
+"""Those of the coefficient figure."""
 
 
 def raw(regressor: str, system: System, data: Sample) -> Array:

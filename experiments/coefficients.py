@@ -28,9 +28,9 @@ def work(job: jobs.Job) -> jobs.Result:
     }
 
 
-def run(options: Namespace) -> str:
+def run(options: Namespace, name: str = "coefficients") -> str:
     """Computes what is missing, draws the figure and gives the tables as text."""
-    methods = options.methods or list(coefficient_methods.METHODS)
+    methods = options.methods or coefficient_methods.ROWS
     wanted = [
         {"system": system, "regime": regime, "sigma": sigma, "seed": options.seed + seed, "method": method}
         for regime in options.regimes or REGIMES
@@ -40,12 +40,12 @@ def run(options: Namespace) -> str:
         for seed in range(options.seeds)
         if not (method == "weak-sindy" and regime == "irregular")
     ]
-    results = jobs.run(wanted, work, options.out / "coefficients.jsonl", options.workers)
+    results = jobs.run(wanted, work, options.out / f"{name}.jsonl", options.workers)
     text = summary(results)
-    (options.out / "coefficients.md").write_text(text, encoding="utf-8")
+    (options.out / f"{name}.md").write_text(text, encoding="utf-8")
     import pictures
 
-    pictures.coefficients(results, options.out / "coefficients.svg")
+    pictures.coefficients(results, options.out / f"{name}.svg")
     return text
 
 

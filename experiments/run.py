@@ -18,6 +18,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The jobs take the cores, one 
 EXPERIMENTS = {
     "table1": "coefficients of Lotka-Volterra (Table I)",
     "coefficients": "coefficient error over the noise, Lotka-Volterra and unicycle, and its figure",
+    "ablation": "what each step of the default buys",
     "table2": "open-loop error on the small car (Table II and its figure)",
     "trajectory": "one rollout of the car as a picture",
     "systems": "further systems by the default, and two ways to derivatives",

@@ -45,6 +45,7 @@ pub(crate) fn test() -> Result<(), String> {
     run(&python, pip.iter().chain(&["--force-reinstall", "--no-deps", &wheel]), &[])?;
     run(&python, pip.iter().chain(&[&*format!("{wheel}[test]")]), &[])?;
     run(&python, ["-m", "pytest", "-q", "crates/gpsindy-py"], &[])?;
+    run(&python, ["-m", "pytest", "-q", "experiments"], &[])?;
     // The package carries its types; the compiled part has a stub by hand, which is compared with the module itself.
     let package = "crates/gpsindy-py";
     let configuration = format!("{package}/pyproject.toml");
