@@ -165,9 +165,10 @@ fn the_authors_pipeline_runs_on_one_log_and_refuses_what_it_lacks() {
     for (smoother, kernel) in [("--smoother none", ""), ("", "--kernel se")] {
         let ran = folder.run(&format!("{common} {given} {smoother} {kernel} --json")).done();
         let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-        assert_eq!((result["lambda"].as_f64(), result["model"]["states"][0]["name"].as_str()), (Some(0.1), Some("x1")));
-        // 241 samples whose two columns spread by about 3: a rollout that says nothing misses by 70.
-        assert!(result["train_error"].as_f64().unwrap() < 70.0, "{}", ran.stdout);
+        assert_eq!((result["lambda"].as_f64(), result["model"]["state"][0]["name"].as_str()), (Some(0.1), Some("x1")));
+        // Forward Euler at 0.1 s leaves the cycle within 24 s, with whatever coefficients; over 6 s it stays.
+        let error = |name: &str| result[name].as_f64().unwrap();
+        assert!(error("train_error") > 50.0 && error("test_error") < 15.0, "{}", ran.stdout);
         let record = &result["model"]["identification"];
         let at = record["terms"].as_array().unwrap().iter().position(|t| t == "x1*x2").unwrap();
         let found = record["coefficients"][1][at].as_f64().unwrap();

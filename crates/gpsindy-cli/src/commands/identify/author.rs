@@ -63,39 +63,47 @@ fn refuse_other_options(command: &Identify) -> Outcome {
 
 fn settings(command: &Identify, logs: &Logs) -> Outcome<Author> {
     let (library, method) = (&command.library, &command.method);
-    let mut author = Author::default();
-    author.states = chosen(logs, &command.state)?;
-    author.controls = chosen(logs, &command.control)?;
-    if author.states.is_empty() {
+    let states = chosen(logs, &command.state)?;
+    if states.is_empty() {
         return Err(Failure::input("--preset author needs the states; name them with --state"));
     }
+    let mut derivatives = Vec::new();
     for (state, column) in &command.derivative {
-        author.derivatives.push((logs.resolve(state)?, logs.resolve(column)?));
+        derivatives.push((logs.resolve(state)?, logs.resolve(column)?));
     }
-    author.library = LibrarySettings {
-        degree: library.degree,
-        trig: library.trig,
-        products: library.products,
-        extra: library.term.clone(),
-        ..LibrarySettings::default()
-    };
-    author.train_fraction = method.train_fraction.unwrap_or(author.train_fraction);
-    author.kernels = smooth::kernels(&method.kernel, author.kernels)?;
-    if method.lambda != "auto" {
-        author.lambda = Some(level(&method.lambda)?);
+    let standard = Author::default();
+    Ok(Author {
+        inputs: inputs(command, logs, &states)?,
+        states,
+        controls: chosen(logs, &command.control)?,
+        derivatives,
+        library: LibrarySettings {
+            degree: library.degree,
+            trig: library.trig,
+            products: library.products,
+            extra: library.term.clone(),
+            ..LibrarySettings::default()
+        },
+        train_fraction: method.train_fraction.unwrap_or(standard.train_fraction),
+        kernels: smooth::kernels(&method.kernel, standard.kernels)?,
+        lambda: if method.lambda == "auto" { None } else { Some(level(&method.lambda)?) },
+    })
+}
+
+/// Inputs of the second Gaussian process of every state; none at all for their SINDy.
+fn inputs(command: &Identify, logs: &Logs, states: &[String]) -> Outcome<Option<Vec<Vec<String>>>> {
+    if command.method.smoother == Some(Smoothing::None) {
+        return Ok(None);
     }
-    if method.smoother != Some(Smoothing::None) {
-        let mut inputs = vec![Vec::new(); author.states.len()];
-        for (state, column) in &method.gp_input {
-            let name = logs.resolve(state)?;
-            let Some(s) = author.states.iter().position(|s| *s == name) else {
-                return Err(Failure::input(format!("--gp-input {state}={column}: `{name}` is no state")));
-            };
-            inputs[s].push(logs.resolve(column)?);
-        }
-        author.inputs = Some(inputs);
+    let mut inputs = vec![Vec::new(); states.len()];
+    for (state, column) in &command.method.gp_input {
+        let name = logs.resolve(state)?;
+        let Some(s) = states.iter().position(|s| *s == name) else {
+            return Err(Failure::input(format!("--gp-input {state}={column}: `{name}` is no state")));
+        };
+        inputs[s].push(logs.resolve(column)?);
     }
-    Ok(author)
+    Ok(Some(inputs))
 }
 
 fn summary(found: &AuthorResult) -> String {
