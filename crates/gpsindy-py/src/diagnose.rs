@@ -5,7 +5,7 @@ use crate::dataset::PyDataset;
 use crate::model::{PyModel, hold_of};
 use crate::watch::Watch;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Effect, hold_out};
+use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Effect, Power, hold_out};
 use gpsindy_core::{Dataset, Expression};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -29,11 +29,13 @@ pub(crate) fn diagnose(
     confidence: f64,
     most_effects: usize,
     hold: Option<&str>,
+    power: Option<u64>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, PyModel)> {
     let hold = hold.map(hold_of).transpose()?;
     let custom = custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?;
-    let settings = Diagnose { effects, without, custom, confidence, most_effects, hold };
+    let power = power.map(|seed| Power { seed, ..Power::default() });
+    let settings = Diagnose { effects, without, custom, confidence, most_effects, hold, power };
     let (train, holdout): (Arc<Dataset>, Arc<Dataset>) = match holdout {
         Some(holdout) => (train.get().0.clone(), holdout.get().0.clone()),
         None => {
@@ -50,7 +52,7 @@ pub(crate) fn diagnose(
         None => settings.run(&nominal, &train, &holdout, listening.as_ref()),
     };
     let diagnosed = model.run(py, &watch, progress.as_ref(), work)?;
-    let simulator = model.simulator.as_ref().map(|(f, n, m)| (f.clone_ref(py), *n, *m));
+    let simulator = model.simulator.as_ref().map(|s| s.clone_ref(py));
     let augmented = PyModel { model: diagnosed.augmented, simulator };
     Ok((serde_json::to_string_pretty(&diagnosed.diagnosis).map_err(internal)?, augmented))
 }

@@ -2,7 +2,7 @@
 
 use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, vector};
 use crate::dataset::PyDataset;
-use crate::simulator::Callable;
+use crate::simulator::Simulator;
 use crate::watch::Watch;
 
 use gpsindy_core::{
@@ -14,7 +14,7 @@ use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// States and what the logs' columns read of them, of one rollout.
 type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
@@ -33,8 +33,7 @@ type Record<'py> =
 #[pyclass(frozen, name = "Model", module = "gpsindy._gpsindy")]
 pub(crate) struct PyModel {
     pub(crate) model: Model,
-    /// The callable and how many states and controls it takes.
-    pub(crate) simulator: Option<(Py<PyAny>, usize, usize)>,
+    pub(crate) simulator: Option<Simulator>,
 }
 
 #[pymethods]
@@ -59,6 +58,7 @@ impl PyModel {
         controls: Vec<(String, String)>,
         kinematic: Vec<(String, String)>,
         initial: Vec<(String, f64)>,
+        vectorized: bool,
     ) -> PyResult<Self> {
         let variables = states.iter().chain(&controls).map(|(name, _)| Expression::variable(name));
         let arguments: Vec<Expression> = std::iter::once(Expression::Time).chain(variables).collect();
@@ -87,7 +87,8 @@ impl PyModel {
             ..Model::default()
         };
         model.check().map_err(error)?;
-        Ok(Self { simulator: Some((function, states.len(), controls.len())), model })
+        let simulator = Simulator { function, n_states: states.len(), n_controls: controls.len(), vectorized };
+        Ok(Self { simulator: Some(simulator), model })
     }
 
     /// Whether the equations call the user's own simulator, so that there is no file of the model.
@@ -150,7 +151,7 @@ impl PyModel {
             model.parameters[index].value = value;
         }
         model.check().map_err(error)?;
-        let simulator = self.simulator.as_ref().map(|(f, n, m)| (f.clone_ref(py), *n, *m));
+        let simulator = self.simulator.as_ref().map(|s| s.clone_ref(py));
         Ok(Self { model, simulator })
     }
 
@@ -297,14 +298,7 @@ impl PyModel {
     }
 
     pub(crate) fn dynamics(&self, py: Python<'_>, watch: &Arc<Watch>) -> Option<Arc<dyn Dynamics>> {
-        let (function, n_states, n_controls) = self.simulator.as_ref()?;
-        Some(Arc::new(Callable {
-            function: function.clone_ref(py),
-            n_states: *n_states,
-            n_controls: *n_controls,
-            watch: watch.clone(),
-            turn: Mutex::new(()),
-        }))
+        self.simulator.as_ref().map(|s| s.watched(py, watch))
     }
 
     fn check_text(&self) -> PyResult<()> {

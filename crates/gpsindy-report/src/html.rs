@@ -43,6 +43,7 @@ pub fn render(report: &Diagnosis) -> String {
                     (place(report, &mut counter))
                     (causes(report))
                     (closure(report, &mut counter))
+                    @if let Some(power) = &report.power { (crate::power::section(power)) }
                     (next(report))
                 }
                 (foot(report))

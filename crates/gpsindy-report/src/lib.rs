@@ -11,6 +11,7 @@
 mod chart;
 mod figures;
 mod html;
+mod power;
 pub mod scorecard;
 mod summary;
 mod words;

@@ -22,6 +22,11 @@ pub fn summary(report: &Diagnosis, width: usize, colour: bool) -> String {
     excluded(report, &mut text);
     closure(report, &mut text);
     next(report, &mut text);
+    if let Some(power) = &report.power {
+        for (i, line) in crate::power::lines(power).iter().enumerate() {
+            text.hang(if i == 0 { "Power" } else { "" }, line);
+        }
+    }
     (text.lines.join("\n") + "\n").replace('\u{a0}', " ")
 }
 
@@ -208,6 +213,16 @@ impl Text {
         for (i, line) in wrap(words.trim_end(), self.width.saturating_sub(indent)).into_iter().enumerate() {
             let lead = if i == 0 { head.clone() } else { " ".repeat(indent) };
             self.lines.push((lead + &line).trim_end().to_string());
+        }
+    }
+
+    /// A row of a table: what does not fit goes on deeper.
+    fn hang(&mut self, heading: &str, row: &str) {
+        if !row.starts_with(' ') {
+            return self.say(heading, row);
+        }
+        for (i, line) in wrap(row.trim(), self.width.saturating_sub(INDENT + 6)).into_iter().enumerate() {
+            self.lines.push(" ".repeat(INDENT + if i == 0 { 2 } else { 6 }) + &line);
         }
     }
 

@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, hold_out};
+use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Model};
 use gpsindy_files::{Logs, model_to_toml, read_effects, read_model, write_whole};
 use std::path::{Path, PathBuf};
@@ -32,6 +32,9 @@ pub(crate) struct Diagnose {
     /// Folder of the report; made where it does not exist
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Also study which effects these logs could reveal, from what size: each is planted in copies of the logs and withheld (takes minutes)
+    #[arg(long)]
+    power: bool,
     #[command(flatten)]
     options: Options,
     #[command(flatten)]
@@ -75,18 +78,20 @@ impl Options {
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.into(),
+            power: None,
         })
     }
 }
 
-pub(crate) fn run(command: &Diagnose, screen: &Screen) -> Outcome {
+pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
     if let Some(folder) = command.out.as_deref().filter(|folder| folder.exists() && !folder.is_dir()) {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
     if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {
         return Err(Failure::input(format!("{} is both a log to learn from and one of --holdout", twice.display())));
     }
-    let settings = command.options.settings()?;
+    let power = command.power.then(|| Power { seed, ..Power::default() });
+    let settings = Settings { power, ..command.options.settings()? };
     let model = read_model(&command.model)?;
     let (train, holdout) = logs(&model, &command.logs, &command.holdout, &command.columns, screen)?;
     let progress = screen.progress();

@@ -29,7 +29,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         Command::Smooth(command) => smooth::run(command, screen),
         Command::Simulate(command) => simulate::run(command, screen),
         Command::Score(command) => score::run(command, screen),
-        Command::Diagnose(command) => diagnose::run(command, screen),
+        Command::Diagnose(command) => diagnose::run(command, arguments.global.seed, screen),
         Command::Exam(command) => exam::run(command, screen),
         Command::Effects(command) => effects::run(command, screen),
         Command::Identify(command) => identify::run(command, arguments.global.seed, screen),

@@ -5,12 +5,16 @@
 //! and fitted by rollouts to the raw measurements, with initial states and tolerated parameters free.
 
 mod apply;
+mod bench;
 mod effect;
 mod evidence;
 mod fitted;
 mod hypothesis;
 mod localise;
+mod plant;
+mod power;
 mod prepare;
+mod repeat;
 pub mod report;
 mod rival;
 mod scene;
@@ -21,6 +25,7 @@ mod verify;
 mod weigh;
 
 pub use effect::{CustomEffect, CustomParameter, Effect, Family};
+pub use power::Power;
 pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
@@ -43,6 +48,7 @@ use std::sync::Arc;
 /// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals, and of the detection |
 /// | `most_effects` | 4 | 1 to 6 | effects together, at most |
 /// | `hold` | estimated | | what the control does between samples |
+/// | `power` | none | | also study which effects these logs could reveal |
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnose {
     /// Ids of the effects that are suspects; empty: the whole catalogue.
@@ -57,6 +63,8 @@ pub struct Diagnose {
     pub most_effects: usize,
     /// What controls do between samples; estimated where absent.
     pub hold: Option<Hold>,
+    /// Whether and how to study which effects these logs could reveal.
+    pub power: Option<Power>,
 }
 
 impl Default for Diagnose {
@@ -68,6 +76,7 @@ impl Default for Diagnose {
             confidence: 0.95,
             most_effects: 4,
             hold: None,
+            power: None,
         }
     }
 }
@@ -165,7 +174,14 @@ impl Diagnose {
         let nominal = outcome.nominal.as_ref().unwrap_or(&nominal);
         let closure = verify::closure(nominal, &outcome.best, holdout, self.confidence, &mut notes)?;
         let gap = localise::gap(&contest, nominal, &outcome, &rivals, &free_gains, &detected);
-        weigh::report(self, &contest, nominal, &outcome, &detected, gap, closure, (train, holdout), notes)
+        let mut diagnosed =
+            weigh::report(self, &contest, nominal, &outcome, &detected, gap, closure, (train, holdout), notes)?;
+        if let Some(power) = &self.power {
+            let (hypotheses, scene) = (&contest.hypotheses, &contest.scene);
+            let study = power::Study { settings: self, power, hypotheses, scene, progress };
+            diagnosed.diagnosis.power = Some(study.run(nominal, &outcome.best, train, holdout)?);
+        }
+        Ok(diagnosed)
     }
 
     fn check(&self) -> Result<()> {
@@ -174,6 +190,9 @@ impl Diagnose {
         }
         if !(1..=6).contains(&self.most_effects) {
             return Err(Error::range("most_effects", "between 1 and 6", self.most_effects));
+        }
+        if let Some(power) = &self.power {
+            power.check()?;
         }
         let known = || Effect::ALL.iter().map(|e| e.id()).chain(self.custom.iter().map(|c| c.id.as_str()));
         for id in self.effects.iter().chain(&self.without) {

@@ -61,7 +61,7 @@ fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
 }
 
 /// Smallest step between different values, where the column looks quantised; else zero.
-fn resolution(logs: &[Log], column: usize) -> f64 {
+pub(crate) fn resolution(logs: &[Log], column: usize) -> f64 {
     let mut values: Vec<f64> =
         logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite()).collect();
     let total = values.len();

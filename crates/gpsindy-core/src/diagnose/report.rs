@@ -4,6 +4,10 @@
 //! sample, an interval without end) is an `Option` here and `null` there; [`finite`] converts.
 //! All other numbers must be finite. Everything but [`Figures`] is public interface.
 
+mod power;
+
+pub use power::{PowerEffect, PowerNoise, PowerNull, PowerReport, PowerRival, PowerTrial};
+
 use serde::{Deserialize, Serialize};
 
 /// The schema that [`Diagnosis::schema`] names.
@@ -37,6 +41,9 @@ pub struct Diagnosis {
     pub augmented_model: Option<String>,
     /// What a reader must know beside the numbers, one sentence or two each.
     pub notes: Vec<String>,
+    /// Which effects these logs could reveal, where that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power: Option<PowerReport>,
     /// Curves for the HTML page; not part of the promise of the schema.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figures: Option<Figures>,

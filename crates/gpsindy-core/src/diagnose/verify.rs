@@ -87,7 +87,9 @@ pub(crate) fn closure(
     let changed = !best.hypotheses.is_empty();
     let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
 
-    let floor = noise_floor(best, &noise);
+    let repeated = super::repeat::between_runs(&experiment.logs, &noise);
+    let floor_source = if repeated.is_some() { "repeated runs" } else { "sensor noise" };
+    let floor = repeated.unwrap_or_else(|| noise_floor(best, &noise));
     let blocks = blocks(&experiment, &spread, &before, &after);
     let overall = |pick: &dyn Fn(&Block) -> &Vec<f64>, chosen: &[Block]| {
         let sum: f64 = chosen.iter().map(|b| pick(b).iter().sum::<f64>()).sum();
@@ -112,7 +114,7 @@ pub(crate) fn closure(
         before: finite(before_all),
         after: finite(after_all),
         floor: finite(floor_all),
-        floor_source: "sensor noise".into(),
+        floor_source: floor_source.into(),
         closed: if has_gap { finite(closed(before_all, after_all)) } else { None },
         low: interval.and_then(|i| finite(i.0)),
         high: interval.and_then(|i| finite(i.1)),

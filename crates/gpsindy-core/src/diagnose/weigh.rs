@@ -64,6 +64,7 @@ pub(crate) fn report(
         closure: verification.closure,
         augmented_model: Some("augmented.toml".into()),
         notes,
+        power: None,
         figures: Some(Figures { rollouts: verification.figures, residuals: located.figures, equations }),
     };
     Ok(Diagnosed { diagnosis, augmented })

@@ -51,8 +51,8 @@ enum Step {
     Simulate(SimulatorCall),
 }
 
-/// The user's own simulator as a tape sees it: arguments to outputs, for one lane.
-pub(crate) type SimulatorFunction<'a> = &'a dyn Fn(&[f64], &mut [f64]);
+/// The user's own simulator as a tape sees it: a number of lanes, their arguments and their outputs one after another.
+pub(crate) type SimulatorFunction<'a> = &'a dyn Fn(usize, &[f64], &mut [f64]);
 
 struct Compiler<'a> {
     variables: &'a [String],
@@ -144,7 +144,7 @@ impl Tape {
 
     /// Runs the program. The caller has put the variables into the first registers and the time behind them.
     pub fn evaluate<const L: usize>(&self, registers: &mut [[f64; L]]) {
-        self.evaluate_with(registers, &|_, outputs| outputs.fill(f64::NAN));
+        self.evaluate_with(registers, &|_, _, outputs| outputs.fill(f64::NAN));
     }
 
     /// As [`Tape::evaluate`], with the user's own simulator.
@@ -258,14 +258,14 @@ impl Compiler<'_> {
 }
 
 fn simulate<const L: usize>(call: &SimulatorCall, registers: &mut [[f64; L]], simulator: SimulatorFunction<'_>) {
-    let mut arguments = vec![0.0; call.arguments.len()];
-    let mut outputs = vec![0.0; call.n_outputs];
+    let mut arguments = Vec::with_capacity(L * call.arguments.len());
     for lane in 0..L {
-        for (value, &register) in arguments.iter_mut().zip(&call.arguments) {
-            *value = registers[register as usize][lane];
-        }
-        simulator(&arguments, &mut outputs);
-        for (i, &value) in outputs.iter().enumerate() {
+        arguments.extend(call.arguments.iter().map(|&register| registers[register as usize][lane]));
+    }
+    let mut outputs = vec![0.0; L * call.n_outputs];
+    simulator(L, &arguments, &mut outputs);
+    for (lane, values) in outputs.chunks(call.n_outputs.max(1)).enumerate() {
+        for (i, &value) in values.iter().enumerate() {
             registers[call.first_output as usize + i][lane] = value;
         }
     }

@@ -20,6 +20,19 @@ pub trait Dynamics: Send + Sync {
     /// # Errors
     /// [`Error::Callback`] with the user's own error.
     fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()>;
+
+    /// The same for several samples at once: times `t` (r), states `x` (r x n), controls `u` (r x m) and rates `dx`
+    /// (r x n), all row after row. One after another unless the simulator does better.
+    ///
+    /// # Errors
+    /// As [`Dynamics::derivative`].
+    fn derivatives(&self, t: &[f64], x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()> {
+        let (n, m) = (self.n_states(), self.n_controls());
+        for (i, &t) in t.iter().enumerate() {
+            self.derivative(t, &x[i * n..(i + 1) * n], &u[i * m..(i + 1) * m], &mut dx[i * n..(i + 1) * n])?;
+        }
+        Ok(())
+    }
 }
 
 /// How an input with a history is made from a signal.
@@ -228,18 +241,20 @@ impl System {
     #[inline(always)]
     pub(crate) fn evaluate<const L: usize>(&self, tape: &Tape, registers: &mut [[f64; L]]) {
         match &self.simulator {
-            None => tape.evaluate_with(registers, &|_, outputs| outputs.fill(f64::NAN)),
-            Some(simulator) => {
-                let n = self.n_states();
-                tape.evaluate_with(registers, &|arguments, outputs| {
-                    // Arguments are the time, the states, then the controls.
-                    let (t, rest) = (arguments[0], &arguments[1..]);
-                    let n_inner = simulator.n_states().min(n);
-                    if simulator.derivative(t, &rest[..n_inner], &rest[n_inner..], outputs).is_err() {
-                        outputs.fill(f64::NAN);
-                    }
-                });
-            }
+            None => tape.evaluate_with(registers, &|_, _, outputs| outputs.fill(f64::NAN)),
+            Some(simulator) => tape.evaluate_with(registers, &|lanes, arguments, outputs| {
+                // Arguments of a lane are the time, the states, then the controls.
+                let n = simulator.n_states().min(self.n_states());
+                let (mut t, mut x, mut u) = (Vec::with_capacity(lanes), Vec::new(), Vec::new());
+                for lane in arguments.chunks(arguments.len() / lanes.max(1)) {
+                    t.push(lane[0]);
+                    x.extend_from_slice(&lane[1..=n]);
+                    u.extend_from_slice(&lane[n + 1..]);
+                }
+                if simulator.derivatives(&t, &x, &u, outputs).is_err() {
+                    outputs.fill(f64::NAN);
+                }
+            }),
         }
     }
 

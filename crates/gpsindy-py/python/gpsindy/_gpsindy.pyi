@@ -75,6 +75,7 @@ class Model:
         controls: Sequence[tuple[str, str]],
         kinematic: Sequence[tuple[str, str]],
         initial: Sequence[tuple[str, float]],
+        vectorized: bool,
     ) -> Model: ...
     @property
     def calls_simulator(self) -> bool: ...
@@ -134,6 +135,7 @@ def diagnose(
     confidence: float,
     most_effects: int,
     hold: str | None,
+    power: int | None,
     progress: _Progress,
 ) -> tuple[str, Model]: ...
 def read_effects(path: str) -> list[_Custom]: ...

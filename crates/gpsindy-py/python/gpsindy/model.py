@@ -160,6 +160,7 @@ class Model:
         kinematic: Mapping[str, str] | None = None,
         units: Mapping[str, str] | None = None,
         initial: Mapping[str, float] | None = None,
+        vectorized: bool = False,
         name: str = "simulator",
     ) -> Model:
         """A model whose rates come from Python code.
@@ -177,6 +178,9 @@ class Model:
             Units of states and controls.
         initial : mapping of str to float, optional
             Default initial state.
+        vectorized : bool
+            The callable takes many samples at once: ``t`` (n,), ``x`` (n, n_states), ``u`` (n, n_controls) to rates
+            (n, n_states). Several times faster where it is numpy code.
         name : str, optional
 
         Examples
@@ -197,6 +201,7 @@ class Model:
                 [(control, unit.get(control, "")) for control in controls],
                 list((kinematic or {}).items()),
                 [(state, float(value)) for state, value in (initial or {}).items()],
+                bool(vectorized),
             )
         )
 

@@ -1,0 +1,171 @@
+//! The power study for people: what these logs could reveal, from what size, and what would be taken for what.
+
+use crate::words::{effect_name, listed, number, with_unit};
+use gpsindy_core::diagnose::report::{PowerEffect, PowerReport, PowerRival};
+use maud::{Markup, html};
+
+/// How far an effect would be revealed; the order is that of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Reach {
+    /// By name, alone.
+    Named,
+    /// As a member of a group.
+    Grouped,
+    /// A gap, but another name or none.
+    Seen,
+    /// Nothing.
+    Hidden,
+}
+
+const REACHES: [(Reach, &str); 4] = [
+    (Reach::Named, "Would be named"),
+    (Reach::Grouped, "Would be named as one of a group"),
+    (Reach::Seen, "Would show as a gap, but not by name"),
+    (Reach::Hidden, "Would not show"),
+];
+
+fn reach(effect: &PowerEffect) -> Reach {
+    match (effect.named_from, effect.detected_from) {
+        (Some(_), _) if effect.group.is_empty() => Reach::Named,
+        (Some(_), _) => Reach::Grouped,
+        (None, Some(_)) => Reach::Seen,
+        (None, None) => Reach::Hidden,
+    }
+}
+
+/// `Coulomb friction of v`, `input delay of u`, `wrong parameter m`, `sensor bias of x`.
+fn name(effect: &PowerEffect) -> String {
+    place(&effect.effect, &effect.state, &effect.variables)
+}
+
+fn place(id: &str, state: &str, variables: &[String]) -> String {
+    let on = if variables.is_empty() { state.to_string() } else { variables.join(" and ") };
+    let word = if id == "parameter_error" { "" } else { "of " };
+    let name = format!("{} {word}{on}", effect_name(id));
+    let is_elsewhere = !variables.is_empty()
+        && !variables.iter().any(|v| v == state)
+        && !id.starts_with("input_")
+        && id != "parameter_error"
+        && id != "backlash";
+    if is_elsewhere { format!("{name} in {state}'") } else { name }
+}
+
+fn rival(rival: &PowerRival) -> String {
+    if rival.effect == "none" { "no cause".into() } else { place(&rival.effect, &rival.state, &rival.variables) }
+}
+
+/// The size from which, as `c = 0.2 m/s^2`; of a saturation the limit below which.
+fn size(effect: &PowerEffect, value: f64) -> String {
+    let value = with_unit(&number(value), &effect.unit);
+    match effect.effect.as_str() {
+        "parameter_error" => format!("{value} off"),
+        "input_saturation" => format!("{value} down"),
+        _ => format!("{} = {value}", effect.parameter),
+    }
+}
+
+/// How large the gap is at the smallest size that will do, in units of the noise.
+fn gap_at(effect: &PowerEffect, value: f64) -> f64 {
+    effect.trials.iter().find(|t| t.size == value).map_or(f64::NAN, |t| t.gap_to_noise)
+}
+
+fn doubts(effect: &PowerEffect) -> String {
+    let group: Vec<String> = effect.group.iter().map(|id| effect_name(id)).collect();
+    let mut parts = Vec::new();
+    if !group.is_empty() {
+        parts.push(format!("not told from {}", listed(&group, "or")));
+    }
+    let taken: Vec<String> = effect.confused_with.iter().take(2).map(rival).collect();
+    if !taken.is_empty() {
+        let when = if effect.named_from.is_some() { "when smaller taken for" } else { "taken for" };
+        parts.push(format!("{when} {}", listed(&taken, "or")));
+    }
+    if effect.named_from.is_none()
+        && effect.trials.is_empty()
+        && let Some(limit) = &effect.limit
+    {
+        parts.push(limit.clone());
+    }
+    parts.join("; ")
+}
+
+fn sorted(report: &PowerReport) -> Vec<(Reach, &PowerEffect)> {
+    let mut rows: Vec<(Reach, &PowerEffect)> = report.effects.iter().map(|e| (reach(e), e)).collect();
+    // Stable: the catalogue's order within each part.
+    rows.sort_by_key(|r| r.0);
+    rows
+}
+
+fn preface(report: &PowerReport) -> String {
+    let null = &report.null;
+    let alarms = match null.draws {
+        0 => String::new(),
+        n => format!(
+            " Of {n} copies without any effect {} showed a gap and {} a cause.",
+            number(null.alarms as f64),
+            number(null.included as f64)
+        ),
+    };
+    format!(
+        "Each effect was planted in simulated copies of these logs, withheld, and the copies diagnosed. Sizes are the smallest of those tried.{alarms}"
+    )
+}
+
+/// Lines for a terminal: a heading and its text, or a row and nothing.
+pub(crate) fn lines(report: &PowerReport) -> Vec<String> {
+    let mut lines = vec![preface(report)];
+    for (part, title) in REACHES {
+        let rows: Vec<&PowerEffect> = sorted(report).into_iter().filter(|r| r.0 == part).map(|r| r.1).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        lines.push(format!("{title}:"));
+        let width = rows.iter().map(|e| name(e).chars().count()).max().unwrap_or(0).min(40);
+        for effect in rows {
+            let from = effect.named_from.or(effect.detected_from);
+            let from = from.map(|v| format!("from {} ({:.1} x noise)", size(effect, v), gap_at(effect, v)));
+            let rest: Vec<String> = from.into_iter().chain([doubts(effect)]).filter(|s| !s.is_empty()).collect();
+            lines.push(format!("  {:<width$}  {}", name(effect), rest.join("; ")));
+        }
+    }
+    lines
+}
+
+/// The section of the page.
+pub(crate) fn section(report: &PowerReport) -> Markup {
+    html! {
+        section {
+            h2 { "What could these logs reveal?" }
+            p { (preface(report)) }
+            div.wide { table.stack.power {
+                thead { tr { th scope="col" { "planted effect" } th.n scope="col" { "gap seen from" } th.n scope="col" { "named from" }
+                    th scope="col" { "doubts" } } }
+                @for (part, title) in REACHES {
+                    @let rows: Vec<&PowerEffect> = sorted(report).into_iter().filter(|r| r.0 == part).map(|r| r.1).collect();
+                    @if !rows.is_empty() {
+                        tbody {
+                            tr { th.part colspan="4" scope="rowgroup" { (title) } }
+                            @for effect in rows { tr {
+                                th scope="row" { (name(effect)) }
+                                td.n data-label="gap seen from" { (cell(effect, effect.detected_from)) }
+                                td.n data-label="named from" { (cell(effect, effect.named_from)) }
+                                td.text data-label="doubts" { (doubts(effect)) }
+                            } }
+                        }
+                    }
+                }
+            } }
+            p.soft { "In brackets: what the nominal model would miss without noise, root mean square, in units of the noise. "
+                "An effect counts as named where it, or a group with it, was the first cause in every copy." }
+        }
+    }
+}
+
+fn cell(effect: &PowerEffect, value: Option<f64>) -> Markup {
+    html! {
+        @match value {
+            Some(value) => { (size(effect, value)) " " span.soft { "(" (format!("{:.1}", gap_at(effect, value))) ")" } }
+            None => "–"
+        }
+    }
+}
