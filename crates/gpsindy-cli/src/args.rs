@@ -47,7 +47,7 @@ pub(crate) enum Command {
     Simulate(simulate::Simulate),
     Score(score::Score),
     Export(export::Export),
-    Diagnose(diagnose::Diagnose),
+    Diagnose(Box<diagnose::Diagnose>),
     Exam(exam::Exam),
     Effects(effects::Effects),
     Demo(demo::Demo),

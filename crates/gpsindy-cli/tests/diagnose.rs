@@ -129,6 +129,36 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
 }
 
 #[test]
+fn a_simulator_of_which_there_are_only_logs_is_identified_first() {
+    let folder = lab(0.3);
+    for (i, start) in [1.5, 2.5, 3.0, 2.0, 1.0, 2.8].into_iter().enumerate() {
+        folder.write(&format!("sim_{}.csv", i + 1), &coast(start, 0.0));
+    }
+    let sims = "--simulated sim_1.csv sim_2.csv sim_3.csv sim_4.csv sim_5.csv sim_6.csv --state v --degree 1";
+    let ran = folder.run(&format!("diagnose {LOGS} {SUSPECTS} {sims} --out report --quiet")).done();
+    assert!(ran.stdout.starts_with("EXPLAINED"), "{}", ran.stdout);
+    let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
+    assert_eq!(report["causes"][0]["effect"], "quadratic_drag");
+    assert!(folder.read("report/simulator.toml").contains("gpsindy.model/1"));
+    let ran = folder.run(&format!("diagnose {LOGS} --simulated sim_1.csv run_1.csv --state v"));
+    assert!(ran.refused().starts_with("run_1.csv is both a log of the machine and one of --simulated"), "{ran:?}");
+}
+
+#[test]
+fn a_power_study_says_what_the_logs_could_reveal() {
+    let folder = lab(0.0);
+    let suspects = "--effects quadratic_drag,bias --power --out report --quiet";
+    let ran = folder.run(&format!("diagnose slider.toml {LOGS} {suspects}")).done();
+    assert!(ran.stdout.contains("\nPower    Each effect was planted"), "{}", ran.stdout);
+    let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
+    assert_eq!(report["power"]["null"]["draws"], 20);
+    assert_eq!(report["power"]["effects"].as_array().unwrap().len(), 2);
+    assert!(folder.read("report/report.html").contains("What could these logs reveal?"));
+    let one = folder.run(&format!("diagnose slider.toml {LOGS} {suspects} --json --threads 1")).done().stdout;
+    assert_eq!(folder.run(&format!("diagnose slider.toml {LOGS} {suspects} --json --threads 3")).done().stdout, one);
+}
+
+#[test]
 fn an_exam_reads_the_answers_last_and_rates_the_diagnoses() {
     let folder = lab(0.3);
     for case in ["case_1", "case_2"] {

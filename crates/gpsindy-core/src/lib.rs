@@ -14,6 +14,7 @@ pub mod gp;
 mod identify;
 pub mod library;
 mod model;
+mod paired;
 mod progress;
 mod refine;
 pub mod regress;
@@ -32,6 +33,7 @@ pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
     State, System,
 };
+pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
 pub use refine::{Experiment, Free, Hold, Log, Refine, Refined, Window};
 pub use score::{Errors, Score, Scoring, StateError, score};

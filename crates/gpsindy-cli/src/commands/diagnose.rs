@@ -1,13 +1,14 @@
 //! `gpsindy diagnose`: where a simulator is wrong, why, and how far a correction helps.
 
 use crate::args::{AutoHold, Columns};
-use crate::commands::model_dataset;
+use crate::commands::identify::{LibraryOptions, all_states};
+use crate::commands::{check_states, chosen, dataset, model_dataset};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
-use gpsindy_core::{Dataset, Model};
+use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
 use gpsindy_files::{Logs, model_to_toml, read_effects, read_model, write_whole};
 use std::path::{Path, PathBuf};
 
@@ -21,10 +22,10 @@ use std::path::{Path, PathBuf};
     before_help = "Example: gpsindy diagnose simulator.toml run_1.csv run_2.csv --holdout run_3.csv --out diagnosis"
 )]
 pub(crate) struct Diagnose {
-    /// The nominal model (TOML or JSON)
+    /// The nominal model (TOML or JSON); with --simulated the first log of the machine
     model: PathBuf,
     /// Logs of the machine (CSV)
-    #[arg(required = true, value_name = "LOG")]
+    #[arg(required_unless_present = "simulated", value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// Logs to verify on
     #[arg(long, num_args = 1.., value_name = "LOG")]
@@ -39,6 +40,25 @@ pub(crate) struct Diagnose {
     options: Options,
     #[command(flatten)]
     columns: Columns,
+    #[command(flatten)]
+    simulator: SimulatorOptions,
+}
+
+/// A simulator of which there are only logs.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Simulator of which there are only logs")]
+struct SimulatorOptions {
+    /// Logs of the simulator in place of MODEL, best of the same runs: a model is identified from them first, and must follow held-out ones
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    simulated: Vec<PathBuf>,
+    /// Columns of the simulator's logs that are states [default: every column of numbers that is no control]
+    #[arg(long, value_name = "COLUMN", requires = "simulated")]
+    state: Vec<String>,
+    /// Columns that are controls
+    #[arg(long, value_name = "COLUMN", requires = "simulated")]
+    control: Vec<String>,
+    #[command(flatten)]
+    library: LibraryOptions,
 }
 
 /// How a diagnosis is made.
@@ -79,6 +99,7 @@ impl Options {
             most_effects: self.most_effects,
             hold: self.hold.into(),
             power: None,
+            model_error: Vec::new(),
         })
     }
 }
@@ -87,18 +108,32 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
     if let Some(folder) = command.out.as_deref().filter(|folder| folder.exists() && !folder.is_dir()) {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
-    if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {
+    let simulated = &command.simulator.simulated;
+    let mut train: Vec<PathBuf> = command.logs.clone();
+    if !simulated.is_empty() {
+        train.insert(0, command.model.clone());
+    }
+    if let Some(twice) = train.iter().find(|log| command.holdout.contains(log)) {
         return Err(Failure::input(format!("{} is both a log to learn from and one of --holdout", twice.display())));
+    }
+    if let Some(twice) = train.iter().chain(&command.holdout).find(|log| simulated.contains(log)) {
+        return Err(Failure::input(format!("{} is both a log of the machine and one of --simulated", twice.display())));
     }
     let power = command.power.then(|| Power { seed, ..Power::default() });
     let settings = Settings { power, ..command.options.settings()? };
-    let model = read_model(&command.model)?;
-    let (train, holdout) = logs(&model, &command.logs, &command.holdout, &command.columns, screen)?;
-    let progress = screen.progress();
-    let diagnosed = settings.run(&model, &train, &holdout, &progress)?;
-    drop(progress);
+    let (diagnosed, identified) = if simulated.is_empty() {
+        let model = read_model(&command.model)?;
+        let (train, holdout) = logs(&model, &train, &command.holdout, &command.columns, screen)?;
+        (settings.run(&model, &train, &holdout, &screen.progress())?, None)
+    } else {
+        let (diagnosed, model) = paired(command, settings, &train, seed, screen)?;
+        (diagnosed, Some(model))
+    };
     if let Some(folder) = &command.out {
         write(folder, &diagnosed)?;
+        if let Some(model) = &identified {
+            gpsindy_files::write_model(&folder.join("simulator.toml"), model)?;
+        }
     }
     if screen.json() {
         return screen.out(&report_json(&diagnosed.diagnosis)?);
@@ -111,6 +146,44 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
             Ok(())
         }
     }
+}
+
+/// The diagnosis of a simulator of which there are only logs, and the model that was identified from them.
+fn paired(
+    command: &Diagnose,
+    settings: Settings,
+    train: &[PathBuf],
+    seed: u64,
+    screen: &Screen,
+) -> Outcome<(Diagnosed, Model)> {
+    let options = &command.simulator;
+    let simulated = Logs::read(&options.simulated, &command.columns.options())?;
+    let controls = chosen(&simulated, &options.control)?;
+    let mut states = chosen(&simulated, &options.state)?;
+    if states.is_empty() {
+        states = all_states(&simulated, &controls, screen);
+    }
+    if let Some(twice) = states.iter().find(|name| controls.contains(name)) {
+        return Err(Failure::input(format!("column `{twice}` has two roles; name it in one option")));
+    }
+    let (library, constraints) = options.library.settings()?;
+    let real = |paths: &[PathBuf]| -> Outcome<Dataset> {
+        let logs = Logs::read(paths, &command.columns.options())?;
+        for log in logs.files() {
+            check_states(log, &states)?;
+        }
+        dataset(&logs, &controls, &states, &command.columns, screen)
+    };
+    let train = real(train)?;
+    let (train, holdout) =
+        if command.holdout.is_empty() { hold_out(&train)? } else { (train, real(&command.holdout)?) };
+    let needed: Vec<String> = states.iter().chain(&controls).cloned().collect();
+    let simulated = dataset(&simulated, &needed, &[], &command.columns, screen)?;
+    let hold: Option<Hold> = settings.hold;
+    let identify = Identify { states, controls, library, constraints, hold, seed, ..Identify::default() };
+    let found = Paired { identify, diagnose: settings, ..Paired::default() };
+    let found = found.run(&simulated, &train, &holdout, &screen.progress())?;
+    Ok((found.diagnosed, found.model))
 }
 
 /// The logs to learn from and those to verify on.

@@ -8,7 +8,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::{aligned, count, short};
 use clap::{Args, ValueEnum};
-use gpsindy_core::library::{Fixed, Forbidden, LibrarySettings, Signed};
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, LibrarySettings, Signed};
 use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
 use gpsindy_core::{Choice, Delay, Identification, Identify as Settings, Target};
 use gpsindy_core::{Dataset, Differentiation, Hold, Score, Scoring, SecondStage, Simulate, Smoother, score};
@@ -50,7 +50,7 @@ pub(crate) struct Identify {
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Candidate terms")]
-struct LibraryOptions {
+pub(crate) struct LibraryOptions {
     /// Highest degree of the polynomials, 0 to 9
     #[arg(long, value_name = "N", default_value_t = 3)]
     degree: usize,
@@ -198,9 +198,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     let mut settings = settings(command, &logs, seed)?;
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();
     if settings.states.is_empty() {
-        let taken = |name: &String| settings.controls.contains(name) || rates.contains(name);
-        settings.states = logs.numeric_columns().into_iter().filter(|name| !taken(name)).collect();
-        screen.note(&format!("states: {} (all columns of numbers; choose with --state)", settings.states.join(", ")));
+        settings.states = all_states(&logs, &[&settings.controls[..], &rates[..]].concat(), screen);
     }
     let needed: Vec<String> = [&settings.states[..], &settings.controls[..], &rates[..]].concat();
     if let Some(twice) = needed.iter().enumerate().find(|(i, name)| needed[..*i].contains(name)) {
@@ -231,6 +229,37 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     }
 }
 
+/// Every column of numbers but those `taken`.
+pub(crate) fn all_states(logs: &Logs, taken: &[String], screen: &Screen) -> Vec<String> {
+    let states: Vec<String> = logs.numeric_columns().into_iter().filter(|name| !taken.contains(name)).collect();
+    screen.note(&format!("states: {} (all columns of numbers; choose with --state)", states.join(", ")));
+    states
+}
+
+impl LibraryOptions {
+    /// Candidate terms, and what is known of the equations beforehand.
+    pub(crate) fn settings(&self) -> Outcome<(LibrarySettings, Constraints)> {
+        let library = LibrarySettings {
+            degree: self.degree,
+            trig: self.trig,
+            products: self.products,
+            extra: self.term.clone(),
+            ..LibrarySettings::default()
+        };
+        let mut constraints = Constraints::default();
+        for text in &self.fix {
+            constraints.fixed.push(Fixed::parse(text).map_err(|e| Failure::input(format!("--fix: {e}")))?);
+        }
+        for text in &self.forbid {
+            constraints.forbidden.push(Forbidden::parse(text).map_err(|e| Failure::input(format!("--forbid: {e}")))?);
+        }
+        for text in &self.sign {
+            constraints.signed.push(Signed::parse(text).map_err(|e| Failure::input(format!("--sign: {e}")))?);
+        }
+        Ok((library, constraints))
+    }
+}
+
 /// The settings that the options ask for; states are left empty where no option names them.
 fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     let (library, method) = (&command.library, &command.method);
@@ -244,23 +273,7 @@ fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     for (state, column) in &command.derivative {
         settings.derivatives.push((logs.resolve(state)?, logs.resolve(column)?));
     }
-    settings.library = LibrarySettings {
-        degree: library.degree,
-        trig: library.trig,
-        products: library.products,
-        extra: library.term.clone(),
-        ..LibrarySettings::default()
-    };
-    let constraints = &mut settings.constraints;
-    for text in &library.fix {
-        constraints.fixed.push(Fixed::parse(text).map_err(|e| Failure::input(format!("--fix: {e}")))?);
-    }
-    for text in &library.forbid {
-        constraints.forbidden.push(Forbidden::parse(text).map_err(|e| Failure::input(format!("--forbid: {e}")))?);
-    }
-    for text in &library.sign {
-        constraints.signed.push(Signed::parse(text).map_err(|e| Failure::input(format!("--sign: {e}")))?);
-    }
+    (settings.library, settings.constraints) = library.settings()?;
     match method.smoother {
         Some(Smoothing::None) => settings.smoother = None,
         Some(Smoothing::Gp) => settings.smoother = Some(Smoother::default()),

@@ -20,6 +20,8 @@ pub(crate) struct Fitted {
     pub(crate) refined: Refined,
     pub(crate) jacobian: Jacobian,
     pub(crate) colours: Vec<Colour>,
+    /// Mean squared structure (noise units) that the model owes to its own making and not to the machine.
+    pub(crate) model_error: f64,
 }
 
 /// The parameters that the user believes in up to a tolerance, free with that belief.
@@ -41,7 +43,22 @@ impl Fitted {
         let (refined, jacobian) =
             settings.fit_with_jacobian(&system, &experiment, &system.parameter_values(), &free, None)?;
         let colours = colours(&refined.residuals, experiment.columns.len());
-        Ok(Self { hypotheses: Vec::new(), added: Vec::new(), system, experiment, free, refined, jacobian, colours })
+        Ok(Self {
+            hypotheses: Vec::new(),
+            added: Vec::new(),
+            system,
+            experiment,
+            free,
+            refined,
+            jacobian,
+            colours,
+            model_error: 0.0,
+        })
+    }
+
+    /// Mean squared structure (noise units) that no test calls a gap.
+    pub(crate) fn negligible(&self) -> f64 {
+        super::settle::NEGLIGIBLE + self.model_error
     }
 
     /// One more hypothesis, fitted from `values` of its parameters.
@@ -78,7 +95,8 @@ impl Fitted {
         hypotheses.push(hypothesis.clone());
         let mut added = self.added.clone();
         added.push(applied.fitted.clone());
-        Ok(Self { hypotheses, added, system, experiment, free, refined, jacobian, colours })
+        let model_error = self.model_error;
+        Ok(Self { hypotheses, added, system, experiment, free, refined, jacobian, colours, model_error })
     }
 
     /// The same contestant, its fit carried on.

@@ -32,7 +32,7 @@ use crate::data::Dataset;
 use crate::error::{Error, Result};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
-use crate::refine::{Hold, Refine};
+use crate::refine::{Experiment, Hold, Refine};
 use fitted::Fitted;
 use scene::Scene;
 use search::Contest;
@@ -48,6 +48,7 @@ use std::sync::Arc;
 /// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals, and of the detection |
 /// | `most_effects` | 4 | 1 to 6 | effects together, at most |
 /// | `hold` | estimated | | what the control does between samples |
+/// | `model_error` | none | at least 0 | what the model itself misses of the simulator, in the column's unit |
 /// | `power` | none | | also study which effects these logs could reveal |
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnose {
@@ -63,6 +64,9 @@ pub struct Diagnose {
     pub most_effects: usize,
     /// What controls do between samples; estimated where absent.
     pub hold: Option<Hold>,
+    /// State and root mean square by which the model misses the simulator that it stands for, in the column's unit: a gap of
+    /// that size is none. For a model that was identified from the simulator's logs.
+    pub model_error: Vec<(String, f64)>,
     /// Whether and how to study which effects these logs could reveal.
     pub power: Option<Power>,
 }
@@ -76,6 +80,7 @@ impl Default for Diagnose {
             confidence: 0.95,
             most_effects: 4,
             hold: None,
+            model_error: Vec::new(),
             power: None,
         }
     }
@@ -154,7 +159,8 @@ impl Diagnose {
         // Prepare: noise, outliers, hold, windows, integration steps.
         let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;
         let tolerated = fitted::tolerated(model);
-        let nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
+        let mut nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
+        nominal.model_error = self.error_of(model, &nominal.experiment);
         let scene = Scene::new(system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
 
         // Detect and attribute: does any suspect, or any smooth function, explain more than noise would; and which?
@@ -182,6 +188,14 @@ impl Diagnose {
             diagnosed.diagnosis.power = Some(study.run(nominal, &outcome.best, train, holdout)?);
         }
         Ok(diagnosed)
+    }
+
+    /// Mean square of the model's own error over the logged columns, in units of their noise.
+    fn error_of(&self, model: &Model, experiment: &Experiment) -> f64 {
+        let of = |&state: &usize| self.model_error.iter().find(|(name, _)| *name == model.states[state].name);
+        let errors = experiment.columns.iter().map(of).zip(&experiment.noise);
+        let sum: f64 = errors.map(|(error, noise)| error.map_or(0.0, |(_, rms)| (rms / noise).powi(2))).sum();
+        sum / experiment.columns.len() as f64
     }
 
     fn check(&self) -> Result<()> {

@@ -243,7 +243,7 @@ impl Table<'_> {
             }
             size = size.saturating_add_signed(way);
         }
-        rivals.sort_by(|a, b| b.draws.cmp(&a.draws));
+        rivals.sort_by_key(|r| std::cmp::Reverse(r.draws));
         found.trials.sort_by(|a, b| a.gap_to_noise.total_cmp(&b.gap_to_noise));
         found.detected_from = smallest(&found.trials, |t| t.detected == t.draws);
         found.named_from = smallest(&found.trials, |t| t.named == t.draws);

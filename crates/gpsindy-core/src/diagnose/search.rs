@@ -64,7 +64,7 @@ impl Expansion {
     /// Chance that noise and negligible structure give as large a gain somewhere in the search (Bonferroni).
     pub(crate) fn p_value(&self, at: &Fitted) -> f64 {
         let (count, spent) = (at.count(), at.spent());
-        let allowed = super::settle::NEGLIGIBLE * count as f64;
+        let allowed = at.negligible() * count as f64;
         let best = self
             .screened
             .iter()
@@ -227,7 +227,7 @@ impl Contest<'_> {
     pub(crate) fn is_convincing(&self, richer: &Fitted, simpler: &Fitted) -> bool {
         let evidence = self.score(richer) - self.score(simpler);
         let removed = simpler.misfit() - richer.misfit();
-        evidence > CONVINCING && removed > MATERIAL * richer.misfit().min(1.0)
+        evidence > CONVINCING && removed > MATERIAL * richer.misfit().min(1.0) + simpler.model_error
     }
 
     /// Gain and degrees of freedom of every rival at `base`, under coloured noise.

@@ -137,7 +137,7 @@ pub(crate) fn reconsider_hold(
 /// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
 fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
     let (count, spent) = (at.count(), at.spent());
-    let allowed = NEGLIGIBLE * count as f64;
+    let allowed = at.negligible() * count as f64;
     let tail =
         |&(gain, degrees): &(f64, usize)| gain_tail(with_fitted_level(gain - allowed, count), degrees, count, spent);
     (gains.iter().map(tail).fold(1.0, f64::min) * gains.len() as f64).min(1.0)
@@ -145,11 +145,12 @@ fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
 
 fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
     let moved = nominal.moved().into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
-    let strained =
-        (chi_squared_tail(moved - NEGLIGIBLE * nominal.count() as f64, 1) * nominal.free.len().max(1) as f64).min(1.0);
+    let strained = (chi_squared_tail(moved - nominal.negligible() * nominal.count() as f64, 1)
+        * nominal.free.len().max(1) as f64)
+        .min(1.0);
     // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
     let count = nominal.count();
-    let allowed = NEGLIGIBLE * count as f64;
+    let allowed = nominal.negligible() * count as f64;
     let refitted = first.fits.iter().map(|fit| {
         let gain = 2.0 * (log_likelihood(&fit.colours) - log_likelihood(&nominal.colours));
         gain_tail(gain - allowed, fit.complexity(), count, nominal.spent())
