@@ -6,7 +6,7 @@ use crate::model::{PyModel, hold_of};
 use crate::watch::Watch;
 use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Effect, Power, hold_out};
-use gpsindy_core::{Dataset, Expression};
+use gpsindy_core::{Dataset, Expression, Paired};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -15,34 +15,61 @@ use std::sync::Arc;
 /// (id, state, form, [(parameter, low, high, unit)])
 type Custom = (String, String, String, Vec<(String, f64, f64, String)>);
 
-/// The report as JSON, and the corrected model.
-#[pyfunction]
-#[allow(clippy::too_many_arguments)]
-pub(crate) fn diagnose(
-    py: Python<'_>,
-    model: &Bound<'_, PyModel>,
-    train: &Bound<'_, PyDataset>,
-    holdout: Option<&Bound<'_, PyDataset>>,
+/// How a diagnosis is made, handed over by name.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Options {
     effects: Vec<String>,
     without: Vec<String>,
     custom: Vec<Custom>,
     confidence: f64,
     most_effects: usize,
-    hold: Option<&str>,
+    hold: Option<String>,
+    /// Seed of the power study, where one is wanted.
     power: Option<u64>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<(String, PyModel)> {
-    let hold = hold.map(hold_of).transpose()?;
-    let custom = custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?;
-    let power = power.map(|seed| Power { seed, ..Power::default() });
-    let settings = Diagnose { effects, without, custom, confidence, most_effects, hold, power };
-    let (train, holdout): (Arc<Dataset>, Arc<Dataset>) = match holdout {
-        Some(holdout) => (train.get().0.clone(), holdout.get().0.clone()),
+}
+
+impl Options {
+    fn settings(self) -> PyResult<Diagnose> {
+        Ok(Diagnose {
+            effects: self.effects,
+            without: self.without,
+            custom: self.custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?,
+            confidence: self.confidence,
+            most_effects: self.most_effects,
+            hold: self.hold.as_deref().map(hold_of).transpose()?,
+            power: self.power.map(|seed| Power { seed, ..Power::default() }),
+            ..Diagnose::default()
+        })
+    }
+}
+
+/// Logs to learn from and to verify on.
+fn split(
+    train: &Bound<'_, PyDataset>,
+    holdout: Option<&Bound<'_, PyDataset>>,
+) -> PyResult<(Arc<Dataset>, Arc<Dataset>)> {
+    match holdout {
+        Some(holdout) => Ok((train.get().0.clone(), holdout.get().0.clone())),
         None => {
             let (train, holdout) = hold_out(&train.get().0).map_err(error)?;
-            (train.into(), holdout.into())
+            Ok((train.into(), holdout.into()))
         }
-    };
+    }
+}
+
+/// The report as JSON, and the corrected model.
+#[pyfunction]
+pub(crate) fn diagnose(
+    py: Python<'_>,
+    model: &Bound<'_, PyModel>,
+    train: &Bound<'_, PyDataset>,
+    holdout: Option<&Bound<'_, PyDataset>>,
+    options: Options,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, PyModel)> {
+    let settings = options.settings()?;
+    let (train, holdout) = split(train, holdout)?;
     let model = model.get();
     let watch = Arc::new(Watch::default());
     let dynamics = model.dynamics(py, &watch);
@@ -55,6 +82,29 @@ pub(crate) fn diagnose(
     let simulator = model.simulator.as_ref().map(|s| s.clone_ref(py));
     let augmented = PyModel { model: diagnosed.augmented, simulator };
     Ok((serde_json::to_string_pretty(&diagnosed.diagnosis).map_err(internal)?, augmented))
+}
+
+/// The same for a simulator of which there are only logs.
+#[pyfunction]
+pub(crate) fn diagnose_paired(
+    py: Python<'_>,
+    simulated: &Bound<'_, PyDataset>,
+    identify: crate::identify::Settings,
+    train: &Bound<'_, PyDataset>,
+    holdout: Option<&Bound<'_, PyDataset>>,
+    options: Options,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, PyModel)> {
+    let simulated = simulated.get().0.clone();
+    let settings =
+        Paired { identify: identify.identify(&simulated)?, diagnose: options.settings()?, ..Paired::default() };
+    let (train, holdout) = split(train, holdout)?;
+    let watch = Arc::new(Watch::default());
+    let listening = watch.clone();
+    let work = move || settings.run(&simulated, &train, &holdout, listening.as_ref());
+    let found = watch.run(py, progress.as_ref(), work)?;
+    let report = serde_json::to_string_pretty(&found.diagnosed.diagnosis).map_err(internal)?;
+    Ok((report, found.diagnosed.augmented.into()))
 }
 
 /// The self-contained page of a report.

@@ -48,7 +48,7 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    fn identify(self, data: &Dataset) -> PyResult<Identify> {
+    pub(crate) fn identify(self, data: &Dataset) -> PyResult<Identify> {
         self.check_names().map_err(error)?;
         let kernel = smoother(&self.kernel)?;
         let hold = self.hold.as_deref().map(hold_of).transpose()?;

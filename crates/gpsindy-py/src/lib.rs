@@ -28,7 +28,7 @@ mod _gpsindy {
     #[pymodule_export]
     use super::dataset::{PyDataset, parse_header};
     #[pymodule_export]
-    use super::diagnose::{diagnose, effects, read_effects, render, summary, write_whole};
+    use super::diagnose::{diagnose, diagnose_paired, effects, read_effects, render, summary, write_whole};
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

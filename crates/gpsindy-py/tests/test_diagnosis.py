@@ -171,3 +171,107 @@ def test_the_catalogue_has_the_effects_of_the_contract():
     catalogue = {effect.id: effect for effect in gpsindy.effects()}
     assert len(catalogue) >= 25
     assert catalogue["input_delay"].form == "u becomes delay(u, tau)"
+
+
+def pendulum(t, x, u):
+    """Rates of many pendulums at once, as rows."""
+    assert t.shape == (len(x),) and x.shape[1:] == (2,) and u.shape == (len(x), 1)
+    return np.column_stack([x[:, 1], -6.0 * np.sin(x[:, 0]) - 0.2 * x[:, 1] + u[:, 0]])
+
+
+def pendulum_log(seed: int, friction: float = 0.4):
+    """25 Hz log of that pendulum with dry friction, 40 fine steps between samples, noise 0.003."""
+    rng = np.random.default_rng(seed)
+    torque = np.repeat(rng.uniform(-3.0, 3.0, 8), 15)
+    x, rows = np.array([0.3, 0.0]), []
+    for i, u in enumerate(torque):
+        rows.append((0.04 * i, *x, u))
+        for _ in range(40):
+            rate = pendulum(np.zeros(1), x[None], np.array([[u]]))[0]
+            x = x + 0.001 * (rate - np.array([0.0, friction * np.tanh(x[1] / 0.01)]))
+    t, phi, omega, u = np.array(rows).T
+    noise = 0.003 * rng.standard_normal((2, len(t)))
+    return {"t": t, "phi": phi + noise[0], "omega": omega + noise[1], "u": u}
+
+
+CALLABLE = {"states": ["phi", "omega"], "controls": ["u"], "kinematic": {"phi": "omega"}, "most_effects": 1, "hold": "zero"}
+FEW = ["coulomb_friction", "viscous_friction", "bias"]
+
+
+def test_a_callable_that_takes_rows_gives_the_same_diagnosis_with_fewer_calls():
+    logs = [pendulum_log(seed) for seed in range(3)]
+    calls = {"rows": 0, "one": 0}
+
+    def rows(t, x, u):
+        calls["rows"] += 1
+        return pendulum(t, x, u)
+
+    def one(t, x, u):
+        calls["one"] += 1
+        return pendulum(np.array([t]), x[None], u[None])[0]
+
+    many = gpsindy.diagnose(rows, logs, vectorized=True, effects=FEW, **CALLABLE)
+    single = gpsindy.diagnose(one, logs, effects=FEW, **CALLABLE)
+    assert many.to_json() == single.to_json()
+    assert many.included[0].effect == "coulomb_friction"
+    assert calls["rows"] < 0.5 * calls["one"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "found"),
+    [
+        (lambda t, x, u: np.zeros((len(x), 3)), r"found shape \(\d+, 3\) of float64"),
+        (lambda t, x, u: np.zeros(2), r"found shape \(2,\) of float64"),
+        (lambda t, x, u: np.zeros((len(x), 2), dtype=np.float32), r"found shape \(\d+, 2\) of float32"),
+        (lambda t, x, u: None, "found <class 'NoneType'>"),
+    ],
+)
+def test_rows_of_the_wrong_shape_are_one_error(answer, found):
+    with pytest.raises(ValueError, match=r"vectorized=True f\(t, x, u\) must return rates of shape \(n, 2\).*" + found):
+        gpsindy.diagnose(answer, [pendulum_log(0)], vectorized=True, effects=FEW, **CALLABLE)
+
+
+def test_what_a_callable_of_rows_raises_comes_through():
+    class Own(Exception):
+        pass
+
+    error = Own("the simulator's licence has run out")
+
+    def fails(t, x, u):
+        raise error
+
+    with pytest.raises(Own) as caught:
+        gpsindy.diagnose(fails, [pendulum_log(0)], vectorized=True, effects=FEW, **CALLABLE)
+    assert caught.value is error
+
+
+def test_a_power_study_says_what_the_logs_could_reveal():
+    model = gpsindy.Model.from_toml(
+        'schema = "gpsindy.model/1"\nname = "pendulum"\n'
+        '[[state]]\nname = "phi"\nequation = "omega"\n'
+        '[[state]]\nname = "omega"\nequation = "-6*sin(phi) - 0.2*omega + u"\n'
+        '[[control]]\nname = "u"\n'
+    )
+    logs = [pendulum_log(seed, friction=0.0) for seed in range(3)]
+    found = gpsindy.diagnose(model, logs, effects=["coulomb_friction", "bias"], power=True, seed=3)
+    assert found.power is not None and found.power["seed"] == 3
+    friction = next(e for e in found.power["effects"] if e["effect"] == "coulomb_friction")
+    assert friction["named_from"] > 0
+    assert "Would be named" in found.summary()
+    assert gpsindy.diagnose(model, logs, effects=["bias"]).power is None
+
+
+def test_a_simulator_of_which_there_are_only_logs():
+    simulated = [pendulum_log(seed, friction=0.0) for seed in range(6)]
+    real = [pendulum_log(seed) for seed in range(4)]
+    names = {"states": ["phi", "omega"], "controls": ["u"]}
+    settings = gpsindy.GPSINDy(degree=1, trig=True, fix=["phi' = omega"])
+    found = gpsindy.diagnose(settings, real, simulated=simulated, effects=FEW, hold="zero", **names)
+    assert found.included[0].effect == "coulomb_friction"
+    assert "identified from its logs" in found.notes[0]
+    with pytest.raises(ValueError, match="hand in None or a GPSINDy"):
+        gpsindy.diagnose("model.toml", real, simulated=simulated, **names)
+    with pytest.raises(ValueError, match="states: simulated logs need the names"):
+        gpsindy.diagnose(None, real, simulated=simulated)
+    with pytest.raises(ValueError, match="None goes with simulated"):
+        gpsindy.diagnose(None, real)

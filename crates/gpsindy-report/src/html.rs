@@ -8,6 +8,9 @@ use crate::words::{
 use gpsindy_core::diagnose::report::{Cause, Closure, Diagnosis, Figures, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+/// Probability below which a cause that is not included is left to the JSON.
+const WORTH: f64 = 0.001;
+
 /// Figures of one kind that stand open on the page; the others are folded.
 const OPEN_FIGURES: usize = 4;
 
@@ -132,10 +135,10 @@ fn place(report: &Diagnosis, counter: &mut Counter) -> Markup {
             h3 { "Over time" }
             @if gap.by_window.is_empty() { p { "The gap does not gather in any stretch of time." } } @else {
                 div.wide { table {
-                    thead { tr { th scope="col" { "run" } th scope="col" { "time" } th.n scope="col" { "share" } th.bars { } } }
+                    thead { tr { th scope="col" { "run" } th.n scope="col" { "time" } th.n scope="col" { "share" } th.bars { } } }
                     tbody { @for row in &gap.by_window { tr {
                         th scope="row" { (row.run) }
-                        td { (number(row.from)) " s to " (number(row.to)) " s" }
+                        td.n { (number(row.from)) " s to " (number(row.to)) " s" }
                         td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
                     } } }
                 } }
@@ -160,11 +163,11 @@ fn causes(report: &Diagnosis) -> Markup {
     html! {
         section {
             h2 { "Which effect causes it?" }
-            @if report.causes.is_empty() {
+            @if !report.causes.iter().any(|c| c.included || c.probability >= WORTH) {
                 p { @if report.verdict == Verdict::NoGap { "There is no gap, so no cause is sought." }
                     @else { "No effect of the catalogue came into question." } }
             } @else {
-                ol.causes { @for cause in &report.causes { (one_cause(cause)) } }
+                ol.causes { @for cause in report.causes.iter().filter(|c| c.included || c.probability >= WORTH) { (one_cause(cause)) } }
             }
             @if !report.excluded.is_empty() {
                 h3 { "Excluded" }
@@ -216,13 +219,13 @@ fn closure(report: &Diagnosis, counter: &mut Counter) -> Markup {
             (totals(closure))
             @if !closure.by_state.is_empty() {
                 h3 { "By logged column" }
-                div.wide { table {
+                div.wide { table.stack {
                     thead { tr { th scope="col" { "column" } th.n scope="col" { "nominal" } th.n scope="col" { "augmented" }
                         th.n scope="col" { "noise floor" } } }
                     tbody { @for row in &closure.by_state { tr {
                         th scope="row" { code { (row.state) } }
-                        @for value in [row.before, row.after, row.floor] {
-                            td.n { (with_unit(&number_or(value, "diverged"), if value.is_some() { &row.unit } else { "" })) }
+                        @for (name, value) in [("nominal", row.before), ("augmented", row.after), ("noise floor", row.floor)] {
+                            td.n data-label=(name) { (with_unit(&number_or(value, "diverged"), if value.is_some() { &row.unit } else { "" })) }
                         }
                     } } }
                 } }

@@ -51,7 +51,11 @@ fn place(id: &str, state: &str, variables: &[String]) -> String {
 }
 
 fn rival(rival: &PowerRival) -> String {
-    if rival.effect == "none" { "no cause".into() } else { place(&rival.effect, &rival.state, &rival.variables) }
+    if rival.effect == "none" {
+        "a gap without a cause".into()
+    } else {
+        place(&rival.effect, &rival.state, &rival.variables)
+    }
 }
 
 /// The size from which, as `c = 0.2 m/s^2`; of a saturation the limit below which.
@@ -164,8 +168,8 @@ pub(crate) fn section(report: &PowerReport) -> Markup {
 fn cell(effect: &PowerEffect, value: Option<f64>) -> Markup {
     html! {
         @match value {
-            Some(value) => { (size(effect, value)) " " span.soft { "(" (format!("{:.1}", gap_at(effect, value))) ")" } }
-            None => "–"
+            Some(value) => span { (size(effect, value)) " " span.soft { "(" (format!("{:.1}", gap_at(effect, value))) ")" } }
+            None => span { "–" }
         }
     }
 }

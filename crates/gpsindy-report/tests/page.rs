@@ -126,3 +126,24 @@ fn colour_adds_nothing_but_colour() {
         assert_eq!(trimmed.join("\n") + "\n", summary(&report, 80, false), "{name}");
     }
 }
+
+#[test]
+fn the_page_and_the_terminal_say_what_the_logs_could_reveal() {
+    let report = fixtures::explained();
+    let page = gpsindy_report::render(&report);
+    let text = gpsindy_report::summary(&report, 100, false);
+    for words in [
+        "Of 20 copies without any effect 1 showed a gap and 0 a cause.",
+        "Would be named as one of a group",
+        "not told from Stribeck friction; when smaller taken for viscous friction of v",
+        "1.7 N down",
+        "0.012 kg off",
+        "taken for input delay of u or a gap without a cause",
+        "out of reach: the control never reverses further",
+    ] {
+        assert!(page.replace('\u{a0}', " ").contains(words), "page: {words}");
+        let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flat.contains(words), "summary: {words}\n{text}");
+    }
+    assert!(!gpsindy_report::render(&fixtures::no_gap()).contains("What could these logs reveal"));
+}

@@ -6,6 +6,7 @@
 
 mod apply;
 mod bench;
+mod check;
 mod effect;
 mod evidence;
 mod fitted;
@@ -156,10 +157,22 @@ impl Diagnose {
         let (train, holdout) =
             (&prepare::unwrapped(model, train, &mut notes)?, &prepare::unwrapped(model, holdout, &mut Vec::new())?);
 
+        check::values(model, train)?;
+        check::values(model, holdout)?;
+        if !check::moves(model, train) {
+            return Err(Error::invalid(
+                "no state moves in the logs: every value of a column is the same; record a motion, or check the sensors",
+            ));
+        }
+        if !check::moves(model, holdout) {
+            notes.push("no state moves in the held-out logs, so the closure tells little; hold out other ones".into());
+        }
+
         // Prepare: noise, outliers, hold, windows, integration steps.
         let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;
         let tolerated = fitted::tolerated(model);
         let mut nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
+        check::nominal(&nominal)?;
         nominal.model_error = self.error_of(model, &nominal.experiment);
         let scene = Scene::new(system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
 

@@ -11,6 +11,7 @@ __all__ = [
     "__version__",
     "author",
     "diagnose",
+    "diagnose_paired",
     "effects",
     "identify",
     "parse_header",
@@ -129,13 +130,15 @@ def diagnose(
     model: Model,
     train: Dataset,
     holdout: Dataset | None,
-    effects: Sequence[str],
-    without: Sequence[str],
-    custom: Sequence[_Custom],
-    confidence: float,
-    most_effects: int,
-    hold: str | None,
-    power: int | None,
+    options: dict[str, Any],
+    progress: _Progress,
+) -> tuple[str, Model]: ...
+def diagnose_paired(
+    simulated: Dataset,
+    identify: dict[str, Any],
+    train: Dataset,
+    holdout: Dataset | None,
+    options: dict[str, Any],
     progress: _Progress,
 ) -> tuple[str, Model]: ...
 def read_effects(path: str) -> list[_Custom]: ...

@@ -225,10 +225,11 @@ class Diagnosis:
 
 
 def diagnose(
-    model: Model | GPSINDy | Path | Simulator,
+    model: Model | GPSINDy | Path | Simulator | None,
     logs: Any,
     holdout: Any = None,
     *,
+    simulated: Any = None,
     states: Sequence[str] | None = None,
     controls: Sequence[str] = (),
     kinematic: Mapping[str, str] | None = None,
@@ -246,13 +247,17 @@ def diagnose(
 
     Parameters
     ----------
-    model : Model, path of a model file, fitted GPSINDy or callable
-        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``. Where there are only logs of the
-        simulator, hand in an estimator that was fitted to them.
+    model : Model, path of a model file, fitted GPSINDy, callable or None
+        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``. With ``simulated`` None, or a GPSINDy
+        whose settings say how the simulated logs become a model.
     logs : Dataset, paths of CSV files, frame or list of frames
         The real logs, with the model's controls and states as columns.
     holdout : as logs, optional
         Logs that no fit and no choice sees. Default: the last quarter of the runs, of a single run the last quarter in time.
+    simulated : as logs, optional
+        Logs of a simulator that is neither equations nor callable, best of the same runs as the real ones, with ``states`` and
+        ``controls`` named. A model is identified from them first; it must explain 99 % of held-out simulated logs, and what it
+        misses there counts as no gap.
     states, controls, kinematic, vectorized
         For a callable, as in :meth:`Model.from_callable`.
     effects : str or sequence of str
@@ -284,22 +289,46 @@ def diagnose(
     NumericalError
         A nominal model that diverges whatever its initial state.
     """
+    chosen = names_of(effects)
+    options = {
+        "effects": [name for name in chosen if not name.startswith("!")],
+        "without": [name[1:] for name in chosen if name.startswith("!")],
+        "custom": [effect._entry() for effect in custom],
+        "confidence": confidence,
+        "most_effects": most_effects,
+        "hold": hold,
+        "power": seed if power else None,
+    }
+    train = as_dataset(logs)._inner
+    held = None if holdout is None else as_dataset(holdout, "holdout")._inner
+    if simulated is not None:
+        identify = _identify_settings(model, states, controls)
+        paired = as_dataset(simulated, "simulated")._inner
+        report, augmented = _gpsindy.diagnose_paired(paired, identify, train, held, options, progress)
+        return Diagnosis(report, Model._of(augmented))
+    if model is None:
+        raise ValueError("model: expected a simulator; None goes with simulated=... only")
     if callable(model):
         if states is None:
             raise ValueError("states: a callable needs the names of its states (and of its controls, where it has any)")
         nominal = Model.from_callable(model, states, controls, kinematic=kinematic, vectorized=vectorized)
     else:
         nominal = as_model(model)
-    chosen = names_of(effects)
-    suspects = [name for name in chosen if not name.startswith("!")]
-    without = [name[1:] for name in chosen if name.startswith("!")]
-    own = [effect._entry() for effect in custom]
-    train = as_dataset(logs)._inner
-    held = None if holdout is None else as_dataset(holdout, "holdout")._inner
-    report, augmented = _gpsindy.diagnose(
-        nominal._inner, train, held, suspects, without, own, confidence, most_effects, hold, seed if power else None, progress
-    )
+    report, augmented = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
     return Diagnosis(report, Model._of(augmented))
+
+
+def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:
+    from gpsindy._layout import Layout
+    from gpsindy.estimator import GPSINDy
+
+    estimator = GPSINDy() if model is None else model
+    if not isinstance(estimator, GPSINDy):
+        kind = type(model).__name__
+        raise ValueError(f"simulated: in place of the model hand in None or a GPSINDy with settings, found {kind}")
+    if states is None:
+        raise ValueError("states: simulated logs need the names of their states (and of their controls, where they have any)")
+    return estimator._settings(Layout(names_of(states), names_of(controls), []))
 
 
 def effects() -> tuple[Effect, ...]:
