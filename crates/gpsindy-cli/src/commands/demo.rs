@@ -5,7 +5,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::{Diagnose, Diagnosed, hold_out};
-use gpsindy_core::{Dataset, Hold, Identification, Identify, Score, Scoring, score};
+use gpsindy_core::{Dataset, Identification, Identify, Score, Scoring, score};
 use gpsindy_files::{LogOptions, Logs, parse_model, write_model, write_whole};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -70,9 +70,7 @@ fn examine(screen: &Screen) -> Outcome<Diagnosed> {
     let options = LogOptions { run: Some("run".into()), ..LogOptions::default() };
     let data = Logs::parse("pendulum.csv", PENDULUM.as_bytes(), &options)?.dataset(&["phi", "omega", "u"], &[])?;
     let (train, holdout) = hold_out(&data)?;
-    // The log's own description says that the torque is held.
-    let settings = Diagnose { hold: Some(Hold::Zero), ..Diagnose::default() };
-    Ok(settings.run(&model, &train, &holdout, &screen.progress())?)
+    Ok(Diagnose::default().run(&model, &train, &holdout, &screen.progress())?)
 }
 
 fn write(folder: &Path, found: &Identification, diagnosed: &Diagnosed) -> Outcome {
