@@ -14,6 +14,7 @@ mod dense;
 mod exp;
 mod fit;
 mod kernel;
+mod lanes;
 mod likelihood;
 mod line_search;
 mod optimise;
@@ -25,6 +26,7 @@ mod search;
 mod start;
 mod state_smoother;
 mod state_space;
+mod steps;
 mod toeplitz;
 
 pub use fit::{Candidate, Fit, FitSettings, Weakness, fit};

@@ -10,7 +10,8 @@ use super::kernel::Kernel;
 use super::likelihood::LeaveOneOut;
 use super::points::Points;
 use super::posterior::Quantity;
-use super::state_space::{FiveHalves, Form, Half, Matrix, Scaled, Step, ThreeHalves, Vector, sandwich, times};
+use super::state_space::{FiveHalves, Form, Half, Matrix, Scaled, ThreeHalves, Vector, sandwich, times};
+use super::steps::Steps;
 use faer::Mat;
 
 /// `K^-1 y` and the diagonal of `K^-1`; `None` where the kernel has no such form or a number overflows.
@@ -45,18 +46,54 @@ pub(super) fn posterior(
 /// Means, variances and (where asked for) joint covariance.
 pub(super) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
 
-/// A time, with a measurement (target, noise weight) or without.
-#[derive(Clone, Copy)]
-struct Event {
-    time: f64,
-    measured: Option<(f64, f64)>,
+/// Times in order, each with a measurement or without.
+struct Events {
+    time: Vec<f64>,
+    /// NaN where there is no measurement.
+    target: Vec<f64>,
+    noise_weight: Vec<f64>,
+    /// Step of a uniform clock, all of it measured.
+    clock: Option<f64>,
+}
+
+impl Events {
+    /// Measurements and the times `at` without one.
+    fn new(points: &Points, at: &[f64]) -> Self {
+        let mut extra: Vec<f64> = at.to_vec();
+        extra.sort_by(f64::total_cmp);
+        extra.dedup();
+        let size = points.len() + extra.len();
+        let new = || Vec::with_capacity(size);
+        let mut out = Self { time: new(), target: new(), noise_weight: new(), clock: None };
+        let mut next = 0;
+        for i in 0..points.len() {
+            let time = points.inputs[0][i];
+            while next < extra.len() && extra[next] < time {
+                out.push(extra[next], f64::NAN, 1.0);
+                next += 1;
+            }
+            if next < extra.len() && extra[next] == time {
+                next += 1;
+            }
+            out.push(time, points.targets[i], points.noise_weight(i));
+        }
+        extra[next..].iter().for_each(|&time| out.push(time, f64::NAN, 1.0));
+        if out.time.len() == points.len() {
+            out.clock = points.uniform_step();
+        }
+        out
+    }
+
+    fn push(&mut self, time: f64, target: f64, noise_weight: f64) {
+        self.time.push(time);
+        self.target.push(target);
+        self.noise_weight.push(noise_weight);
+    }
 }
 
 /// What the filter leaves at an event, for unit amplitude.
 #[derive(Clone, Copy)]
 struct Filtered<const M: usize> {
-    /// Step from the event before.
-    transition: Matrix<M>,
     /// Before the measurement.
     mean: Vector<M>,
     covariance: Matrix<M>,
@@ -66,41 +103,36 @@ struct Filtered<const M: usize> {
     precision: f64,
 }
 
-/// Adjoint of the state before the measurement, and the measurement's row of `K^-1`.
-#[derive(Clone, Copy)]
-struct Adjoint<const M: usize> {
-    mean: Vector<M>,
-    information: Matrix<M>,
-    weight: f64,
-    diagonal: f64,
-}
-
-fn forward<const M: usize, S: Form<M>>(scaled: &Scaled, events: &[Event]) -> Option<Vec<Filtered<M>>> {
+fn forward<const M: usize, S: Form<M>>(scaled: &Scaled, events: &Events) -> Option<Vec<Filtered<M>>> {
     let mut mean = [0.0; M];
     let mut covariance = S::STATIONARY;
-    let mut step = Step::<M>::new();
-    let mut out = Vec::with_capacity(events.len());
-    for (i, event) in events.iter().enumerate() {
+    let mut steps = Steps::<M>::new();
+    let mut out = Vec::with_capacity(events.time.len());
+    for i in 0..events.time.len() {
         if i > 0 {
-            step.set::<S>(scaled.lambda, event.time - events[i - 1].time);
-            mean = times(&step.transition, &mean);
-            covariance = sandwich(&step.transition, &covariance);
-            for (row, noise) in covariance.iter_mut().zip(&step.noise) {
+            let place = match events.clock {
+                Some(step) => steps.fill_once::<S>(scaled.lambda, step),
+                None => steps.reach::<S>(scaled.lambda, &events.time, i),
+            };
+            let (transition, noise, _) = steps.at(place);
+            mean = times(&transition, &mean);
+            covariance = sandwich(&transition, &covariance);
+            for (row, noise) in covariance.iter_mut().zip(&noise) {
                 row.iter_mut().zip(noise).for_each(|(p, q)| *p += q);
             }
         }
-        let mut filtered =
-            Filtered { transition: step.transition, mean, covariance, gain: [0.0; M], innovation: 0.0, precision: 0.0 };
-        if let Some((target, weight)) = event.measured {
-            let v = covariance[0][0] + scaled.rho * weight + scaled.jitter;
+        let mut filtered = Filtered { mean, covariance, gain: [0.0; M], innovation: 0.0, precision: 0.0 };
+        if !events.target[i].is_nan() {
+            let v = covariance[0][0] + scaled.rho * events.noise_weight[i] + scaled.jitter;
             if v.is_nan() || v <= 0.0 {
                 return None;
             }
-            let gain: Vector<M> = std::array::from_fn(|k| covariance[k][0] / v);
-            let e = target - mean[0];
+            let inverse = 1.0 / v;
+            let gain: Vector<M> = std::array::from_fn(|k| covariance[k][0] * inverse);
+            let e = events.target[i] - mean[0];
             filtered.gain = gain;
-            filtered.innovation = e / v;
-            filtered.precision = 1.0 / v;
+            filtered.innovation = e * inverse;
+            filtered.precision = inverse;
             let column: Vector<M> = std::array::from_fn(|k| covariance[k][0]);
             for k in 0..M {
                 mean[k] += gain[k] * e;
@@ -115,35 +147,51 @@ fn forward<const M: usize, S: Form<M>>(scaled: &Scaled, events: &[Event]) -> Opt
     Some(out)
 }
 
-fn backward<const M: usize>(filtered: &[Filtered<M>]) -> Vec<Adjoint<M>> {
-    let zero = Adjoint { mean: [0.0; M], information: [[0.0; M]; M], weight: 0.0, diagonal: 0.0 };
-    let mut out = vec![zero; filtered.len()];
-    let (mut mean, mut information) = ([0.0; M], [[0.0; M]; M]);
+/// Adjoint of the state before a measurement, and the measurement's row of `K^-1`.
+struct Adjoint<const M: usize> {
+    mean: Vector<M>,
+    information: Matrix<M>,
+    weight: f64,
+    diagonal: f64,
+}
+
+/// Goes back over the events and shows `visit` each with its adjoint; nothing but that is kept.
+fn backward<const M: usize, S: Form<M>>(
+    scaled: &Scaled,
+    events: &Events,
+    filtered: &[Filtered<M>],
+    mut visit: impl FnMut(usize, &Filtered<M>, &Adjoint<M>),
+) {
+    let mut steps = Steps::<M>::new();
+    let mut at = Adjoint { mean: [0.0; M], information: [[0.0; M]; M], weight: 0.0, diagonal: 0.0 };
     for (i, f) in filtered.iter().enumerate().rev() {
-        // mean and information are those after the measurement here.
+        // Mean and information are those after the measurement here.
+        (at.weight, at.diagonal) = (0.0, 0.0);
         if f.precision > 0.0 {
-            let along: f64 = (0..M).map(|k| f.gain[k] * mean[k]).sum();
-            let turned = times(&information, &f.gain);
+            let along: f64 = (0..M).map(|k| f.gain[k] * at.mean[k]).sum();
+            let turned = times(&at.information, &f.gain);
             let spread: f64 = (0..M).map(|k| f.gain[k] * turned[k]).sum();
-            out[i].weight = f.innovation - along;
-            out[i].diagonal = f.precision + spread;
+            at.weight = f.innovation - along;
+            at.diagonal = f.precision + spread;
             // (1 - h K') information (1 - K h') + h h'/v with h = (1, 0, ..).
-            mean[0] += out[i].weight;
+            at.mean[0] += at.weight;
             for k in 0..M {
-                information[0][k] -= turned[k];
-                information[k][0] -= turned[k];
+                at.information[0][k] -= turned[k];
+                at.information[k][0] -= turned[k];
             }
-            information[0][0] += spread + f.precision;
+            at.information[0][0] += spread + f.precision;
         }
-        out[i].mean = mean;
-        out[i].information = information;
+        visit(i, f, &at);
         if i > 0 {
-            let transposed = transpose(&f.transition);
-            mean = times(&transposed, &mean);
-            information = sandwich(&transposed, &information);
+            let place = match events.clock {
+                Some(step) => steps.fill_once::<S>(scaled.lambda, step),
+                None => steps.reach_back::<S>(scaled.lambda, &events.time, i),
+            };
+            let transposed = transpose(&steps.at(place).0);
+            at.mean = times(&transposed, &at.mean);
+            at.information = sandwich(&transposed, &at.information);
         }
     }
-    out
 }
 
 fn transpose<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
@@ -152,33 +200,21 @@ fn transpose<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
 
 fn left_out<const M: usize, S: Form<M>>(hyper: &[f64], points: &Points, jitter: f64) -> Option<LeaveOneOut> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
-    let filtered = forward::<M, S>(&scaled, &events(points, &[]))?;
-    let adjoint = backward(&filtered);
-    let weights = adjoint.iter().map(|a| a.weight / scaled.s2).collect();
-    let diagonal = adjoint.iter().map(|a| a.diagonal / scaled.s2).collect();
-    Some(LeaveOneOut { weights, diagonal })
+    let events = Events::new(points, &[]);
+    let filtered = forward::<M, S>(&scaled, &events)?;
+    let mut out = LeaveOneOut { weights: vec![0.0; points.len()], diagonal: vec![0.0; points.len()] };
+    backward::<M, S>(&scaled, &events, &filtered, |i, _, at| {
+        (out.weights[i], out.diagonal[i]) = (at.weight / scaled.s2, at.diagonal / scaled.s2);
+    });
+    Some(out)
 }
 
-/// Measurements and the times without one, in order.
-fn events(points: &Points, at: &[f64]) -> Vec<Event> {
-    let mut extra: Vec<f64> = at.to_vec();
-    extra.sort_by(f64::total_cmp);
-    extra.dedup();
-    let mut out = Vec::with_capacity(points.len() + extra.len());
-    let mut next = 0;
-    for i in 0..points.len() {
-        let time = points.inputs[0][i];
-        while next < extra.len() && extra[next] < time {
-            out.push(Event { time: extra[next], measured: None });
-            next += 1;
-        }
-        if next < extra.len() && extra[next] == time {
-            next += 1;
-        }
-        out.push(Event { time, measured: Some((points.targets[i], points.noise_weight(i))) });
-    }
-    out.extend(extra[next..].iter().map(|&time| Event { time, measured: None }));
-    out
+/// Value and derivative (without the factor to the unit of time): mean, variance and what the later measurements leave.
+#[derive(Clone, Copy)]
+struct Smoothed<const M: usize> {
+    mean: [f64; 2],
+    variance: [f64; 2],
+    remaining: [Vector<M>; 2],
 }
 
 fn predict<const M: usize, S: Form<M>>(
@@ -190,38 +226,46 @@ fn predict<const M: usize, S: Form<M>>(
     joint: bool,
 ) -> Option<Law> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
-    let events = events(points, at);
+    let events = Events::new(points, at);
     let filtered = forward::<M, S>(&scaled, &events)?;
-    let adjoint = backward(&filtered);
+    let zero = Smoothed { mean: [0.0; 2], variance: [0.0; 2], remaining: [[0.0; M]; 2] };
+    let mut smoothed = vec![zero; events.time.len()];
+    backward::<M, S>(&scaled, &events, &filtered, |i, f, adjoint| {
+        for c in 0..M.min(2) {
+            let p = &f.covariance;
+            let after = remaining(p, &adjoint.information, c);
+            let shift: f64 = (0..M).map(|k| p[c][k] * adjoint.mean[k]).sum();
+            smoothed[i].mean[c] = f.mean[c] + shift;
+            smoothed[i].variance[c] = (0..M).map(|k| p[c][k] * after[k]).sum();
+            smoothed[i].remaining[c] = after;
+        }
+    });
     // Component of the state and the factor to the unit of time.
     let component = |q: Quantity| if q == Quantity::Value { (0, 1.0) } else { (1, scaled.lambda) };
-    let place: Vec<usize> = at.iter().map(|t| events.partition_point(|e| e.time < *t)).collect();
+    let place: Vec<usize> = at.iter().map(|t| events.time.partition_point(|e| e < t)).collect();
     let size = at.len() * quantities.len();
     let (mut mean, mut variance) = (Vec::with_capacity(size), Vec::with_capacity(size));
     for &q in quantities {
         let (c, factor) = component(q);
         for &i in &place {
-            let (p, a) = (&filtered[i].covariance, &adjoint[i]);
-            let shift: f64 = (0..M).map(|k| p[c][k] * a.mean[k]).sum();
-            mean.push(factor * (filtered[i].mean[c] + shift));
-            let after = remaining(p, &a.information, c);
-            let own: f64 = (0..M).map(|k| p[c][k] * after[k]).sum();
-            variance.push((scaled.s2 * factor * factor * own).max(0.0));
+            mean.push(factor * smoothed[i].mean[c]);
+            variance.push((scaled.s2 * factor * factor * smoothed[i].variance[c]).max(0.0));
         }
     }
     let covariance = joint.then(|| {
         let mut out = Mat::zeros(size, size);
-        let columns: Vec<Vec<Vector<M>>> = quantities
-            .iter()
-            .map(|&q| {
-                place
-                    .iter()
-                    .map(|&j| remaining(&filtered[j].covariance, &adjoint[j].information, component(q).0))
-                    .collect()
-            })
-            .collect();
         let mut order: Vec<usize> = (0..at.len()).collect();
         order.sort_by_key(|&k| place[k]);
+        let mut steps = Steps::<M>::new();
+        let transitions: Vec<Matrix<M>> = (0..events.time.len())
+            .map(|i| match i {
+                0 => [[0.0; M]; M],
+                _ => {
+                    let place = steps.reach::<S>(scaled.lambda, &events.time, i);
+                    steps.at(place).0
+                }
+            })
+            .collect();
         for (qa, &quantity_a) in quantities.iter().enumerate() {
             let (ca, factor_a) = component(quantity_a);
             for (rank, &ka) in order.iter().enumerate() {
@@ -234,11 +278,13 @@ fn predict<const M: usize, S: Form<M>>(
                         let first = row[0];
                         let updated: Vector<M> = std::array::from_fn(|k| row[k] - f.gain[k] * first);
                         here += 1;
-                        row = times(&filtered[here].transition, &updated);
+                        row = times(&transitions[here], &updated);
                     }
                     for (qb, &quantity_b) in quantities.iter().enumerate() {
-                        let value: f64 = (0..M).map(|k| row[k] * columns[qb][kb][k]).sum();
-                        let value = scaled.s2 * factor_a * component(quantity_b).1 * value;
+                        let (cb, factor_b) = component(quantity_b);
+                        let left = &smoothed[place[kb]].remaining[cb];
+                        let value: f64 = (0..M).map(|k| row[k] * left[k]).sum();
+                        let value = scaled.s2 * factor_a * factor_b * value;
                         let (r, c) = (qa * at.len() + ka, qb * at.len() + kb);
                         (out[(r, c)], out[(c, r)]) = (value, value);
                     }

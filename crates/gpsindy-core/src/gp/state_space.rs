@@ -10,7 +10,9 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::kernel::Kernel;
+use super::lanes::{Lanes, Portable};
 use super::points::Points;
+use super::steps::Steps;
 
 pub(super) type Matrix<const M: usize> = [[f64; M]; M];
 pub(super) type Vector<const M: usize> = [f64; M];
@@ -19,16 +21,16 @@ pub(super) type Vector<const M: usize> = [f64; M];
 pub(super) trait Form<const M: usize> {
     /// lambda times the length of the kernel.
     const RATE: f64;
-    /// Feedback matrix.
-    const F: Matrix<M>;
     /// Stationary covariance for unit amplitude.
     const STATIONARY: Matrix<M>;
     /// Density of the driving noise; it acts on the last component.
     const Q: f64;
     /// `exp(F a)`, given a and `exp(-a)`.
     fn transition(a: f64, decay: f64) -> Matrix<M>;
-    /// Covariance that the driving noise adds over a; accurate relative to each element, however small a is.
-    fn process_noise(a: f64, decay: f64) -> Matrix<M>;
+    /// Covariance that the driving noise adds over a, given `moments(a)`; accurate relative to each element, however small a is.
+    fn process_noise(moments: [f64; 5]) -> Matrix<M>;
+    /// `F x`.
+    fn turn(x: Vector<M>) -> Vector<M>;
 }
 
 pub(super) struct Half;
@@ -37,7 +39,6 @@ pub(super) struct FiveHalves;
 
 impl Form<1> for Half {
     const RATE: f64 = 1.0;
-    const F: Matrix<1> = [[-1.0]];
     const STATIONARY: Matrix<1> = [[1.0]];
     const Q: f64 = 2.0;
 
@@ -47,14 +48,18 @@ impl Form<1> for Half {
     }
 
     #[inline(always)]
-    fn process_noise(a: f64, _: f64) -> Matrix<1> {
-        [[-(-2.0 * a).exp_m1()]]
+    fn process_noise([i0, ..]: [f64; 5]) -> Matrix<1> {
+        [[Self::Q * i0]]
+    }
+
+    #[inline(always)]
+    fn turn([x]: Vector<1>) -> Vector<1> {
+        [-x]
     }
 }
 
 impl Form<2> for ThreeHalves {
     const RATE: f64 = 1.732_050_807_568_877_2;
-    const F: Matrix<2> = [[0.0, 1.0], [-1.0, -2.0]];
     const STATIONARY: Matrix<2> = [[1.0, 0.0], [0.0, 1.0]];
     const Q: f64 = 4.0;
 
@@ -64,17 +69,20 @@ impl Form<2> for ThreeHalves {
     }
 
     #[inline(always)]
-    fn process_noise(a: f64, decay: f64) -> Matrix<2> {
+    fn process_noise([i0, i1, i2, ..]: [f64; 5]) -> Matrix<2> {
         // The impulse response is e^-s (s, 1 - s).
-        let [i0, i1, i2, ..] = moments(a, decay);
         let cross = Self::Q * (i1 - i2);
         [[Self::Q * i2, cross], [cross, Self::Q * (i0 - 2.0 * i1 + i2)]]
+    }
+
+    #[inline(always)]
+    fn turn([x, y]: Vector<2>) -> Vector<2> {
+        [y, -x - 2.0 * y]
     }
 }
 
 impl Form<3> for FiveHalves {
     const RATE: f64 = 2.236_067_977_499_79;
-    const F: Matrix<3> = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -3.0, -3.0]];
     const STATIONARY: Matrix<3> = [[1.0, 0.0, -1.0 / 3.0], [0.0, 1.0 / 3.0, 0.0], [-1.0 / 3.0, 0.0, 1.0]];
     const Q: f64 = 16.0 / 3.0;
 
@@ -90,9 +98,8 @@ impl Form<3> for FiveHalves {
     }
 
     #[inline(always)]
-    fn process_noise(a: f64, decay: f64) -> Matrix<3> {
+    fn process_noise([i0, i1, i2, i3, i4]: [f64; 5]) -> Matrix<3> {
         // The impulse response is e^-s (s^2/2, s - s^2/2, 1 - 2 s + s^2/2).
-        let [i0, i1, i2, i3, i4] = moments(a, decay);
         let q00 = Self::Q * 0.25 * i4;
         let q01 = Self::Q * (0.5 * i3 - 0.25 * i4);
         let q02 = Self::Q * (0.5 * i2 - i3 + 0.25 * i4);
@@ -101,61 +108,10 @@ impl Form<3> for FiveHalves {
         let q22 = Self::Q * (i0 - 4.0 * i1 + 5.0 * i2 - 2.0 * i3 + 0.25 * i4);
         [[q00, q01, q02], [q01, q11, q12], [q02, q12, q22]]
     }
-}
-
-/// `I_k = int_0^a s^k e^(-2 s) ds` for k = 0..4, each accurate relative to itself.
-#[inline(always)]
-fn moments(a: f64, decay: f64) -> [f64; 5] {
-    let end = decay * decay;
-    let powers = [1.0, a, a * a, a * a * a, a * a * a * a];
-    let mut i = [0.0; 5];
-    if a > 2.0 {
-        // By parts upwards: here nothing cancels.
-        i[0] = 0.5 * (1.0 - end);
-        for k in 1..5 {
-            i[k] = 0.5 * (k as f64 * i[k - 1] - powers[k] * end);
-        }
-        return i;
-    }
-    // By parts the other way is a sum of positive terms; then downwards, positive again.
-    let (mut term, mut sum, mut k) = (1.0, 1.0, 6.0);
-    while term > 1e-17 * sum {
-        term *= 2.0 * a / k;
-        sum += term;
-        k += 1.0;
-    }
-    i[4] = end * powers[4] * a / 5.0 * sum;
-    for k in (1..5).rev() {
-        i[k - 1] = (2.0 * i[k] + powers[k] * end) / k as f64;
-    }
-    i
-}
-
-/// Transition and process noise of the last step, kept while steps repeat.
-pub(super) struct Step<const M: usize> {
-    dt: f64,
-    pub(super) a: f64,
-    pub(super) transition: Matrix<M>,
-    pub(super) noise: Matrix<M>,
-}
-
-impl<const M: usize> Step<M> {
-    pub(super) fn new() -> Self {
-        Self { dt: f64::NAN, a: 0.0, transition: [[0.0; M]; M], noise: [[0.0; M]; M] }
-    }
 
     #[inline(always)]
-    pub(super) fn set<S: Form<M>>(&mut self, lambda: f64, dt: f64) {
-        // Steps of a uniform clock differ by rounding; a relative difference of 1e-12 changes nothing.
-        if (dt - self.dt).abs() <= 1e-12 * self.dt {
-            return;
-        }
-        self.dt = dt;
-        // Beyond 300 the memory is gone (e^-300), and polynomials of a stay finite.
-        self.a = (lambda * dt).min(300.0);
-        let decay = (-self.a).exp();
-        self.transition = S::transition(self.a, decay);
-        self.noise = S::process_noise(self.a, decay);
+    fn turn([x, y, z]: Vector<3>) -> Vector<3> {
+        [y, z, -x - 3.0 * (y + z)]
     }
 }
 
@@ -220,145 +176,270 @@ pub(crate) fn likelihood(
     if !points.ordered() {
         return None;
     }
-    match (kernel, gradient.is_empty()) {
-        (Kernel::Matern12, true) => filter::<1, Half, false>(hyper, points, jitter, gradient),
-        (Kernel::Matern12, false) => filter::<1, Half, true>(hyper, points, jitter, gradient),
-        (Kernel::Matern32, true) => filter::<2, ThreeHalves, false>(hyper, points, jitter, gradient),
-        (Kernel::Matern32, false) => filter::<2, ThreeHalves, true>(hyper, points, jitter, gradient),
-        (Kernel::Matern52, true) => filter::<3, FiveHalves, false>(hyper, points, jitter, gradient),
-        (Kernel::Matern52, false) => filter::<3, FiveHalves, true>(hyper, points, jitter, gradient),
+    match kernel {
+        Kernel::Matern12 => filter::<1, Half>(hyper, points, jitter, gradient),
+        Kernel::Matern32 => filter::<2, ThreeHalves>(hyper, points, jitter, gradient),
+        Kernel::Matern52 => filter::<3, FiveHalves>(hyper, points, jitter, gradient),
         _ => None,
     }
 }
 
-/// Mean and covariance of the state with a derivative of both.
+/// Mean and covariance of the state: of the value, its derivatives by `ln rho` and `ln lambda`, and of nothing, side by side.
 #[derive(Clone, Copy)]
-struct Chain<const M: usize> {
-    mean: Vector<M>,
-    covariance: Matrix<M>,
+struct Bundle<const M: usize, V> {
+    mean: [V; M],
+    covariance: [[V; M]; M],
 }
 
-impl<const M: usize> Chain<M> {
-    const ZERO: Self = Self { mean: [0.0; M], covariance: [[0.0; M]; M] };
+/// What a measurement does to a [`Bundle`] of a given covariance.
+#[derive(Clone, Copy)]
+struct Update<const M: usize, V> {
+    /// Gain of the filter, in all four places.
+    gain: [V; M],
+    /// Variance of the innovation, and its derivatives.
+    variance: V,
+    /// `(column_i - gain_i variance)`: how the gain's numerator moves; 0 in the place of the value.
+    moved: [V; M],
+    inverse: f64,
+}
 
+/// Places of the derivatives.
+const RHO: usize = 1;
+const LAMBDA: usize = 2;
+/// Points between two looks at whether the covariances still change, on a uniform clock ...
+const LOOK: usize = 32;
+/// ... and the relative change that is rounding.
+const STEADY: f64 = 1e-14;
+
+/// Sums over all points, with their derivatives.
+struct Sums {
+    /// Of `e^2/v`.
+    fit: [f64; 4],
+    /// Of `ln v`.
+    log_determinant: [f64; 4],
+}
+
+/// The filter over all points.
+struct Filter<'a, const M: usize, S, N> {
+    scaled: &'a Scaled,
+    points: &'a Points,
+    lanes: N,
+    form: std::marker::PhantomData<S>,
+}
+
+impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
     #[inline(always)]
-    fn advance(&mut self, transition: &Matrix<M>) {
-        self.mean = times(transition, &self.mean);
-        self.covariance = sandwich(transition, &self.covariance);
+    fn stationary(&self) -> Bundle<M, N::V> {
+        let entry = |i: usize, j: usize| self.lanes.new([S::STATIONARY[i][j], 0.0, 0.0, 0.0]);
+        Bundle {
+            mean: [self.lanes.splat(0.0); M],
+            covariance: std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))),
+        }
     }
 
-    /// Derivative of a measurement update; `dv` is the derivative of the innovation variance
-    /// without this chain's own part. Returns the derivatives of `e^2/v` and `ln v`.
     #[inline(always)]
-    fn update(&mut self, gain: &Vector<M>, e: f64, v: f64, dv: f64) -> [f64; 2] {
-        let dv = dv + self.covariance[0][0];
-        let de = -self.mean[0];
-        let column: Vector<M> = std::array::from_fn(|i| self.covariance[i][0]);
-        let inverse = 1.0 / v;
+    fn advance_mean(&self, bundle: &mut Bundle<M, N::V>, transition: &Matrix<M>, stretch: N::V) {
+        let n = self.lanes;
+        let mut mean = [n.splat(0.0); M];
         for i in 0..M {
-            let slope = (column[i] - gain[i] * dv) * inverse;
-            self.mean[i] += slope * e + gain[i] * de;
-            for j in i..M {
-                let change = column[i] * gain[j] + gain[i] * column[j] - gain[i] * gain[j] * dv;
-                self.covariance[i][j] -= change;
-                self.covariance[j][i] = self.covariance[i][j];
+            for k in 0..M {
+                let a = n.splat(transition[i][k]);
+                mean[i] = if k == 0 { n.times(a, bundle.mean[k]) } else { n.plus(a, bundle.mean[k], mean[i]) };
             }
         }
-        let u = e * inverse;
-        [2.0 * u * de - u * u * dv, dv * inverse]
+        // What ln lambda adds by stretching the step.
+        let turned = S::turn(std::array::from_fn(|i| n.first(mean[i])));
+        bundle.mean = std::array::from_fn(|i| n.plus(n.splat(turned[i]), stretch, mean[i]));
+    }
+
+    #[inline(always)]
+    fn advance_covariance(
+        &self,
+        bundle: &mut Bundle<M, N::V>,
+        transition: &Matrix<M>,
+        noise: &Matrix<M>,
+        stretch: N::V,
+    ) {
+        let n = self.lanes;
+        let wide: [[N::V; M]; M] = std::array::from_fn(|i| std::array::from_fn(|j| n.splat(transition[i][j])));
+        let mut left = [[n.splat(0.0); M]; M];
+        for i in 0..M {
+            for j in 0..M {
+                left[i][j] = n.times(wide[i][0], bundle.covariance[0][j]);
+                for k in 1..M {
+                    left[i][j] = n.plus(wide[i][k], bundle.covariance[k][j], left[i][j]);
+                }
+            }
+        }
+        let mut out = left;
+        for i in 0..M {
+            for j in i..M {
+                let mut sum = n.new([noise[i][j], 0.0, 0.0, 0.0]);
+                for k in 0..M {
+                    sum = n.plus(left[i][k], wide[j][k], sum);
+                }
+                (out[i][j], out[j][i]) = (sum, sum);
+            }
+        }
+        // a (F P + P F' + Q e e').
+        let turned: Matrix<M> = std::array::from_fn(|j| S::turn(std::array::from_fn(|k| n.first(out[k][j]))));
+        for i in 0..M {
+            for j in i..M {
+                let driven = if i == M - 1 && j == M - 1 { S::Q } else { 0.0 };
+                let sum = n.splat(turned[j][i] + turned[i][j] + driven);
+                out[i][j] = n.plus(sum, stretch, out[i][j]);
+                out[j][i] = out[i][j];
+            }
+        }
+        bundle.covariance = out;
+    }
+
+    /// `own` is what the noise of the point adds to the variance of the innovation.
+    #[inline(always)]
+    fn update(&self, bundle: &Bundle<M, N::V>, own: f64) -> Update<M, N::V> {
+        let n = self.lanes;
+        let variance = n.add(bundle.covariance[0][0], n.new([own + self.scaled.jitter, own, 0.0, 0.0]));
+        let inverse = 1.0 / n.first(variance);
+        let gain = std::array::from_fn(|i| n.splat(n.first(bundle.covariance[i][0]) * inverse));
+        let moved = std::array::from_fn(|i| n.minus(gain[i], variance, bundle.covariance[i][0]));
+        Update { gain, variance, moved, inverse }
+    }
+
+    /// Takes a measurement into the means; returns what it adds to the sums of `e^2/v`.
+    #[inline(always)]
+    fn update_mean(&self, bundle: &mut Bundle<M, N::V>, update: &Update<M, N::V>, target: f64) -> N::V {
+        let n = self.lanes;
+        let innovation = n.sub(n.new([target, 0.0, 0.0, 0.0]), bundle.mean[0]);
+        let u = n.splat(n.first(innovation) * update.inverse);
+        for i in 0..M {
+            bundle.mean[i] = n.plus(update.gain[i], innovation, n.plus(update.moved[i], u, bundle.mean[i]));
+        }
+        n.times(u, n.minus(u, update.variance, n.add(innovation, innovation)))
+    }
+
+    #[inline(always)]
+    fn update_covariance(&self, bundle: &mut Bundle<M, N::V>, update: &Update<M, N::V>) {
+        let n = self.lanes;
+        let column: [N::V; M] = std::array::from_fn(|i| bundle.covariance[i][0]);
+        for i in 0..M {
+            for j in i..M {
+                let kept = n.minus(update.gain[i], update.moved[j], bundle.covariance[i][j]);
+                bundle.covariance[i][j] = n.minus(column[i], update.gain[j], kept);
+                bundle.covariance[j][i] = bundle.covariance[i][j];
+            }
+        }
+    }
+
+    /// Largest change of a covariance since `before`, relative to the largest of its place.
+    fn change(&self, bundle: &Bundle<M, N::V>, before: &Bundle<M, N::V>) -> f64 {
+        let (mut size, mut moved) = ([f64::MIN_POSITIVE; 4], [0.0f64; 4]);
+        for (now, old) in bundle.covariance.iter().flatten().zip(before.covariance.iter().flatten()) {
+            let (now, old) = (self.lanes.get(*now), self.lanes.get(*old));
+            for l in 0..4 {
+                size[l] = size[l].max(now[l].abs());
+                moved[l] = moved[l].max((now[l] - old[l]).abs());
+            }
+        }
+        (0..4).map(|l| moved[l] / size[l]).fold(0.0, f64::max)
+    }
+
+    #[inline(always)]
+    fn run(self) -> Sums {
+        let (n, scaled, time) = (self.lanes, self.scaled, &self.points.inputs[0]);
+        let clock = self.points.uniform_step();
+        let mut bundle = self.stationary();
+        let mut before = bundle;
+        let mut steps = Steps::<M>::new();
+        let (mut fit, mut slopes) = (n.splat(0.0), n.splat(0.0));
+        let (mut log_determinant, mut product) = (0.0, 1.0);
+        let stretched = |a: f64| n.new([0.0, 0.0, a, 0.0]);
+        for i in 0..time.len() {
+            if i > 0 {
+                let place = match clock {
+                    Some(step) => steps.fill_once::<S>(scaled.lambda, step),
+                    None => steps.reach::<S>(scaled.lambda, time, i),
+                };
+                let (transition, noise, a) = steps.at(place);
+                self.advance_mean(&mut bundle, &transition, stretched(a));
+                self.advance_covariance(&mut bundle, &transition, &noise, stretched(a));
+            }
+            let update = self.update(&bundle, scaled.rho * self.points.noise_weight(i));
+            fit = n.add(fit, self.update_mean(&mut bundle, &update, self.points.targets[i]));
+            self.update_covariance(&mut bundle, &update);
+            slopes = n.plus(update.variance, n.splat(update.inverse), slopes);
+            product *= n.first(update.variance);
+            // One logarithm for many points, before the product leaves the range of numbers.
+            if !(1e-100..1e100).contains(&product) {
+                log_determinant += product.ln();
+                product = 1.0;
+            }
+            if clock.is_some() && i > 0 && i % LOOK == 0 {
+                if self.change(&bundle, &before) <= STEADY {
+                    // The covariances stand; only the means still move.
+                    let (transition, noise, a) = steps.at(0);
+                    let stretch = stretched(a);
+                    self.advance_covariance(&mut bundle, &transition, &noise, stretch);
+                    let update = self.update(&bundle, scaled.rho);
+                    for &target in &self.points.targets[i + 1..] {
+                        self.advance_mean(&mut bundle, &transition, stretch);
+                        fit = n.add(fit, self.update_mean(&mut bundle, &update, target));
+                    }
+                    let left = (time.len() - i - 1) as f64;
+                    log_determinant += left * n.first(update.variance).ln();
+                    slopes = n.plus(update.variance, n.splat(left * update.inverse), slopes);
+                    break;
+                }
+                before = bundle;
+            }
+        }
+        let [_, by_rho, by_lambda, _] = n.get(slopes);
+        Sums { fit: n.get(fit), log_determinant: [log_determinant + product.ln(), by_rho, by_lambda, 0.0] }
     }
 }
 
-fn filter<const M: usize, S: Form<M>, const GRADIENT: bool>(
+#[cfg(target_arch = "x86_64")]
+impl<const M: usize, S: Form<M>> pulp::WithSimd for Filter<'_, M, S, pulp::x86::V3> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) -> Sums {
+        self.run()
+    }
+}
+
+fn sums<const M: usize, S: Form<M>>(scaled: &Scaled, points: &Points) -> Sums {
+    let form = std::marker::PhantomData::<S>;
+    #[cfg(target_arch = "x86_64")]
+    if let Some(lanes) = pulp::x86::V3::try_new() {
+        return pulp::Simd::vectorize(lanes, Filter { scaled, points, lanes, form });
+    }
+    Filter { scaled, points, lanes: Portable, form }.run()
+}
+
+fn filter<const M: usize, S: Form<M>>(
     hyper: &[f64],
     points: &Points,
     jitter: f64,
     gradient: &mut [f64],
 ) -> Option<f64> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
-    let (time, n) = (&points.inputs[0], points.len());
-    let mut value = Chain { mean: [0.0; M], covariance: S::STATIONARY };
-    let (mut by_rho, mut by_lambda) = (Chain::<M>::ZERO, Chain::<M>::ZERO);
-    let mut step = Step::<M>::new();
-    // Sums of e^2/v and ln v, and their derivatives by ln rho and ln lambda.
-    let (mut fit, mut log_determinant, mut product) = (0.0, 0.0, 1.0);
-    let (mut rho_slopes, mut lambda_slopes) = ([0.0; 2], [0.0; 2]);
-    for i in 0..n {
-        if i > 0 {
-            step.set::<S>(scaled.lambda, time[i] - time[i - 1]);
-            value.advance(&step.transition);
-            for (row, noise) in value.covariance.iter_mut().zip(&step.noise) {
-                row.iter_mut().zip(noise).for_each(|(p, q)| *p += q);
-            }
-            if GRADIENT {
-                by_rho.advance(&step.transition);
-                by_lambda.advance(&step.transition);
-                stretch::<M, S>(&mut by_lambda, &value, step.a);
-            }
-        }
-        let own = scaled.rho * points.noise_weight(i);
-        let v = value.covariance[0][0] + own + scaled.jitter;
-        let e = points.targets[i] - value.mean[0];
-        let inverse = 1.0 / v;
-        let gain: Vector<M> = std::array::from_fn(|k| value.covariance[k][0] * inverse);
-        if GRADIENT {
-            let slopes = by_rho.update(&gain, e, v, own);
-            rho_slopes = [rho_slopes[0] + slopes[0], rho_slopes[1] + slopes[1]];
-            let slopes = by_lambda.update(&gain, e, v, 0.0);
-            lambda_slopes = [lambda_slopes[0] + slopes[0], lambda_slopes[1] + slopes[1]];
-        }
-        for k in 0..M {
-            value.mean[k] += gain[k] * e;
-        }
-        let column: Vector<M> = std::array::from_fn(|k| value.covariance[k][0]);
-        for k in 0..M {
-            for l in k..M {
-                value.covariance[k][l] -= gain[k] * column[l];
-                value.covariance[l][k] = value.covariance[k][l];
-            }
-        }
-        fit += e * e * inverse;
-        product *= v;
-        // One logarithm for many points, before the product leaves the range of numbers.
-        if !(1e-100..1e100).contains(&product) {
-            log_determinant += product.ln();
-            product = 1.0;
-        }
-    }
-    log_determinant += product.ln();
-    let n = n as f64;
-    let nll = 0.5 * (log_determinant + fit / scaled.s2 + n * (scaled.s2.ln() + std::f64::consts::TAU.ln()));
+    let Sums { fit, log_determinant } = sums::<M, S>(&scaled, points);
+    let n = points.len() as f64;
+    let nll = 0.5 * (log_determinant[0] + fit[0] / scaled.s2 + n * (scaled.s2.ln() + std::f64::consts::TAU.ln()));
     if !nll.is_finite() {
         return None;
     }
-    if GRADIENT {
-        let rho = 0.5 * (rho_slopes[1] + rho_slopes[0] / scaled.s2);
-        let lambda = 0.5 * (lambda_slopes[1] + lambda_slopes[0] / scaled.s2);
-        gradient.copy_from_slice(&[n - fit / scaled.s2 - 2.0 * rho, -lambda, 2.0 * rho]);
+    if !gradient.is_empty() {
+        let slope = |l: usize| 0.5 * (log_determinant[l] + fit[l] / scaled.s2);
+        gradient.copy_from_slice(&[n - fit[0] / scaled.s2 - 2.0 * slope(RHO), -slope(LAMBDA), 2.0 * slope(RHO)]);
         return gradient.iter().all(|g| g.is_finite()).then_some(nll);
     }
     Some(nll)
 }
 
-/// What ln lambda adds by stretching the step: `a (F P + P F' + Q e e')` to the covariance, `a F m` to the mean.
-#[inline(always)]
-fn stretch<const M: usize, S: Form<M>>(chain: &mut Chain<M>, value: &Chain<M>, a: f64) {
-    let turned = times(&S::F, &value.mean);
-    for i in 0..M {
-        chain.mean[i] += a * turned[i];
-        for j in i..M {
-            let mut sum = if i == M - 1 && j == M - 1 { S::Q } else { 0.0 };
-            for k in 0..M {
-                sum += S::F[i][k] * value.covariance[k][j] + value.covariance[i][k] * S::F[j][k];
-            }
-            chain.covariance[i][j] += a * sum;
-            chain.covariance[j][i] = chain.covariance[i][j];
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::steps::moments;
     use super::*;
 
     #[test]
@@ -367,7 +448,7 @@ mod tests {
             for a in [0.3f64, 1.0, 1.9, 2.1, 5.0, 40.0] {
                 let decay = (-a).exp();
                 let kept = sandwich(&S::transition(a, decay), &S::STATIONARY);
-                let added = S::process_noise(a, decay);
+                let added = S::process_noise(moments(a, decay));
                 for i in 0..M {
                     for j in 0..M {
                         // A few roundings of numbers of order one.
@@ -384,7 +465,7 @@ mod tests {
     #[test]
     fn a_short_step_adds_noise_of_the_right_order() {
         let a = 1e-4f64;
-        let q = FiveHalves::process_noise(a, (-a).exp());
+        let q = FiveHalves::process_noise(moments(a, (-a).exp()));
         // Leading term 16/3 a^5/20; the next is 1e-4 relative.
         assert!((q[0][0] / (16.0 / 3.0 * a.powi(5) / 20.0) - 1.0).abs() < 2e-4);
     }
