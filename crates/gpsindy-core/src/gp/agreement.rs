@@ -137,3 +137,20 @@ fn the_derivative_posterior_is_the_slope_of_the_mean() {
         assert!((slope - (mean(2.34 + 1e-5) - mean(2.34 - 1e-5)) / 2e-5).abs() < 1e-6, "{kernel}");
     }
 }
+
+#[test]
+fn a_long_log_is_smoothed_block_by_block_to_the_same_answer() {
+    // Three blocks of the smoother; a fit of the same process sees the middle alone, where the ends are forgotten.
+    let n = 40_000;
+    let whole = Points::in_time(&irregular(n).inputs[0], &uniform(n).targets);
+    let part = |column: &[f64]| column[16_000..17_000].to_vec();
+    let middle = Points { inputs: vec![part(&whole.inputs[0])], targets: part(&whole.targets), noise_weights: vec![] };
+    let evaluation = Evaluation { kernel: &Kernel::Matern52, hyper: &[0.0, 0.0, -2.0], jitter: 0.0 };
+    let long = evaluation.leave_one_out(&whole, &mut Workspace::default()).unwrap();
+    let short = evaluation.leave_one_out(&middle, &mut Workspace::default()).unwrap();
+    for i in 300..700 {
+        // Thirty lengths to either end: their memory is e^-60.
+        assert!((long.weights[16_000 + i] - short.weights[i]).abs() < 1e-9, "{i}");
+        assert!((long.diagonal[16_000 + i] / short.diagonal[i] - 1.0).abs() < 1e-10, "{i}");
+    }
+}

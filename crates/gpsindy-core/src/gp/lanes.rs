@@ -5,7 +5,7 @@
 pub(super) trait Lanes: Copy {
     /// The four numbers.
     type V: Copy;
-    fn new(self, x: [f64; 4]) -> Self::V;
+    fn four(self, x: [f64; 4]) -> Self::V;
     fn get(self, a: Self::V) -> [f64; 4];
     fn splat(self, x: f64) -> Self::V;
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
@@ -36,7 +36,7 @@ impl Lanes for Portable {
     type V = [f64; 4];
 
     #[inline(always)]
-    fn new(self, x: [f64; 4]) -> [f64; 4] {
+    fn four(self, x: [f64; 4]) -> [f64; 4] {
         x
     }
     #[inline(always)]
@@ -74,7 +74,7 @@ impl Lanes for pulp::x86::V3 {
     type V = pulp::f64x4;
 
     #[inline(always)]
-    fn new(self, [x, y, z, w]: [f64; 4]) -> pulp::f64x4 {
+    fn four(self, [x, y, z, w]: [f64; 4]) -> pulp::f64x4 {
         pulp::f64x4(x, y, z, w)
     }
     #[inline(always)]

@@ -13,6 +13,7 @@ use super::posterior::Quantity;
 use super::state_space::{FiveHalves, Form, Half, Matrix, Scaled, ThreeHalves, Vector, sandwich, times};
 use super::steps::Steps;
 use faer::Mat;
+use std::ops::Range;
 
 /// `K^-1 y` and the diagonal of `K^-1`; `None` where the kernel has no such form or a number overflows.
 pub(crate) fn leave_one_out(kernel: &Kernel, hyper: &[f64], points: &Points, jitter: f64) -> Option<LeaveOneOut> {
@@ -84,6 +85,18 @@ impl Events {
         out
     }
 
+    /// Where each of `at` stands; neighbours are looked for near each other.
+    fn places(&self, at: &[f64]) -> Vec<usize> {
+        let mut last = 0;
+        let find = |&t: &f64| {
+            let near = |i: usize| self.time[i] >= t && (i == 0 || self.time[i - 1] < t);
+            let ahead = last..(last + 3).min(self.time.len());
+            last = ahead.into_iter().find(|&i| near(i)).unwrap_or_else(|| self.time.partition_point(|e| *e < t));
+            last
+        };
+        at.iter().map(find).collect()
+    }
+
     fn push(&mut self, time: f64, target: f64, noise_weight: f64) {
         self.time.push(time);
         self.target.push(target);
@@ -103,48 +116,14 @@ struct Filtered<const M: usize> {
     precision: f64,
 }
 
-fn forward<const M: usize, S: Form<M>>(scaled: &Scaled, events: &Events) -> Option<Vec<Filtered<M>>> {
-    let mut mean = [0.0; M];
-    let mut covariance = S::STATIONARY;
-    let mut steps = Steps::<M>::new();
-    let mut out = Vec::with_capacity(events.time.len());
-    for i in 0..events.time.len() {
-        if i > 0 {
-            let place = match events.clock {
-                Some(step) => steps.fill_once::<S>(scaled.lambda, step),
-                None => steps.reach::<S>(scaled.lambda, &events.time, i),
-            };
-            let (transition, noise, _) = steps.at(place);
-            mean = times(&transition, &mean);
-            covariance = sandwich(&transition, &covariance);
-            for (row, noise) in covariance.iter_mut().zip(&noise) {
-                row.iter_mut().zip(noise).for_each(|(p, q)| *p += q);
-            }
-        }
-        let mut filtered = Filtered { mean, covariance, gain: [0.0; M], innovation: 0.0, precision: 0.0 };
-        if !events.target[i].is_nan() {
-            let v = covariance[0][0] + scaled.rho * events.noise_weight[i] + scaled.jitter;
-            if v.is_nan() || v <= 0.0 {
-                return None;
-            }
-            let inverse = 1.0 / v;
-            let gain: Vector<M> = std::array::from_fn(|k| covariance[k][0] * inverse);
-            let e = events.target[i] - mean[0];
-            filtered.gain = gain;
-            filtered.innovation = e * inverse;
-            filtered.precision = inverse;
-            let column: Vector<M> = std::array::from_fn(|k| covariance[k][0]);
-            for k in 0..M {
-                mean[k] += gain[k] * e;
-                for l in k..M {
-                    covariance[k][l] -= gain[k] * column[l];
-                    covariance[l][k] = covariance[k][l];
-                }
-            }
-        }
-        out.push(filtered);
-    }
-    Some(out)
+/// Events that are filtered and then smoothed at once: what the filter leaves of them stays near the processor.
+const BLOCK: usize = 16_384;
+
+/// Mean and covariance of the state after a measurement.
+#[derive(Clone, Copy)]
+struct State<const M: usize> {
+    mean: Vector<M>,
+    covariance: Matrix<M>,
 }
 
 /// Adjoint of the state before a measurement, and the measurement's row of `K^-1`.
@@ -155,43 +134,150 @@ struct Adjoint<const M: usize> {
     diagonal: f64,
 }
 
-/// Goes back over the events and shows `visit` each with its adjoint; nothing but that is kept.
-fn backward<const M: usize, S: Form<M>>(
-    scaled: &Scaled,
-    events: &Events,
-    filtered: &[Filtered<M>],
-    mut visit: impl FnMut(usize, &Filtered<M>, &Adjoint<M>),
-) {
-    let mut steps = Steps::<M>::new();
-    let mut at = Adjoint { mean: [0.0; M], information: [[0.0; M]; M], weight: 0.0, diagonal: 0.0 };
-    for (i, f) in filtered.iter().enumerate().rev() {
-        // Mean and information are those after the measurement here.
-        (at.weight, at.diagonal) = (0.0, 0.0);
-        if f.precision > 0.0 {
-            let along: f64 = (0..M).map(|k| f.gain[k] * at.mean[k]).sum();
-            let turned = times(&at.information, &f.gain);
-            let spread: f64 = (0..M).map(|k| f.gain[k] * turned[k]).sum();
-            at.weight = f.innovation - along;
-            at.diagonal = f.precision + spread;
-            // (1 - h K') information (1 - K h') + h h'/v with h = (1, 0, ..).
-            at.mean[0] += at.weight;
-            for k in 0..M {
-                at.information[0][k] -= turned[k];
-                at.information[k][0] -= turned[k];
-            }
-            at.information[0][0] += spread + f.precision;
+/// The way forth and back over all events, which shows `visit` each with its adjoint.
+///
+/// Of more than `block` events only the state before each block is kept on the way forth; on the way back the block is
+/// filtered again. That costs less than the memory of all.
+struct Sweep<'a, const M: usize, S, F> {
+    scaled: &'a Scaled,
+    events: &'a Events,
+    block: usize,
+    visit: F,
+    form: std::marker::PhantomData<S>,
+}
+
+impl<const M: usize, S: Form<M>, F: FnMut(usize, &Filtered<M>, &Adjoint<M>)> Sweep<'_, M, S, F> {
+    /// What the filter left of the first block, which is all where there is one; `None` where a variance is not positive.
+    #[inline(always)]
+    fn run<const FUSED: bool>(mut self) -> Option<Vec<Filtered<M>>> {
+        let (n, block) = (self.events.time.len(), self.block.max(1));
+        let mut filtered = Vec::with_capacity(block.min(n));
+        let mut checkpoints = Vec::with_capacity(n / block + 1);
+        let mut state = State { mean: [0.0; M], covariance: S::STATIONARY };
+        for start in (0..n).step_by(block) {
+            checkpoints.push(state);
+            self.forward::<FUSED>(start..(start + block).min(n), &mut state, &mut filtered)?;
         }
-        visit(i, f, &at);
-        if i > 0 {
-            let place = match events.clock {
-                Some(step) => steps.fill_once::<S>(scaled.lambda, step),
-                None => steps.reach_back::<S>(scaled.lambda, &events.time, i),
-            };
-            let transposed = transpose(&steps.at(place).0);
-            at.mean = times(&transposed, &at.mean);
-            at.information = sandwich(&transposed, &at.information);
+        let mut at = Adjoint { mean: [0.0; M], information: [[0.0; M]; M], weight: 0.0, diagonal: 0.0 };
+        for (k, checkpoint) in checkpoints.iter().enumerate().rev() {
+            let range = k * block..((k + 1) * block).min(n);
+            if range.end < n {
+                self.forward::<FUSED>(range.clone(), &mut checkpoint.clone(), &mut filtered)?;
+            }
+            self.backward::<FUSED>(range.start, &filtered, &mut at);
+        }
+        Some(filtered)
+    }
+
+    #[inline(always)]
+    fn forward<const FUSED: bool>(
+        &self,
+        range: Range<usize>,
+        state: &mut State<M>,
+        out: &mut Vec<Filtered<M>>,
+    ) -> Option<()> {
+        let (scaled, events) = (self.scaled, self.events);
+        let State { mean, covariance } = state;
+        let mut steps = Steps::<M>::new();
+        out.clear();
+        for i in range {
+            if i > 0 {
+                let place = match events.clock {
+                    Some(step) => steps.fill_once::<S>(scaled.lambda, step),
+                    None => steps.reach::<S>(scaled.lambda, &events.time, i),
+                };
+                let (transition, noise, _) = steps.at(place);
+                *mean = times::<M, FUSED>(&transition, mean);
+                *covariance = sandwich::<M, FUSED>(&transition, covariance);
+                for (row, noise) in covariance.iter_mut().zip(&noise) {
+                    row.iter_mut().zip(noise).for_each(|(p, q)| *p += q);
+                }
+            }
+            let mut filtered =
+                Filtered { mean: *mean, covariance: *covariance, gain: [0.0; M], innovation: 0.0, precision: 0.0 };
+            if !events.target[i].is_nan() {
+                let v = covariance[0][0] + scaled.rho * events.noise_weight[i] + scaled.jitter;
+                if v.is_nan() || v <= 0.0 {
+                    return None;
+                }
+                let inverse = 1.0 / v;
+                let gain: Vector<M> = std::array::from_fn(|k| covariance[k][0] * inverse);
+                let e = events.target[i] - mean[0];
+                filtered.gain = gain;
+                filtered.innovation = e * inverse;
+                filtered.precision = inverse;
+                let column: Vector<M> = std::array::from_fn(|k| covariance[k][0]);
+                for k in 0..M {
+                    mean[k] += gain[k] * e;
+                    for l in k..M {
+                        covariance[k][l] -= gain[k] * column[l];
+                        covariance[l][k] = covariance[k][l];
+                    }
+                }
+            }
+            out.push(filtered);
+        }
+        Some(())
+    }
+
+    #[inline(always)]
+    fn backward<const FUSED: bool>(&mut self, start: usize, filtered: &[Filtered<M>], at: &mut Adjoint<M>) {
+        let mut steps = Steps::<M>::new();
+        for (i, f) in filtered.iter().enumerate().rev() {
+            let i = start + i;
+            // Mean and information are those after the measurement here.
+            (at.weight, at.diagonal) = (0.0, 0.0);
+            if f.precision > 0.0 {
+                let along: f64 = (0..M).map(|k| f.gain[k] * at.mean[k]).sum();
+                let turned = times::<M, FUSED>(&at.information, &f.gain);
+                let spread: f64 = (0..M).map(|k| f.gain[k] * turned[k]).sum();
+                at.weight = f.innovation - along;
+                at.diagonal = f.precision + spread;
+                // (1 - h K') information (1 - K h') + h h'/v with h = (1, 0, ..).
+                at.mean[0] += at.weight;
+                for k in 0..M {
+                    at.information[0][k] -= turned[k];
+                    at.information[k][0] -= turned[k];
+                }
+                at.information[0][0] += spread + f.precision;
+            }
+            (self.visit)(i, f, at);
+            if i > 0 {
+                let place = match self.events.clock {
+                    Some(step) => steps.fill_once::<S>(self.scaled.lambda, step),
+                    None => steps.reach_back::<S>(self.scaled.lambda, &self.events.time, i),
+                };
+                let transposed = transpose(&steps.at(place).0);
+                at.mean = times::<M, FUSED>(&transposed, &at.mean);
+                at.information = sandwich::<M, FUSED>(&transposed, &at.information);
+            }
         }
     }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<const M: usize, S: Form<M>, F: FnMut(usize, &Filtered<M>, &Adjoint<M>)> pulp::WithSimd for Sweep<'_, M, S, F> {
+    type Output = Option<Vec<Filtered<M>>>;
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) -> Self::Output {
+        self.run::<true>()
+    }
+}
+
+/// Sweeps with fused operations where the processor has them.
+fn sweep<const M: usize, S: Form<M>>(
+    scaled: &Scaled,
+    events: &Events,
+    block: usize,
+    visit: impl FnMut(usize, &Filtered<M>, &Adjoint<M>),
+) -> Option<Vec<Filtered<M>>> {
+    let sweep = Sweep { scaled, events, block, visit, form: std::marker::PhantomData::<S> };
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = pulp::x86::V3::try_new() {
+        return pulp::Simd::vectorize(simd, sweep);
+    }
+    sweep.run::<false>()
 }
 
 fn transpose<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
@@ -201,20 +287,18 @@ fn transpose<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
 fn left_out<const M: usize, S: Form<M>>(hyper: &[f64], points: &Points, jitter: f64) -> Option<LeaveOneOut> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = Events::new(points, &[]);
-    let filtered = forward::<M, S>(&scaled, &events)?;
     let mut out = LeaveOneOut { weights: vec![0.0; points.len()], diagonal: vec![0.0; points.len()] };
-    backward::<M, S>(&scaled, &events, &filtered, |i, _, at| {
+    sweep::<M, S>(&scaled, &events, BLOCK, |i, _, at| {
         (out.weights[i], out.diagonal[i]) = (at.weight / scaled.s2, at.diagonal / scaled.s2);
-    });
+    })?;
     Some(out)
 }
 
-/// Value and derivative (without the factor to the unit of time): mean, variance and what the later measurements leave.
-#[derive(Clone, Copy)]
-struct Smoothed<const M: usize> {
+/// Value and derivative (without the factor to the unit of time).
+#[derive(Clone, Copy, Default)]
+struct Smoothed {
     mean: [f64; 2],
     variance: [f64; 2],
-    remaining: [Vector<M>; 2],
 }
 
 fn predict<const M: usize, S: Form<M>>(
@@ -227,22 +311,26 @@ fn predict<const M: usize, S: Form<M>>(
 ) -> Option<Law> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = Events::new(points, at);
-    let filtered = forward::<M, S>(&scaled, &events)?;
-    let zero = Smoothed { mean: [0.0; 2], variance: [0.0; 2], remaining: [[0.0; M]; 2] };
-    let mut smoothed = vec![zero; events.time.len()];
-    backward::<M, S>(&scaled, &events, &filtered, |i, f, adjoint| {
+    let mut smoothed = vec![Smoothed::default(); events.time.len()];
+    // What the later measurements leave of the error.
+    let mut left = vec![[[0.0; M]; 2]; if joint { events.time.len() } else { 0 }];
+    // The joint covariance needs what the filter left of every event.
+    let block = if joint { usize::MAX } else { BLOCK };
+    let filtered = sweep::<M, S>(&scaled, &events, block, |i, f, adjoint| {
         for c in 0..M.min(2) {
             let p = &f.covariance;
             let after = remaining(p, &adjoint.information, c);
             let shift: f64 = (0..M).map(|k| p[c][k] * adjoint.mean[k]).sum();
             smoothed[i].mean[c] = f.mean[c] + shift;
             smoothed[i].variance[c] = (0..M).map(|k| p[c][k] * after[k]).sum();
-            smoothed[i].remaining[c] = after;
+            if joint {
+                left[i][c] = after;
+            }
         }
-    });
+    })?;
     // Component of the state and the factor to the unit of time.
     let component = |q: Quantity| if q == Quantity::Value { (0, 1.0) } else { (1, scaled.lambda) };
-    let place: Vec<usize> = at.iter().map(|t| events.time.partition_point(|e| e < t)).collect();
+    let place = events.places(at);
     let size = at.len() * quantities.len();
     let (mut mean, mut variance) = (Vec::with_capacity(size), Vec::with_capacity(size));
     for &q in quantities {
@@ -278,11 +366,11 @@ fn predict<const M: usize, S: Form<M>>(
                         let first = row[0];
                         let updated: Vector<M> = std::array::from_fn(|k| row[k] - f.gain[k] * first);
                         here += 1;
-                        row = times(&transitions[here], &updated);
+                        row = times::<M, false>(&transitions[here], &updated);
                     }
                     for (qb, &quantity_b) in quantities.iter().enumerate() {
                         let (cb, factor_b) = component(quantity_b);
-                        let left = &smoothed[place[kb]].remaining[cb];
+                        let left = &left[place[kb]][cb];
                         let value: f64 = (0..M).map(|k| row[k] * left[k]).sum();
                         let value = scaled.s2 * factor_a * factor_b * value;
                         let (r, c) = (qa * at.len() + ka, qb * at.len() + kb);

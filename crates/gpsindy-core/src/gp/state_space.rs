@@ -115,29 +115,27 @@ impl Form<3> for FiveHalves {
     }
 }
 
+/// `a b + c`; `FUSED` only where the processor has it, or it is slow.
 #[inline(always)]
-pub(super) fn times<const M: usize>(a: &Matrix<M>, x: &Vector<M>) -> Vector<M> {
-    std::array::from_fn(|i| (0..M).map(|k| a[i][k] * x[k]).sum())
+fn plus<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
+#[inline(always)]
+pub(super) fn times<const M: usize, const FUSED: bool>(a: &Matrix<M>, x: &Vector<M>) -> Vector<M> {
+    std::array::from_fn(|i| (1..M).fold(a[i][0] * x[0], |sum, k| plus::<FUSED>(a[i][k], x[k], sum)))
 }
 
 /// `A P A'` for a symmetric P.
 #[inline(always)]
-pub(super) fn sandwich<const M: usize>(a: &Matrix<M>, p: &Matrix<M>) -> Matrix<M> {
-    let mut left = [[0.0; M]; M];
-    for i in 0..M {
-        for j in 0..M {
-            for k in 0..M {
-                left[i][j] += a[i][k] * p[k][j];
-            }
-        }
-    }
+pub(super) fn sandwich<const M: usize, const FUSED: bool>(a: &Matrix<M>, p: &Matrix<M>) -> Matrix<M> {
+    let left: Matrix<M> = std::array::from_fn(|i| {
+        std::array::from_fn(|j| (1..M).fold(a[i][0] * p[0][j], |sum, k| plus::<FUSED>(a[i][k], p[k][j], sum)))
+    });
     let mut out = [[0.0; M]; M];
     for i in 0..M {
         for j in i..M {
-            let mut sum = 0.0;
-            for k in 0..M {
-                sum += left[i][k] * a[j][k];
-            }
+            let sum = (1..M).fold(left[i][0] * a[j][0], |sum, k| plus::<FUSED>(left[i][k], a[j][k], sum));
             (out[i][j], out[j][i]) = (sum, sum);
         }
     }
@@ -230,7 +228,7 @@ struct Filter<'a, const M: usize, S, N> {
 impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
     #[inline(always)]
     fn stationary(&self) -> Bundle<M, N::V> {
-        let entry = |i: usize, j: usize| self.lanes.new([S::STATIONARY[i][j], 0.0, 0.0, 0.0]);
+        let entry = |i: usize, j: usize| self.lanes.four([S::STATIONARY[i][j], 0.0, 0.0, 0.0]);
         Bundle {
             mean: [self.lanes.splat(0.0); M],
             covariance: std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))),
@@ -274,7 +272,7 @@ impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
         let mut out = left;
         for i in 0..M {
             for j in i..M {
-                let mut sum = n.new([noise[i][j], 0.0, 0.0, 0.0]);
+                let mut sum = n.four([noise[i][j], 0.0, 0.0, 0.0]);
                 for k in 0..M {
                     sum = n.plus(left[i][k], wide[j][k], sum);
                 }
@@ -298,7 +296,7 @@ impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
     #[inline(always)]
     fn update(&self, bundle: &Bundle<M, N::V>, own: f64) -> Update<M, N::V> {
         let n = self.lanes;
-        let variance = n.add(bundle.covariance[0][0], n.new([own + self.scaled.jitter, own, 0.0, 0.0]));
+        let variance = n.add(bundle.covariance[0][0], n.four([own + self.scaled.jitter, own, 0.0, 0.0]));
         let inverse = 1.0 / n.first(variance);
         let gain = std::array::from_fn(|i| n.splat(n.first(bundle.covariance[i][0]) * inverse));
         let moved = std::array::from_fn(|i| n.minus(gain[i], variance, bundle.covariance[i][0]));
@@ -309,7 +307,7 @@ impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
     #[inline(always)]
     fn update_mean(&self, bundle: &mut Bundle<M, N::V>, update: &Update<M, N::V>, target: f64) -> N::V {
         let n = self.lanes;
-        let innovation = n.sub(n.new([target, 0.0, 0.0, 0.0]), bundle.mean[0]);
+        let innovation = n.sub(n.four([target, 0.0, 0.0, 0.0]), bundle.mean[0]);
         let u = n.splat(n.first(innovation) * update.inverse);
         for i in 0..M {
             bundle.mean[i] = n.plus(update.gain[i], innovation, n.plus(update.moved[i], u, bundle.mean[i]));
@@ -352,7 +350,7 @@ impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
         let mut steps = Steps::<M>::new();
         let (mut fit, mut slopes) = (n.splat(0.0), n.splat(0.0));
         let (mut log_determinant, mut product) = (0.0, 1.0);
-        let stretched = |a: f64| n.new([0.0, 0.0, a, 0.0]);
+        let stretched = |a: f64| n.four([0.0, 0.0, a, 0.0]);
         for i in 0..time.len() {
             if i > 0 {
                 let place = match clock {
@@ -447,7 +445,7 @@ mod tests {
         fn check<const M: usize, S: Form<M>>() {
             for a in [0.3f64, 1.0, 1.9, 2.1, 5.0, 40.0] {
                 let decay = (-a).exp();
-                let kept = sandwich(&S::transition(a, decay), &S::STATIONARY);
+                let kept = sandwich::<M, false>(&S::transition(a, decay), &S::STATIONARY);
                 let added = S::process_noise(moments(a, decay));
                 for i in 0..M {
                     for j in 0..M {
