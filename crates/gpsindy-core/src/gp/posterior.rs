@@ -71,12 +71,21 @@ impl Conditioned {
     /// # Errors
     /// Sizes that differ, values that are not finite, a covariance that stays indefinite.
     pub fn new(fit: &Fit, points: &Points) -> Result<Self> {
+        let n = points.len();
+        let mean = if n == 0 { fit.mean } else { points.targets.iter().map(|v| v / n as f64).sum() };
+        Self::about(fit, points, mean)
+    }
+
+    /// The same about a mean that is known, such as that of a longer run of which `points` are a part.
+    ///
+    /// # Errors
+    /// As [`Conditioned::new`].
+    pub fn about(fit: &Fit, points: &Points, mean: f64) -> Result<Self> {
         points.check()?;
         if points.dimension() != fit.dimension {
             return Err(Error::shape("inputs of the points", fit.dimension, points.dimension()));
         }
-        let n = points.len();
-        let offset = if n == 0 { fit.mean } else { points.targets.iter().map(|v| v / n as f64).sum() };
+        let (n, offset) = (points.len(), mean);
         let mut hyper = fit.hyper.clone();
         fit.kernel.rescale(fit.dimension, &mut hyper, -fit.scale.ln());
         hyper.push((fit.noise / fit.scale).ln());

@@ -9,6 +9,7 @@ mod ensemble;
 mod folds;
 mod lasso;
 mod least_squares;
+mod parts;
 mod reduce;
 mod select;
 mod sqrt_lasso;

@@ -122,6 +122,26 @@ impl Reduced {
         scaled.fold(0.0, f64::max)
     }
 
+    /// The same rows with the columns `terms` alone, in that order.
+    pub fn with_terms(&self, terms: &[usize]) -> Self {
+        Self {
+            a: Mat::from_fn(self.a.nrows(), terms.len(), |i, k| self.a[(i, terms[k])]),
+            b: self.b.clone(),
+            n_rows: self.n_rows,
+            norms: terms.iter().map(|&j| self.norms[j]).collect(),
+        }
+    }
+
+    /// Every row times `factor`: with its square as the weight of all of them.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Self {
+        for j in 0..self.a.ncols() {
+            self.a.col_as_slice_mut(j).iter_mut().for_each(|v| *v *= factor);
+        }
+        self.b.iter_mut().chain(&mut self.norms).for_each(|v| *v *= factor);
+        self
+    }
+
     /// The problem made of the rows of several reduced ones.
     ///
     /// # Errors

@@ -54,7 +54,7 @@ pub struct Choice {
 }
 
 /// Places on a path unless the method has fewer.
-const PATH_LENGTH: usize = 60;
+pub(super) const PATH_LENGTH: usize = 60;
 
 impl Selection {
     /// Fits the path of `regressor` and chooses one place.
@@ -82,36 +82,37 @@ impl Selection {
         match *self {
             Self::CrossValidation { one_standard_error } => {
                 let (scores, errors) = held_out_errors(regressor, theta, target, &levels, folds)?;
-                let candidates = Candidates { fits, scores, errors };
-                let best = smallest(&candidates.scores)?;
-                let limit = if one_standard_error {
-                    candidates.scores[best] + candidates.errors[best]
-                } else {
-                    candidates.scores[best]
-                };
-                let sparse_enough = |i: &usize| candidates.scores[*i] <= limit;
-                let index = (0..candidates.fits.len())
-                    .filter(sparse_enough)
-                    .min_by_key(|&i| (candidates.fits[i].n_terms(), i))
-                    .unwrap_or(best);
-                Ok(Choice { fit: candidates.fits[index].clone(), index, candidates })
+                sparsest(Candidates { fits, scores, errors }, one_standard_error)
             }
-            Self::Bic { noise } => {
-                let r = problem.n_rows() as f64;
-                let floor = 1e-26 * problem.target_square() + f64::MIN_POSITIVE;
-                choose_by(fits, |fit| {
-                    let k = fit.n_terms();
-                    if k >= problem.n_rows() && noise.is_none() {
-                        return f64::INFINITY;
-                    }
-                    let misfit =
-                        noise.map_or_else(|| r * (fit.residual.max(floor) / r).ln(), |n| fit.residual / (n * n));
-                    misfit + k as f64 * r.ln()
-                })
-            }
+            Self::Bic { noise } => smallest_bic(fits, problem.n_rows() as f64, problem.target_square(), noise),
             Self::Fixed(_) => Err(Error::invalid("a fixed tuning value leaves nothing to choose")),
         }
     }
+}
+
+/// The sparsest fit whose score lies within one standard error of the smallest, or the one of the smallest.
+pub(super) fn sparsest(candidates: Candidates, one_standard_error: bool) -> Result<Choice> {
+    let best = smallest(&candidates.scores)?;
+    let margin = if one_standard_error { candidates.errors[best] } else { 0.0 };
+    let limit = candidates.scores[best] + margin;
+    let index = (0..candidates.fits.len())
+        .filter(|&i| candidates.scores[i] <= limit)
+        .min_by_key(|&i| (candidates.fits[i].n_terms(), i))
+        .unwrap_or(best);
+    Ok(Choice { fit: candidates.fits[index].clone(), index, candidates })
+}
+
+/// The fit of the smallest BIC on `rows` rows, which may be a sum of weights.
+pub(super) fn smallest_bic(fits: Vec<Fit>, rows: f64, target_square: f64, noise: Option<f64>) -> Result<Choice> {
+    let floor = 1e-26 * target_square + f64::MIN_POSITIVE;
+    choose_by(fits, |fit| {
+        let k = fit.n_terms() as f64;
+        if k >= rows && noise.is_none() {
+            return f64::INFINITY;
+        }
+        let misfit = noise.map_or_else(|| rows * (fit.residual.max(floor) / rows).ln(), |n| fit.residual / (n * n));
+        misfit + k * rows.ln()
+    })
 }
 
 /// The fit with the smallest finite `score`; the hook by which a rollout error can choose.
@@ -159,13 +160,18 @@ fn held_out_errors(
         Ok(regressor.path(&training, &fitted)?.iter().map(|fit| held_out.residual(&fit.coefficients) / count).collect())
     };
     let by_fold: Vec<Vec<f64>> = (0..folds.n_folds()).into_par_iter().map(one_fold).collect::<Result<_>>()?;
+    Ok(over_folds(&by_fold))
+}
+
+/// Mean of each level's score over the folds, and its standard error.
+pub(super) fn over_folds(by_fold: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let n = by_fold.len() as f64;
+    let levels = by_fold.first().map_or(0, Vec::len);
     let column = |i: usize| by_fold.iter().map(move |errors| errors[i]);
-    let mean: Vec<f64> = (0..levels.len()).map(|i| column(i).sum::<f64>() / n).collect();
-    let error = (0..levels.len())
-        .map(|i| (column(i).map(|e| (e - mean[i]).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt())
-        .collect();
-    Ok((mean, error))
+    let mean: Vec<f64> = (0..levels).map(|i| column(i).sum::<f64>() / n).collect();
+    let error =
+        (0..levels).map(|i| (column(i).map(|e| (e - mean[i]).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt()).collect();
+    (mean, error)
 }
 
 #[cfg(test)]
