@@ -28,7 +28,10 @@ pub use data::{Channel, Dataset, Run};
 pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
-pub use identify::{Author, AuthorResult, Choice, Delay, Identification, Identify, StateReport, Target};
+pub use identify::{
+    Author, AuthorResult, Choice, Delay, Estimate, Identification, Identify, Online, OnlineSettings, StateReport,
+    Target,
+};
 pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
     State, System,

@@ -6,12 +6,14 @@
 mod author;
 mod choose;
 mod equations;
+mod online;
 mod plan;
 mod rows;
 mod structure;
 mod track;
 
 pub use author::{Author, AuthorResult};
+pub use online::{Estimate, Online, OnlineSettings};
 
 use crate::data::Dataset;
 use crate::differentiate::{Differentiation, SecondStage};
