@@ -11,6 +11,7 @@ mod log;
 mod logs;
 mod model;
 mod output;
+mod stream;
 mod table;
 
 pub use effects::{parse_effects, read_effects};
@@ -20,4 +21,5 @@ pub use log::{Log, LogOptions};
 pub use logs::Logs;
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 pub use output::write_whole;
+pub use stream::{Sample, Stream};
 pub use table::Table;

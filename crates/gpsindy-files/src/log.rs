@@ -32,10 +32,11 @@ pub struct Log {
     times: Vec<f64>,
 }
 
+/// Cells of one line, which begins at line number `line`.
 #[derive(Debug, Clone)]
-struct Row {
-    line: u64,
-    cells: StringRecord,
+pub(crate) struct Row {
+    pub(crate) line: u64,
+    pub(crate) cells: StringRecord,
 }
 
 impl Log {
@@ -67,7 +68,16 @@ impl Log {
         let Some(first) = records.next() else {
             return Err(Error::file(file, "the file is empty; expected a header row and then one sample a row"));
         };
-        let headers = headers(file, &first, options)?;
+        let mut log = Self::of_header(file, &first, options)?;
+        log.rows = records.collect();
+        log.check_lengths()?;
+        log.read_times()?;
+        Ok(log)
+    }
+
+    /// A log of this header, without a sample.
+    pub(crate) fn of_header(file: &str, first: &Row, options: &LogOptions) -> Result<Self> {
+        let headers = headers(file, first, options)?;
         let find = |column: &str| headers.iter().position(|h| h.answers_to(column));
         let run = match &options.run {
             Some(column) => Some(find(column).ok_or_else(|| missing(file, "run column", column, &headers))?),
@@ -89,18 +99,8 @@ impl Log {
                     )
                 })?,
         };
-        let mut log = Self {
-            file: file.into(),
-            headers,
-            time,
-            run,
-            header_line: first.line,
-            rows: records.collect(),
-            times: Vec::new(),
-        };
-        log.check_lengths()?;
-        log.read_times()?;
-        Ok(log)
+        let (header_line, rows, times) = (first.line, Vec::new(), Vec::new());
+        Ok(Self { file: file.into(), headers, time, run, header_line, rows, times })
     }
 
     /// The columns beside time and run, in the file's order.
@@ -178,49 +178,65 @@ impl Log {
         if self.rows.is_empty() {
             return Err(Error::line(&self.file, self.header_line, None, "no samples follow the header"));
         }
-        for row in &self.rows {
-            let (found, expected) = (row.cells.len(), self.headers.len());
-            if cell(row, 0).starts_with('#') {
-                return Err(Error::line(
-                    &self.file,
-                    row.line,
-                    None,
-                    "a comment among the samples; comments stand before the header",
-                ));
-            }
-            if found != expected {
-                let cells = |n: usize| if n == 1 { "1 cell".to_string() } else { format!("{n} cells") };
-                let message =
-                    format!("{} where the header has {}; complete or remove the row", cells(found), cells(expected));
-                return Err(Error::line(&self.file, row.line, None, message));
-            }
+        self.rows.iter().try_for_each(|row| self.check_row(row))
+    }
+
+    /// Refuses a comment, and a row of another length than the header's.
+    pub(crate) fn check_row(&self, row: &Row) -> Result<()> {
+        let (found, expected) = (row.cells.len(), self.headers.len());
+        if cell(row, 0).starts_with('#') {
+            let message = "a comment among the samples; comments stand before the header";
+            return Err(Error::line(&self.file, row.line, None, message));
+        }
+        if found != expected {
+            let cells = |n: usize| if n == 1 { "1 cell".to_string() } else { format!("{n} cells") };
+            let message =
+                format!("{} where the header has {}; complete or remove the row", cells(found), cells(expected));
+            return Err(Error::line(&self.file, row.line, None, message));
         }
         Ok(())
     }
 
-    fn read_times(&mut self) -> Result<()> {
-        let name = self.headers[self.time].name.clone();
-        for row in &self.rows {
-            let value = self.number(row, self.time)?;
-            if value.is_nan() {
-                let message = "the time is missing; remove the row or fill the time in";
-                return Err(Error::line(&self.file, row.line, Some(&name), message));
-            }
-            self.times.push(value);
+    /// The time of a row, s.
+    pub(crate) fn time_of(&self, row: &Row) -> Result<f64> {
+        let value = self.number(row, self.time)?;
+        if value.is_nan() {
+            let message = "the time is missing; remove the row or fill the time in";
+            return Err(Error::line(&self.file, row.line, Some(&self.headers[self.time].name), message));
         }
+        Ok(value)
+    }
+
+    /// The run of a row; empty where the file is one run.
+    pub(crate) fn run_of<'a>(&self, row: &'a Row) -> &'a str {
+        self.run.map_or("", |column| cell(row, column))
+    }
+
+    /// The value of a column in a row, NaN where the cell is missing.
+    pub(crate) fn value_of(&self, row: &Row, name: &str) -> Result<f64> {
+        self.number(row, self.position(name).ok_or_else(|| self.lacks(name))?)
+    }
+
+    /// Refuses a time that does not lie behind the one before it in its run.
+    pub(crate) fn check_step(&self, before: f64, after: f64, line: u64) -> Result<()> {
+        if after > before {
+            return Ok(());
+        }
+        let how = if after < before { "time goes back" } else { "time stands still" };
+        let cure = if self.run.is_some() {
+            "sort or thin the samples"
+        } else {
+            "sort the samples, or tell the runs apart with --run"
+        };
+        let message = format!("{how}, from {before} to {after}; {cure}");
+        Err(Error::line(&self.file, line, Some(&self.headers[self.time].name), message))
+    }
+
+    fn read_times(&mut self) -> Result<()> {
+        self.times = self.rows.iter().map(|row| self.time_of(row)).collect::<Result<_>>()?;
         for (run, rows) in self.runs() {
             for pair in rows.windows(2) {
-                let (before, after) = (self.times[pair[0]], self.times[pair[1]]);
-                if after <= before {
-                    let how = if after < before { "time goes back" } else { "time stands still" };
-                    let cure = if self.run.is_some() {
-                        "sort or thin the samples"
-                    } else {
-                        "sort the samples, or tell the runs apart with --run"
-                    };
-                    let message = format!("{how}, from {before} to {after}; {cure}");
-                    return Err(Error::line(&self.file, self.rows[pair[1]].line, Some(&name), message));
-                }
+                self.check_step(self.times[pair[0]], self.times[pair[1]], self.rows[pair[1]].line)?;
             }
             if rows.len() < 2 {
                 let whose = if run.is_empty() { String::new() } else { format!("run `{run}` has ") };

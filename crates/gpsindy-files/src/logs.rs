@@ -61,6 +61,11 @@ impl Logs {
         Ok(Self { files: vec![Log::parse(file, bytes, options)?] })
     }
 
+    /// One log that was read already.
+    pub fn of(log: Log) -> Self {
+        Self { files: vec![log] }
+    }
+
     /// The files, in the order they were named.
     pub fn files(&self) -> &[Log] {
         &self.files

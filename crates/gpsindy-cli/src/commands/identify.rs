@@ -3,6 +3,7 @@
 mod author;
 
 use crate::args::{AutoHold, Columns, Output, pair};
+use crate::commands::follow::{self, FollowOptions};
 use crate::commands::{check_folder_of, chosen, dataset, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -23,12 +24,13 @@ use std::sync::Arc;
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy identify run_1.csv run_2.csv --state x,v --control u --out model.toml\n         \
-                   gpsindy identify car_*.csv --state x,y,v,phi --control u --angle phi --term 'v*cos(phi)' --delay u=auto"
+                   gpsindy identify car_*.csv --state x,y,v,phi --control u --angle phi --term 'v*cos(phi)' --delay u=auto\n         \
+                   tail -f -n +1 robot.csv | gpsindy identify - --follow --state x,v --control u --json"
 )]
 pub(crate) struct Identify {
     /// The logs (CSV), one or more; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
-    logs: Vec<PathBuf>,
+    pub(super) logs: Vec<PathBuf>,
     /// Columns that are states, separated by commas [default: every column of numbers that no other option names]
     #[arg(long, value_name = "COLUMN")]
     state: Vec<String>,
@@ -39,13 +41,27 @@ pub(crate) struct Identify {
     #[arg(long, value_name = "STATE=COLUMN", value_parser = pair)]
     derivative: Vec<(String, String)>,
     #[command(flatten)]
-    columns: Columns,
+    pub(super) columns: Columns,
     #[command(flatten)]
     library: LibraryOptions,
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
-    output: Output,
+    pub(super) follow: FollowOptions,
+    #[command(flatten)]
+    pub(super) output: Output,
+}
+
+impl Identify {
+    /// Whether the second fit was asked for by name.
+    pub(super) fn refines(&self) -> bool {
+        self.method.refine
+    }
+
+    /// Whether a kernel was named.
+    pub(super) fn names_kernel(&self) -> bool {
+        self.method.kernel != "auto"
+    }
 }
 
 #[derive(Debug, Args)]
@@ -194,6 +210,9 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
         return Err(Failure::input("--gp-input is for --preset author alone; remove it"));
     }
     check_folder_of(command.output.out.as_deref())?;
+    if command.follow.follow {
+        return follow::run(command, screen);
+    }
     let logs = Logs::read(&command.logs, &command.columns.options())?;
     let mut settings = settings(command, &logs, seed)?;
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();
@@ -205,7 +224,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
         return Err(Failure::input(format!("column `{}` has two roles; name it in one option", twice.1)));
     }
     let data = dataset(&logs, &needed, &[], &command.columns, screen)?;
-    settings.delays = delays(command, &logs, &data)?;
+    settings.delays = delays(command, &logs, sensible_delay(&data))?;
     let progress = screen.progress();
     let found = settings.fit(&data, &progress)?;
     let simulate = Simulate { hold: found.hold, ..Simulate::default() };
@@ -261,7 +280,7 @@ impl LibraryOptions {
 }
 
 /// The settings that the options ask for; states are left empty where no option names them.
-fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
+pub(super) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     let (library, method) = (&command.library, &command.method);
     let start = match method.preset {
         Preset::Paper => Settings::paper(),
@@ -332,12 +351,16 @@ fn regressor(regression: Regression) -> Arc<dyn Regressor> {
     }
 }
 
-/// The delays asked for; `auto` looks as far as is sensible for the sampling and the length of the runs.
-fn delays(command: &Identify, logs: &Logs, data: &Dataset) -> Outcome<Vec<(String, Delay)>> {
+/// As far as is sensible for the sampling and the length of the runs, s.
+fn sensible_delay(data: &Dataset) -> f64 {
     let length = |run: &gpsindy_core::Run| run.time[run.time.len() - 1] - run.time[0];
     let shortest = data.runs().iter().map(length).fold(f64::INFINITY, f64::min);
     let period = data.runs().iter().map(gpsindy_core::Run::period).fold(0.0, f64::max);
-    let sensible = (25.0 * period).max(shortest / 100.0).min(shortest / 10.0);
+    (25.0 * period).max(shortest / 100.0).min(shortest / 10.0)
+}
+
+/// The delays asked for; `auto` looks up to `sensible` seconds.
+pub(super) fn delays(command: &Identify, logs: &Logs, sensible: f64) -> Outcome<Vec<(String, Delay)>> {
     let wrong = |control: &str, text: &str| {
         Failure::input(format!(
             "--delay {control}={text}: expected auto, auto:SECONDS or a number of seconds, at least 0"
@@ -362,7 +385,12 @@ fn delays(command: &Identify, logs: &Logs, data: &Dataset) -> Outcome<Vec<(Strin
 /// The equations, how sure each coefficient is, and how well rollouts follow the logs.
 pub(crate) fn summary(data: &Dataset, found: &Identification, fit: Option<&Score>) -> String {
     let runs = format!("{}, {}", count(data.runs().len(), "run"), count(data.n_samples(), "sample"));
-    let mut text = format!("equations from {runs}:\n\n");
+    summary_of(&runs, found, fit)
+}
+
+/// The same of `logs`, told in words.
+pub(super) fn summary_of(logs: &str, found: &Identification, fit: Option<&Score>) -> String {
+    let mut text = format!("equations from {logs}:\n\n");
     for state in &found.model.states {
         text += &format!("  {}' = {}\n", state.name, rounded(found, state));
     }
@@ -412,7 +440,7 @@ pub(crate) fn summary(data: &Dataset, found: &Identification, fit: Option<&Score
 }
 
 /// The right side of an equation with four significant digits.
-fn rounded(found: &Identification, state: &gpsindy_core::State) -> String {
+pub(super) fn rounded(found: &Identification, state: &gpsindy_core::State) -> String {
     let Some(record) = &found.model.identification else { return state.equation.to_string() };
     let s = found.model.state_index(&state.name).unwrap_or(0);
     let kept = record.terms.iter().zip(&record.coefficients[s]).filter(|(_, value)| **value != 0.0);

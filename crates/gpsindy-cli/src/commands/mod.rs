@@ -6,6 +6,7 @@ pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod exam;
 pub(crate) mod export;
+mod follow;
 pub(crate) mod identify;
 pub(crate) mod man;
 pub(crate) mod score;

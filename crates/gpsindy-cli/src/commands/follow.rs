@@ -1,0 +1,322 @@
+//! `gpsindy identify --follow`: a model that follows a log as it is written.
+
+use super::identify::{self, Identify, as_json, rounded, summary_of};
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use crate::text::{count, short};
+use clap::Args;
+use gpsindy_core::gp::Kernel;
+use gpsindy_core::regress::Selection;
+use gpsindy_core::{Channel, Choice, Delay, Identification, Identify as Settings, Online, OnlineSettings, Target};
+use gpsindy_files::{Logs, Sample, Stream, model_to_toml, write_model};
+use serde_json::json;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Following a log as it grows")]
+pub(crate) struct FollowOptions {
+    /// Follow one log sample by sample, from standard input (`-`) or a file that grows; Ctrl-C ends it in good order
+    #[arg(long)]
+    pub(crate) follow: bool,
+    /// Tell the model every N samples [default: whenever its terms change]
+    #[arg(long, value_name = "N", requires = "follow")]
+    every: Option<NonZeroUsize>,
+    /// Forget: time in which the weight of a sample falls by 1/e [default: nothing is forgotten]
+    #[arg(long, value_name = "SECONDS", requires = "follow", allow_negative_numbers = true)]
+    memory: Option<f64>,
+    /// Samples that are kept, at least 64: for hyperparameters, and to smooth the newest
+    #[arg(long, value_name = "N", requires = "follow", default_value_t = 1000)]
+    window: usize,
+    /// End when a file has not grown for so long; standard input ends by itself
+    #[arg(long, value_name = "SECONDS", requires = "follow", default_value_t = 10.0, allow_negative_numbers = true)]
+    idle: f64,
+}
+
+/// How often a file is looked at, and Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Lines that are read ahead.
+const AHEAD: usize = 1024;
+
+/// What the reading thread has to say.
+enum News {
+    Line(Vec<u8>),
+    Failed(std::io::Error),
+    End,
+}
+
+/// A model under way.
+struct Following<'a> {
+    online: Online,
+    states: Vec<String>,
+    controls: Vec<String>,
+    /// Time of the newest sample, s.
+    time: f64,
+    /// Terms when the model was last told, and the samples it had.
+    told: (Vec<Vec<String>>, usize),
+    every: Option<NonZeroUsize>,
+    screen: &'a Screen,
+}
+
+pub(crate) fn run(command: &Identify, screen: &Screen) -> Outcome {
+    let options = &command.follow;
+    let [path] = command.logs.as_slice() else {
+        return Err(Failure::input(format!("--follow takes one log, found {}", command.logs.len())));
+    };
+    if options.idle.is_nan() || options.idle <= 0.0 {
+        return Err(Failure::input(format!("--idle must be above 0, found {}", options.idle)));
+    }
+    let file = if path.as_os_str() == "-" { "stdin".to_string() } else { path.display().to_string() };
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        let registered = signal_hook::flag::register(signal, Arc::clone(&stop));
+        registered.map_err(|e| Failure::Work(format!("Ctrl-C cannot be listened to: {e}")))?;
+    }
+    let lines = lines_of(path, options.idle)?;
+    let mut stream = Stream::new(&file, command.columns.options());
+    let mut following: Option<Following<'_>> = None;
+    while let Some(line) = next(&lines, &stop, &file)? {
+        let Some(sample) = stream.push(&line)? else { continue };
+        let following = match &mut following {
+            Some(following) => following,
+            none => none.insert(Following::new(command, &stream, &sample, screen)?),
+        };
+        following.take(&stream, &sample)?;
+    }
+    let Some(following) = following else {
+        return Err(Failure::input(format!("{file}: no sample came; expected a header row and then one sample a row")));
+    };
+    following.end(command.output.out.as_deref())
+}
+
+impl<'a> Following<'a> {
+    fn new(command: &Identify, stream: &Stream, first: &Sample, screen: &'a Screen) -> Outcome<Self> {
+        let Some(header) = stream.header() else { return Err(Failure::input("the log has no header")) };
+        let logs = Logs::of(header.clone());
+        let settings = identify::settings(command, &logs, 0)?;
+        let mut states = settings.states.clone();
+        if states.is_empty() {
+            states = stream.numeric_columns(first);
+            states.retain(|name| !settings.controls.contains(name));
+            screen.note(&format!("states: {} (all columns of numbers; choose with --state)", states.join(", ")));
+        }
+        let controls = settings.controls.clone();
+        let used: Vec<&String> = states.iter().chain(&controls).collect();
+        let ignored = logs.ignored(&used);
+        if !ignored.is_empty() {
+            screen.note(&format!("columns ignored: {}", ignored.join(", ")));
+        }
+        for warning in logs.warnings() {
+            screen.warn(&warning);
+        }
+        let channels = |names: &[String]| -> Vec<Channel> {
+            let unit = |name: &String| header.column(name).map(|h| h.unit.clone()).unwrap_or_default();
+            names.iter().map(|name| Channel::new(name).with_unit(unit(name))).collect()
+        };
+        let angles = command.columns.angle.iter().map(|angle| Ok(logs.resolve(angle)?)).collect::<Outcome<_>>()?;
+        let settings = OnlineSettings {
+            states: channels(&states),
+            controls: channels(&controls),
+            angles,
+            delays: delays(command, &logs)?,
+            memory: command.follow.memory,
+            window: command.follow.window,
+            ..online(command, settings)?
+        };
+        let told = (Vec::new(), 0);
+        let online = Online::new(settings)?;
+        Ok(Self { online, states, controls, time: first.time(), told, every: command.follow.every, screen })
+    }
+
+    fn take(&mut self, stream: &Stream, sample: &Sample) -> Outcome {
+        let states = stream.values(sample, &self.states)?;
+        let controls = stream.values(sample, &self.controls)?;
+        if sample.begins() && self.online.n_samples() > 0 {
+            self.online.begin_run()?;
+        }
+        let news = self.online.update(sample.time(), &states, &controls)?;
+        self.time = sample.time();
+        let due = match self.every {
+            Some(every) => self.online.n_samples() >= self.told.1 + every.get(),
+            None => news,
+        };
+        // The first samples are too few for any model.
+        if due && let Ok(found) = self.online.identification() {
+            self.tell(&found)?;
+        }
+        Ok(())
+    }
+
+    /// Tells the model where its terms have changed, or in any case with --every.
+    fn tell(&mut self, found: &Identification) -> Outcome {
+        let terms: Vec<Vec<String>> = found.states.iter().map(|s| s.terms.clone()).collect();
+        if self.every.is_none() && terms == self.told.0 {
+            return Ok(());
+        }
+        self.told = (terms, self.online.n_samples());
+        if self.screen.json() {
+            return self.screen.out(&format!("{}\n", self.line(found, false)));
+        }
+        let equations = found.model.states.iter().map(|state| format!("{}' = {}", state.name, rounded(found, state)));
+        let equations = equations.collect::<Vec<_>>().join("; ");
+        self.screen.note(&format!(
+            "t = {}, {}: {equations}",
+            short(self.time),
+            count(self.online.n_samples(), "sample")
+        ));
+        Ok(())
+    }
+
+    fn line(&self, found: &Identification, last: bool) -> serde_json::Value {
+        let mut line = as_json(found, None);
+        line["t"] = json!(self.time);
+        line["samples"] = json!(self.online.n_samples());
+        line["final"] = json!(last);
+        line
+    }
+
+    /// The last word: the model of all samples, to the file and to the screen.
+    fn end(self, out: Option<&Path>) -> Outcome {
+        let found = self.online.identification()?;
+        for note in &found.notes {
+            self.screen.warn(note);
+        }
+        if let Some(path) = out {
+            write_model(path, &found.model)?;
+        }
+        let summary = summary_of(&count(self.online.n_samples(), "sample"), &found, None);
+        match out {
+            _ if self.screen.json() => self.screen.out(&format!("{}\n", self.line(&found, true))),
+            Some(path) => self.screen.out(&format!("{summary}\nmodel: {}\n", path.display())),
+            None => {
+                self.screen.note(&summary);
+                self.screen.out(&model_to_toml(&found.model)?)
+            }
+        }
+    }
+}
+
+/// The options of `identify` that a stream can heed; the others are refused by name.
+fn online(command: &Identify, settings: Settings) -> Outcome<OnlineSettings> {
+    let refused = |option: &str, why: &str| Err(Failure::input(format!("{option} does not go with --follow: {why}")));
+    if !settings.derivatives.is_empty() {
+        return refused("--derivative", "the states alone are read");
+    }
+    if !matches!(settings.target, Target::Weak) {
+        return refused("--derivative-method or --preset", "the weak form alone can be added up");
+    }
+    if settings.smoother.is_none() {
+        return refused("--smoother none", "the newest samples are smoothed");
+    }
+    if settings.standardize {
+        return refused("--standardize", "sizes are not known beforehand");
+    }
+    if settings.train_fraction != 1.0 {
+        return refused("--train-fraction", "the end of the log is not known");
+    }
+    if settings.ensemble > 0 {
+        return refused("--ensemble", "rows are not kept");
+    }
+    if command.refines() {
+        return refused("--refine", "it needs the whole log; identify once more when it has ended");
+    }
+    let selection = match settings.choice {
+        Choice::Rows(selection) => selection,
+        Choice::Rollout => return refused("--select rollout", "rows are not kept"),
+    };
+    let mut online = OnlineSettings {
+        library: settings.library,
+        constraints: settings.constraints,
+        regressor: settings.regressor,
+        hold: settings.hold.unwrap_or_default(),
+        selection: match selection {
+            Selection::Bic { .. } => Selection::Bic { noise: None },
+            other => other,
+        },
+        ..OnlineSettings::default()
+    };
+    if command.names_kernel() {
+        online.kernels = settings.smoother.map(|s| s.kernels).unwrap_or_default();
+        if let Some(kernel) = online.kernels.iter().find(|k| !matches!(k, Kernel::Matern32 | Kernel::Matern52)) {
+            return refused(&format!("--kernel {kernel}"), "take matern32 or matern52");
+        }
+    }
+    Ok(online)
+}
+
+fn delays(command: &Identify, logs: &Logs) -> Outcome<Vec<(String, f64)>> {
+    let known = |(control, delay): (String, Delay)| match delay {
+        Delay::Fixed(value) => Ok((control, value)),
+        Delay::Auto(_) => Err(Failure::input(format!(
+            "--delay {control}=auto does not go with --follow: it needs the whole log; hand in seconds"
+        ))),
+    };
+    identify::delays(command, logs, 1.0)?.into_iter().map(known).collect()
+}
+
+/// The next line; `None` at the end of the log and after Ctrl-C.
+fn next(lines: &Receiver<News>, stop: &AtomicBool, file: &str) -> Outcome<Option<Vec<u8>>> {
+    while !stop.load(Ordering::Relaxed) {
+        match lines.recv_timeout(LOOK) {
+            Ok(News::Line(line)) => return Ok(Some(line)),
+            Ok(News::Failed(source)) => {
+                return Err(gpsindy_files::Error::Read { file: file.into(), source }.into());
+            }
+            Ok(News::End) | Err(RecvTimeoutError::Disconnected) => return Ok(None),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+    Ok(None)
+}
+
+/// Starts to read lines; a file is waited for at its end for `idle` seconds.
+fn lines_of(path: &Path, idle: f64) -> Outcome<Receiver<News>> {
+    let (sender, receiver) = sync_channel(AHEAD);
+    if path.as_os_str() == "-" {
+        thread::spawn(move || read(std::io::stdin(), None, &sender));
+        return Ok(receiver);
+    }
+    let failed = |source| gpsindy_files::Error::Read { file: path.display().to_string(), source };
+    let file = File::open(path).map_err(failed)?;
+    // Beyond a thousand years there is nothing to tell apart.
+    let patience = Duration::from_secs_f64(idle.min(3e10));
+    thread::spawn(move || read(file, Some(patience), &sender));
+    Ok(receiver)
+}
+
+/// Sends whole lines until the end, or until nobody listens; what stands behind the last line end comes at the end.
+fn read(source: impl Read, patience: Option<Duration>, sender: &SyncSender<News>) {
+    let mut reader = BufReader::new(source);
+    let mut line = Vec::new();
+    let mut grown = Instant::now();
+    loop {
+        let news = match reader.read_until(b'\n', &mut line) {
+            Ok(0) if patience.is_some_and(|patience| grown.elapsed() < patience) => {
+                thread::sleep(LOOK);
+                continue;
+            }
+            Ok(0) => break,
+            Ok(_) if line.ends_with(b"\n") => News::Line(std::mem::take(&mut line)),
+            // A line that is still being written.
+            Ok(_) => continue,
+            Err(error) => News::Failed(error),
+        };
+        grown = Instant::now();
+        if sender.send(news).is_err() {
+            return;
+        }
+    }
+    if !line.is_empty() {
+        let _ = sender.send(News::Line(line));
+    }
+    let _ = sender.send(News::End);
+}
