@@ -141,6 +141,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("--state x --select rollout", "", "--select rollout does not go with --follow"),
         ("--state x --derivative x=u", "", "--derivative does not go with --follow"),
         ("--state x --preset paper", "", "--derivative-method or --preset does not go with --follow"),
+        ("--state x --preset author", "", "--preset author does not go with --follow: it needs the whole log"),
         ("--state x --control u --delay u=auto", "", "--delay u=auto does not go with --follow"),
         ("--state x --idle 0", "", "--idle must be above 0, found 0"),
         ("--state x --every 0", "", "invalid value '0' for '--every <N>'"),

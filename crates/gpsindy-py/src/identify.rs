@@ -8,8 +8,8 @@ use crate::watch::Watch;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, LibrarySettings, Signed};
 use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
 use gpsindy_core::{
-    Choice, Control, Dataset, Delay, Differentiation, Error, Expression, Hold, Identify, Model, Result, Run,
-    SecondStage, Smoother, State, Target,
+    Choice, Control, Dataset, Delay, Differentiation, Error, Expression, Hold, Identification, Identify, Model, Result,
+    Run, SecondStage, Smoother, State, Target,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -72,11 +72,7 @@ impl Settings {
             Some("gp") => Some(kernel),
             Some(other) => return Err(Error::range("smoother", "\"gp\" or None", format!("{other:?}"))),
         };
-        let constraints = Constraints {
-            fixed: self.fix.iter().map(|text| Fixed::parse(text)).collect::<Result<_>>()?,
-            forbidden: self.forbid.iter().map(|text| Forbidden::parse(text)).collect::<Result<_>>()?,
-            signed: self.sign.iter().map(|text| Signed::parse(text)).collect::<Result<_>>()?,
-        };
+        let constraints = constraints(&self.fix, &self.forbid, &self.sign)?;
         let most = self.max_delay.unwrap_or_else(|| sensible_delay(data));
         let delay = |(control, delay): (String, Option<f64>)| (control, delay.map_or(Delay::Auto(most), Delay::Fixed));
         Ok(Identify {
@@ -107,6 +103,15 @@ impl Settings {
     }
 }
 
+/// What is known beforehand, as text.
+pub(crate) fn constraints(fix: &[String], forbid: &[String], sign: &[String]) -> Result<Constraints> {
+    Ok(Constraints {
+        fixed: fix.iter().map(|text| Fixed::parse(text)).collect::<Result<_>>()?,
+        forbidden: forbid.iter().map(|text| Forbidden::parse(text)).collect::<Result<_>>()?,
+        signed: sign.iter().map(|text| Signed::parse(text)).collect::<Result<_>>()?,
+    })
+}
+
 /// As far as is sensible for the sampling and the length of the runs, s.
 fn sensible_delay(data: &Dataset) -> f64 {
     let length = |run: &Run| run.time[run.time.len() - 1] - run.time[0];
@@ -130,7 +135,7 @@ fn target(name: &str) -> Result<Target> {
     })
 }
 
-fn regressor(name: &str) -> Result<Arc<dyn Regressor>> {
+pub(crate) fn regressor(name: &str) -> Result<Arc<dyn Regressor>> {
     Ok(match name {
         "subset" => Arc::new(Subset::default()),
         "lasso" => Arc::new(Lasso::default()),
@@ -146,7 +151,7 @@ fn regressor(name: &str) -> Result<Arc<dyn Regressor>> {
     })
 }
 
-fn choice(name: &str, lambda: Option<f64>) -> Result<Choice> {
+pub(crate) fn choice(name: &str, lambda: Option<f64>) -> Result<Choice> {
     if let Some(lambda) = lambda {
         return Ok(Choice::Rows(Selection::Fixed(lambda)));
     }
@@ -172,6 +177,11 @@ pub(crate) fn identify<'py>(
     let watch = Arc::new(Watch::default());
     let listening = watch.clone();
     let found = watch.run(py, progress.as_ref(), move || settings.fit(&data, listening.as_ref()))?;
+    report(py, found)
+}
+
+/// The model of an identification, and a dict of the rest.
+pub(crate) fn report(py: Python<'_>, found: Identification) -> PyResult<(PyModel, Bound<'_, PyDict>)> {
     let report = PyDict::new(py);
     let states = found.states.iter().map(|s| {
         let entry = PyDict::new(py);

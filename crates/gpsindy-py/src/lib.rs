@@ -8,6 +8,7 @@ mod dataset;
 mod diagnose;
 mod identify;
 mod model;
+mod online;
 mod score;
 mod simulator;
 mod smooth;
@@ -33,6 +34,8 @@ mod _gpsindy {
     use super::identify::identify;
     #[pymodule_export]
     use super::model::PyModel;
+    #[pymodule_export]
+    use super::online::PyOnline;
     #[pymodule_export]
     use super::score::score;
     #[pymodule_export]

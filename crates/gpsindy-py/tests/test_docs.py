@@ -9,7 +9,7 @@ import pytest
 
 import gpsindy
 
-NAMES = ("dataset", "diagnosis", "estimator", "model", "scoring", "simulation", "smoothing")
+NAMES = ("dataset", "diagnosis", "estimator", "model", "online", "scoring", "simulation", "smoothing")
 MODULES = ["gpsindy", *(f"gpsindy.{name}" for name in NAMES)]
 
 

@@ -204,6 +204,9 @@ enum Select {
 
 pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     if command.method.preset == Preset::Author {
+        if command.follow.follow {
+            return Err(Failure::input("--preset author does not go with --follow: it needs the whole log"));
+        }
         return author::run(command, screen);
     }
     if !command.method.gp_input.is_empty() {

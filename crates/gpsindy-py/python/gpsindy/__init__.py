@@ -26,6 +26,7 @@ from gpsindy.diagnosis import (
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
 from gpsindy.model import Control, Identification, Model, Parameter, State
+from gpsindy.online import Estimate, Online
 from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score
 from gpsindy.simulation import Rollout, simulate
@@ -42,11 +43,13 @@ __all__ = [
     "Diagnosis",
     "Effect",
     "Errors",
+    "Estimate",
     "GPSINDy",
     "Identification",
     "Model",
     "NotFittedError",
     "NumericalError",
+    "Online",
     "Parameter",
     "Rollout",
     "Run",
