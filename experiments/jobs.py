@@ -11,6 +11,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 Job = dict[str, Any]
 Result = dict[str, Any]
 
@@ -61,11 +63,12 @@ def run(jobs: Iterable[Job], work: Callable[[Job], Result], store: Path, workers
 
 def _computed(jobs: list[Job], work: Callable[[Job], Result], workers: int) -> Iterable[Result]:
     if workers == 1:
-        yield from (_guarded(work, job) for job in jobs)
+        with threadpool_limits(1):
+            yield from (_guarded(work, job) for job in jobs)
         return
     waiting = iter(jobs)
     running: set[Future[Result]] = set()
-    with ProcessPoolExecutor(workers, initializer=_one_thread) as pool:
+    with ProcessPoolExecutor(workers, initializer=threadpool_limits, initargs=(1,)) as pool:
         try:
             while True:
                 for job in waiting:
@@ -78,12 +81,6 @@ def _computed(jobs: list[Job], work: Callable[[Job], Result], workers: int) -> I
                 yield from (future.result() for future in finished)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _one_thread() -> None:
-    from threadpoolctl import threadpool_limits
-
-    threadpool_limits(1)
 
 
 def _guarded(work: Callable[[Job], Result], job: Job) -> Result:

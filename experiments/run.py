@@ -13,7 +13,8 @@ import os
 import sys
 from pathlib import Path
 
-os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The jobs take the cores, one each.
+for _pool in ("RAYON", "OPENBLAS", "OMP"):  # The jobs take the cores, one each.
+    os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
 EXPERIMENTS = {
     "table1": "coefficients of Lotka-Volterra (Table I)",
