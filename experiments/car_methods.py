@@ -89,16 +89,20 @@ def network(run: Run) -> Array:
     return by_author(run, dx, gp=False)
 
 
-def ensemble(run: Run) -> Array:
-    """E-SINDy of PySINDy on the same library and differences."""
-    part = slice(0, run.n_train)
-    library = terms(NAMES, 1, True)
-    values = dict(zip(NAMES, np.column_stack([run.x, run.u])[part].T))
-    theta = np.column_stack([evaluate(term, values) for term in library])
-    import peers
+def regression(name: str) -> Predict:
+    """A regression of PySINDy on the same library and differences."""
 
-    coefficients = peers.ensemble_sindy(theta, slopes(run)[part], seed=0)
-    return rollout(model_of(STATES, CONTROLS, library, coefficients), run)
+    def predict(run: Run) -> Array:
+        import peers
+
+        part = slice(0, run.n_train)
+        library = terms(NAMES, 1, True)
+        values = dict(zip(NAMES, np.column_stack([run.x, run.u])[part].T))
+        theta = np.column_stack([evaluate(term, values) for term in library])
+        coefficients = peers.REGRESSIONS[name](theta, slopes(run)[part])
+        return rollout(model_of(STATES, CONTROLS, library, coefficients), run)
+
+    return predict
 
 
 def weak(run: Run) -> Array:
@@ -112,11 +116,6 @@ def weak(run: Run) -> Array:
     return rollout(model_of(STATES, CONTROLS, library, coefficients), run)
 
 
-def plain(**settings: object) -> Predict:
-    """A sparse regression of ours on differences of the raw samples, its tuning value by cross-validation."""
-    return fitted(**CAR_LIBRARY, smoother=None, derivative_method="difference", refine=False, **settings)
-
-
 METHODS: dict[str, Predict] = {
     "hold": hold,
     "mean": mean,
@@ -124,10 +123,10 @@ METHODS: dict[str, Predict] = {
     "gpsindy-author": lambda run: by_author(run, inputs=OWN_INPUTS),
     "polynomial-in-control": polynomial_in_control,
     "nnsindy": network,
-    "sindy-stlsq": plain(regressor="stlsq"),
-    "ssr-coefficient": plain(regressor="ssr-coefficient"),
-    "ssr-residual": plain(regressor="ssr-residual"),
-    "e-sindy": ensemble,
+    "sindy-stlsq": regression("sindy-stlsq"),
+    "ssr-coefficient": regression("ssr-coefficient"),
+    "ssr-residual": regression("ssr-residual"),
+    "e-sindy": regression("e-sindy"),
     "weak-sindy": weak,
     # Algorithm 1 as the paper states it, the second Gaussian process over the smoothed states or over the controls.
     "gpsindy-x": lambda run: by_preset(run, "gp-state"),

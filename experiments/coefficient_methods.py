@@ -63,13 +63,17 @@ def network(system: System, data: Sample) -> Array:
     return by_author(system, data, nnsindy.refined(data.x, rates(data), seed=0), gp=False)
 
 
-def ensemble(system: System, data: Sample) -> Array:
-    """E-SINDy of PySINDy."""
-    values = dict(zip([*system.states, *system.controls], np.column_stack([data.x, data.u]).T))
-    theta = np.column_stack([evaluate(term, values) for term in system.terms])
-    import peers
+def regression(name: str) -> Method:
+    """A regression of PySINDy."""
 
-    return peers.ensemble_sindy(theta, rates(data), seed=0)
+    def method(system: System, data: Sample) -> Array:
+        import peers
+
+        values = dict(zip([*system.states, *system.controls], np.column_stack([data.x, data.u]).T))
+        theta = np.column_stack([evaluate(term, values) for term in system.terms])
+        return peers.REGRESSIONS[name](theta, rates(data))
+
+    return method
 
 
 def weak(system: System, data: Sample) -> Array:
@@ -123,10 +127,10 @@ METHODS: dict[str, Method] = {
     "sindy-author": lambda system, data: by_author(system, data, data.dx, gp=False),
     "gpsindy-author": lambda system, data: by_author(system, data, data.dx, kernels=["se"]),
     "nnsindy": network,
-    "sindy-stlsq": lambda system, data: raw("stlsq", system, data),
-    "ssr-coefficient": lambda system, data: raw("ssr-coefficient", system, data),
-    "ssr-residual": lambda system, data: raw("ssr-residual", system, data),
-    "e-sindy": ensemble,
+    "sindy-stlsq": regression("sindy-stlsq"),
+    "ssr-coefficient": regression("ssr-coefficient"),
+    "ssr-residual": regression("ssr-residual"),
+    "e-sindy": regression("e-sindy"),
     "weak-sindy": weak,
     "gpsindy-paper": lambda system, data: of(paper(system), system, data),
     "default": fitted(),
@@ -141,12 +145,6 @@ METHODS: dict[str, Method] = {
 }
 ROWS = list(METHODS)[:11]
 """Those of the coefficient figure."""
-
-
-def raw(regressor: str, system: System, data: Sample) -> Array:
-    """A sparse regression of ours on the raw samples, its tuning value by cross-validation."""
-    how = "difference" if data.dx is None else "given"
-    return fitted(smoother=None, derivative_method=how, regressor=regressor, refine=False)(system, data)
 
 
 def paper(system: System) -> gpsindy.GPSINDy:

@@ -1,4 +1,4 @@
-"""Ensemble and weak SINDy of PySINDy, beside the package."""
+"""Regressions of PySINDy, beside the package: SINDy, stepwise sparse regression, ensembles, weak form."""
 
 from __future__ import annotations
 
@@ -15,6 +15,23 @@ THRESHOLDS = [0.02, 0.05, 0.1, 0.2, 0.4]
 """Of STLSQ; 0.1 is PySINDy's default."""
 HELD_OUT = 0.25
 """Last part of what is learnt from, on whose differences the threshold is chosen."""
+
+
+def sindy(theta: Array, dx: Array) -> Array:
+    """STLSQ. Coefficients (n x p)."""
+
+    def fit(part: slice, threshold: float) -> Array:
+        return pysindy.STLSQ(threshold=threshold).fit(theta[part], dx[part]).coef_
+
+    return _tuned(fit, theta, dx)
+
+
+def stepwise(theta: Array, dx: Array, criteria: str) -> Array:
+    """SSR, one term less a step down to one term, by `coefficient_value` or `model_residual`. Coefficients (n x p)."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        optimizer = pysindy.SSR(criteria=criteria, max_iter=theta.shape[1] - 1)
+        return optimizer.fit(theta, dx).coef_
 
 
 def ensemble_sindy(theta: Array, dx: Array, seed: int) -> Array:
@@ -76,3 +93,12 @@ def _of_all(names: list[str], term: str):  # noqa: ANN202 - the number of argume
 
 def _label(term: str, *_: str) -> str:
     return term
+
+
+REGRESSIONS: dict[str, Callable[[Array, Array], Array]] = {
+    "sindy-stlsq": sindy,
+    "ssr-coefficient": partial(stepwise, criteria="coefficient_value"),
+    "ssr-residual": partial(stepwise, criteria="model_residual"),
+    "e-sindy": partial(ensemble_sindy, seed=0),
+}
+"""By the name of the row: candidates (r x p) and derivatives (r x n) to coefficients (n x p)."""
