@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -49,18 +50,23 @@ def rates(data: Sample) -> Array:
     return np.gradient(data.x, data.t, axis=0) if data.dx is None else data.dx
 
 
-def by_author(system: System, data: Sample, dx: Array | None, **settings: object) -> Array:
-    """The authors' pipeline at their fixed weight."""
+def by_author(system: System, data: Sample, refine: Callable[[Array, Array], Array] | None, **settings: object) -> Array:
+    """The authors' pipeline at their fixed weight, on their standardised states where they took them; `refine` denoises."""
     names = [*system.states, *system.controls]
     u = data.u if system.controls else None
+    x, dx = data.x, data.dx
+    if dx is not None and not system.controls:
+        x, dx = data.standardised(system)
+    if refine is not None:
+        dx = refine(x, np.gradient(x, data.t, axis=0) if dx is None else dx)
     library = {"degree": system.author_degree, "products": True, "lam": LAMBDA, "train_fraction": 1.0 - 1.0 / len(data.t)}
-    found = gpsindy.author(data.x, data.t, dx, u, names, **library, **settings)
+    found = gpsindy.author(x, data.t, dx, u, names, **library, **settings)
     return aligned(found.coef, found.terms, system)
 
 
 def network(system: System, data: Sample) -> Array:
     """The paper's NNSINDy."""
-    return by_author(system, data, nnsindy.refined(data.x, rates(data), seed=0), gp=False)
+    return by_author(system, data, partial(nnsindy.refined, seed=0), gp=False)
 
 
 def regression(name: str) -> Method:
@@ -124,8 +130,8 @@ def oracle(system: System, data: Sample) -> Array:
 
 
 METHODS: dict[str, Method] = {
-    "sindy-author": lambda system, data: by_author(system, data, data.dx, gp=False),
-    "gpsindy-author": lambda system, data: by_author(system, data, data.dx, kernels=["se"]),
+    "sindy-author": lambda system, data: by_author(system, data, None, gp=False),
+    "gpsindy-author": lambda system, data: by_author(system, data, None, kernels=["se"]),
     "nnsindy": network,
     "sindy-stlsq": regression("sindy-stlsq"),
     "ssr-coefficient": regression("ssr-coefficient"),

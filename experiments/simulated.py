@@ -73,7 +73,17 @@ class Sample:
     x: Array
     u: Array
     dx: Array | None
-    sigma: float
+    clean: Array
+
+    def standardised(self, system: System) -> tuple[Array, Array]:
+        """States and given derivatives as the authors make them for Lotka-Volterra, with the same draws of noise.
+
+        The clean states to mean 0 and standard deviation 1, the true right side at those (not the chain rule), then the
+        noise: the coefficients stay those of the truth, but it needs the truth, and the two are no trajectory together.
+        """
+        z = (self.clean - self.clean.mean(axis=0)) / self.clean.std(axis=0)
+        right = [np.array([system.rate(t, row) for t, row in zip(self.t, rows)]) for rows in (z, self.clean)]
+        return z + (self.x - self.clean), right[0] + (self.dx - right[1])
 
 
 def sample(name: str, regime: str, sigma: float, seed: int) -> Sample:
@@ -90,4 +100,4 @@ def sample(name: str, regime: str, sigma: float, seed: int) -> Sample:
     rates = dx + sigma * random.standard_normal(x.shape)
     kept = t <= TRAIN * SPAN
     given = rates[kept] if regime.startswith("given") else None
-    return Sample(t[kept], noisy[kept], system.control(t[kept]), given, sigma)
+    return Sample(t[kept], noisy[kept], system.control(t[kept]), given, x[kept])
