@@ -72,12 +72,13 @@ def weak_sindy(z: Array, t: Array, names: list[str], terms: list[str], dx: Array
 
 
 def _tuned(fit: Callable[[slice, float], Array], theta: Array, dx: Array) -> Array:
-    """The fit on all rows with the threshold that is best for the last of them when it has not seen them."""
+    """The fit on all rows with the largest threshold that is within a tenth of the best for rows that it has not seen."""
     cut = round((1.0 - HELD_OUT) * len(dx))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         errors = [np.sum((theta[cut:] @ fit(slice(0, cut), h).T - dx[cut:]) ** 2) for h in THRESHOLDS]
-        return fit(slice(None), THRESHOLDS[int(np.argmin(errors))])
+        good = [h for h, error in zip(THRESHOLDS, errors) if error <= 1.1 * min(errors)]
+        return fit(slice(None), max(good))
 
 
 def _of_all(names: list[str], term: str):  # noqa: ANN202 - the number of arguments is that of the names

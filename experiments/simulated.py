@@ -76,14 +76,14 @@ class Sample:
     clean: Array
 
     def standardised(self, system: System) -> tuple[Array, Array]:
-        """States and given derivatives as the authors make them for Lotka-Volterra, with the same draws of noise.
+        """States and given derivatives as the authors' recorded errors say that they made them for Lotka-Volterra.
 
-        The clean states to mean 0 and standard deviation 1, the true right side at those (not the chain rule), then the
+        The noisy states to mean 0 and standard deviation 1; the true right side at the standardised clean states, plus the
         noise: the coefficients stay those of the truth, but it needs the truth, and the two are no trajectory together.
         """
-        z = (self.clean - self.clean.mean(axis=0)) / self.clean.std(axis=0)
-        right = [np.array([system.rate(t, row) for t, row in zip(self.t, rows)]) for rows in (z, self.clean)]
-        return z + (self.x - self.clean), right[0] + (self.dx - right[1])
+        scaled = [(rows - rows.mean(axis=0)) / rows.std(axis=0) for rows in (self.x, self.clean)]
+        right = [np.array([system.rate(t, row) for t, row in zip(self.t, rows)]) for rows in (scaled[1], self.clean)]
+        return scaled[0], right[0] + (self.dx - right[1])
 
 
 def sample(name: str, regime: str, sigma: float, seed: int) -> Sample:
