@@ -199,7 +199,8 @@ FEW = ["coulomb_friction", "viscous_friction", "bias"]
 
 
 def test_a_callable_that_takes_rows_gives_the_same_diagnosis_with_fewer_calls():
-    logs = [pendulum_log(seed) for seed in range(3)]
+    logs = [pendulum_log(seed) for seed in range(2)]
+    few = ["coulomb_friction", "bias"]
     calls = {"rows": 0, "one": 0}
 
     def rows(t, x, u):
@@ -210,8 +211,8 @@ def test_a_callable_that_takes_rows_gives_the_same_diagnosis_with_fewer_calls():
         calls["one"] += 1
         return pendulum(np.array([t]), x[None], u[None])[0]
 
-    many = gpsindy.diagnose(rows, logs, vectorized=True, effects=FEW, **CALLABLE)
-    single = gpsindy.diagnose(one, logs, effects=FEW, **CALLABLE)
+    many = gpsindy.diagnose(rows, logs, vectorized=True, effects=few, **CALLABLE)
+    single = gpsindy.diagnose(one, logs, effects=few, **CALLABLE)
     assert many.to_json() == single.to_json()
     assert many.included[0].effect == "coulomb_friction"
     assert calls["rows"] < 0.5 * calls["one"]
@@ -273,5 +274,5 @@ def test_a_simulator_of_which_there_are_only_logs():
         gpsindy.diagnose("model.toml", real, simulated=simulated, **names)
     with pytest.raises(ValueError, match="states: simulated logs need the names"):
         gpsindy.diagnose(None, real, simulated=simulated)
-    with pytest.raises(ValueError, match="None goes with simulated"):
+    with pytest.raises(ValueError, match="model: expected a Model"):
         gpsindy.diagnose(None, real)

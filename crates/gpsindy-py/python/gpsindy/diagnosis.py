@@ -306,8 +306,6 @@ def diagnose(
         paired = as_dataset(simulated, "simulated")._inner
         report, augmented = _gpsindy.diagnose_paired(paired, identify, train, held, options, progress)
         return Diagnosis(report, Model._of(augmented))
-    if model is None:
-        raise ValueError("model: expected a simulator; None goes with simulated=... only")
     if callable(model):
         if states is None:
             raise ValueError("states: a callable needs the names of its states (and of its controls, where it has any)")
