@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn friction_that_the_simulated_logs_lack_is_found() {
         let simulated = logs(SIMULATOR, 1e-4, 0..4);
-        let (train, holdout) = hold_out(&logs(&format!("{SIMULATOR} - c*sign(v)"), 0.004, 0..4)).unwrap();
+        let (train, holdout) = hold_out(&logs(&format!("{SIMULATOR} - c*tanh(v/0.005)"), 0.004, 0..4)).unwrap();
         let found = paired().run(&simulated, &train, &holdout, &Silent).unwrap();
         assert!(found.r2.iter().all(|(_, r2)| *r2 > 0.999), "{:?}", found.r2);
         assert!(found.model.is_kinematic(0), "{:?}", found.model.states);

@@ -1,15 +1,19 @@
 //! Plants an effect in the nominal model, as the machine might have it and not as the search writes it.
 //!
-//! The forms are those of the published catalogue, with their corners: a friction with the exact sign, an edge in time
-//! without a ramp. Nothing of the search's own writing of effects is used.
+//! The forms are those of the published catalogue, with sharper corners than the search's: a friction whose sign turns
+//! within a thousandth of the typical speed, an edge in time without a ramp. Nothing of the search's own writing of effects
+//! is used.
 
 use super::effect::Effect;
 use super::hypothesis::{Hypothesis, Kind};
 use super::scene::Scene;
 use crate::error::Result;
-use crate::expression::Expression;
+use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter, State};
 use std::f64::consts::{PI, TAU};
+
+/// Share of the typical speed within which a friction turns. An exact sign at rest would stop any integrator.
+const CORNER: f64 = 1e-3;
 
 /// The nominal model with an effect whose size is one parameter.
 #[derive(Debug, Clone)]
@@ -103,7 +107,11 @@ pub(crate) fn plant(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Re
             if effect == Effect::ProductCoupling {
                 symbols.push(("w", Expression::variable(name(1))));
             }
-            let term = written(form, symbol, &size, &symbols)?;
+            let mut term = written(form, symbol, &size, &symbols)?;
+            if matches!(effect, Effect::CoulombFriction | Effect::StribeckFriction) {
+                let speed = state_size(scene, model.state_index(&name(0)));
+                term = term.map(&|part| with_corner(part, CORNER * speed));
+            }
             let equation = &mut model.states[state].equation;
             *equation = equation.clone().plus(term);
         }
@@ -134,6 +142,16 @@ fn written(form: &str, symbol: &str, size: &Expression, others: &[(&str, Express
         }
         _ => part,
     }))
+}
+
+/// `sign(z)` turned within `width`.
+fn with_corner(part: Expression, width: f64) -> Expression {
+    match part {
+        Expression::Call(Function::Sign, arguments) if arguments.len() == 1 => {
+            arguments[0].clone().over(Expression::Number(width)).apply(Function::Tanh)
+        }
+        part => part,
+    }
 }
 
 /// Values of the parameters that give an effect its shape: middle ones, that no start of the search has exactly.
