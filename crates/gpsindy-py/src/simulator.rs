@@ -31,6 +31,8 @@ impl Simulator {
         let answer = self.function.bind(py).call1(arguments)?;
         let rates = match answer.cast::<PyArray1<f64>>() {
             Ok(array) => array.readonly().as_array().to_vec(),
+            // Complex numbers would lose a part on the way.
+            Err(_) if is_complex(&answer) => return Err(self.wrong(&described(&answer))),
             Err(_) => answer.extract::<Vec<f64>>().map_err(|_| self.wrong(&described(&answer)))?,
         };
         if rates.len() != dx.len() {
@@ -71,6 +73,11 @@ impl Simulator {
             controls = self.n_controls,
         ))
     }
+}
+
+fn is_complex(answer: &Bound<'_, PyAny>) -> bool {
+    let kind = answer.getattr("dtype").and_then(|dtype| dtype.getattr("kind")?.extract::<String>());
+    kind.is_ok_and(|kind| kind == "c")
 }
 
 /// Shape and type of an array, else the type.

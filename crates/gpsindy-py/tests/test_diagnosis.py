@@ -232,6 +232,14 @@ def test_rows_of_the_wrong_shape_are_one_error(answer, found):
         gpsindy.diagnose(answer, [pendulum_log(0)], vectorized=True, effects=FEW, **CALLABLE)
 
 
+def test_complex_rates_and_a_negative_seed_are_refused():
+    logs = [pendulum_log(0)]
+    with pytest.raises(ValueError, match=r"found shape \(2,\) of complex128"):
+        gpsindy.diagnose(lambda t, x, u: np.array([1j, 0.0]), logs, effects=FEW, **CALLABLE)
+    with pytest.raises(ValueError, match="seed: expected an integer of at least 0, found -1"):
+        gpsindy.diagnose("model.toml", logs, power=True, seed=-1)
+
+
 def test_what_a_callable_of_rows_raises_comes_through():
     class Own(Exception):
         pass

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gpsindy import _gpsindy
 from gpsindy._tables import names_of
 from gpsindy.dataset import Path, as_dataset
@@ -289,6 +291,8 @@ def diagnose(
     NumericalError
         A nominal model that diverges whatever its initial state.
     """
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed: expected an integer of at least 0, found {seed!r}")
     chosen = names_of(effects)
     options = {
         "effects": [name for name in chosen if not name.startswith("!")],
@@ -297,7 +301,7 @@ def diagnose(
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,
-        "power": seed if power else None,
+        "power": int(seed) if power else None,
     }
     train = as_dataset(logs)._inner
     held = None if holdout is None else as_dataset(holdout, "holdout")._inner
