@@ -4,6 +4,7 @@
 //! names, and the functions of [`Function`].
 
 mod derivative;
+mod elementary;
 mod parse;
 mod print;
 mod tape;

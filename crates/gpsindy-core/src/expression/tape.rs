@@ -3,8 +3,9 @@
 //! Equal parts are computed once (also across equations). A lane is one set of values: a batch of
 //! perturbed parameters, of initial states or of samples runs through the same instructions together.
 
-use super::{Expression, Function, Operator};
+use super::{Expression, Function, Operator, elementary};
 use crate::error::{Error, Result};
+use pulp::Simd;
 use std::collections::HashMap;
 
 type Register = u32;
@@ -144,18 +145,24 @@ impl Tape {
 
     /// Runs the program. The caller has put the variables into the first registers and the time behind them.
     pub fn evaluate<const L: usize>(&self, registers: &mut [[f64; L]]) {
-        self.evaluate_with(registers, &|_, _, outputs| outputs.fill(f64::NAN));
+        self.evaluate_with(pulp::Scalar, registers, &|_, _, outputs| outputs.fill(f64::NAN));
     }
 
     /// As [`Tape::evaluate`], with the user's own simulator.
     #[inline(always)] // compiled anew inside the caller's choice of vector instructions
-    pub(crate) fn evaluate_with<const L: usize>(&self, registers: &mut [[f64; L]], simulator: SimulatorFunction<'_>) {
+    pub(crate) fn evaluate_with<S: Simd, const L: usize>(
+        &self,
+        simd: S,
+        registers: &mut [[f64; L]],
+        simulator: SimulatorFunction<'_>,
+    ) {
         for step in &self.instructions {
             match step {
                 Step::Compute(instruction, out) => {
-                    let [a, b, c] = instruction.operands.map(|r| r as usize);
-                    registers[*out as usize] =
-                        compute(instruction.operation, &registers[a], &registers[b], &registers[c]);
+                    // Results stand behind their operands.
+                    let (before, after) = registers.split_at_mut(*out as usize);
+                    let operands = instruction.operands.map(|r| &before[r as usize]);
+                    compute(simd, instruction.operation, operands, &mut after[0]);
                 }
                 Step::Simulate(call) => simulate(call, registers, simulator),
             }
@@ -271,21 +278,53 @@ fn simulate<const L: usize>(call: &SimulatorCall, registers: &mut [[f64; L]], si
     }
 }
 
+/// One operation, lane by lane, in vectors where the processor has them for it.
 #[inline(always)]
-fn compute<const L: usize>(operation: Operation, a: &[f64; L], b: &[f64; L], c: &[f64; L]) -> [f64; L] {
-    let one = |f: fn(f64) -> f64| std::array::from_fn(|i| f(a[i]));
+fn compute<S: Simd, const L: usize>(simd: S, operation: Operation, [a, b, c]: [&[f64; L]; 3], out: &mut [f64; L]) {
     match operation {
-        Operation::Negate => std::array::from_fn(|i| -a[i]),
-        Operation::Square => std::array::from_fn(|i| a[i] * a[i]),
-        Operation::Cube => std::array::from_fn(|i| a[i] * a[i] * a[i]),
-        Operation::Binary(Operator::Add) => std::array::from_fn(|i| a[i] + b[i]),
-        Operation::Binary(Operator::Subtract) => std::array::from_fn(|i| a[i] - b[i]),
-        Operation::Binary(Operator::Multiply) => std::array::from_fn(|i| a[i] * b[i]),
-        Operation::Binary(Operator::Divide) => std::array::from_fn(|i| a[i] / b[i]),
-        Operation::Binary(Operator::Power) => std::array::from_fn(|i| a[i].powf(b[i])),
+        Operation::Negate => vectors::<S, L>((a, a), out, |a, _| simd.neg_f64s(a), |a, _| -a),
+        Operation::Square => vectors::<S, L>((a, a), out, |a, _| simd.mul_f64s(a, a), |a, _| a * a),
+        Operation::Cube => {
+            vectors::<S, L>((a, a), out, |a, _| simd.mul_f64s(simd.mul_f64s(a, a), a), |a, _| a * a * a);
+        }
+        Operation::Binary(Operator::Add) => vectors::<S, L>((a, b), out, |a, b| simd.add_f64s(a, b), |a, b| a + b),
+        Operation::Binary(Operator::Subtract) => vectors::<S, L>((a, b), out, |a, b| simd.sub_f64s(a, b), |a, b| a - b),
+        Operation::Binary(Operator::Multiply) => vectors::<S, L>((a, b), out, |a, b| simd.mul_f64s(a, b), |a, b| a * b),
+        Operation::Binary(Operator::Divide) => vectors::<S, L>((a, b), out, |a, b| simd.div_f64s(a, b), |a, b| a / b),
+        Operation::Call(Function::Sin) => elementary::sin(a, out),
+        Operation::Call(Function::Cos) => elementary::cos(a, out),
+        Operation::Call(Function::Tanh) => elementary::tanh(a, out),
+        Operation::Call(Function::Exp) => elementary::exp(a, out),
+        Operation::Call(Function::Sqrt) => vectors::<S, L>((a, a), out, |a, _| simd.sqrt_f64s(a), |a, _| a.sqrt()),
+        Operation::Call(Function::Abs) => vectors::<S, L>((a, a), out, |a, _| simd.abs_f64s(a), |a, _| a.abs()),
+        other => single(other, [a, b, c], out),
+    }
+}
+
+/// `vector` on whole vectors, `scalar` on the lanes that are left.
+#[inline(always)]
+fn vectors<S: Simd, const L: usize>(
+    (a, b): (&[f64; L], &[f64; L]),
+    out: &mut [f64; L],
+    vector: impl Fn(S::f64s, S::f64s) -> S::f64s,
+    scalar: impl Fn(f64, f64) -> f64,
+) {
+    let ((a, a_rest), (b, b_rest)) = (S::as_simd_f64s(a), S::as_simd_f64s(b));
+    let (out, out_rest) = S::as_mut_simd_f64s(out);
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = vector(a, b);
+    }
+    for ((out, &a), &b) in out_rest.iter_mut().zip(a_rest).zip(b_rest) {
+        *out = scalar(a, b);
+    }
+}
+
+/// The operations for which there is no vector instruction.
+fn single<const L: usize>(operation: Operation, [a, b, c]: [&[f64; L]; 3], out: &mut [f64; L]) {
+    let one = |f: fn(f64) -> f64| std::array::from_fn(|i| f(a[i]));
+    *out = match operation {
+        Operation::Binary(_) => std::array::from_fn(|i| a[i].powf(b[i])),
         Operation::Call(function) => match function {
-            Function::Sin => one(f64::sin),
-            Function::Cos => one(f64::cos),
             Function::Tan => one(f64::tan),
             Function::Asin => one(f64::asin),
             Function::Acos => one(f64::acos),
@@ -293,20 +332,17 @@ fn compute<const L: usize>(operation: Operation, a: &[f64; L], b: &[f64; L], c: 
             Function::Atan2 => std::array::from_fn(|i| a[i].atan2(b[i])),
             Function::Sinh => one(f64::sinh),
             Function::Cosh => one(f64::cosh),
-            Function::Tanh => one(f64::tanh),
-            Function::Exp => one(f64::exp),
             Function::Log => one(f64::ln),
-            Function::Sqrt => one(f64::sqrt),
-            Function::Abs => one(f64::abs),
             Function::Sign => one(sign),
             Function::Min => std::array::from_fn(|i| a[i].min(b[i])),
             Function::Max => std::array::from_fn(|i| a[i].max(b[i])),
             Function::Step => one(|z| f64::from(z > 0.0)),
             Function::Clamp => std::array::from_fn(|i| a[i].max(b[i]).min(c[i])),
             Function::DeadZone => std::array::from_fn(|i| a[i] - a[i].max(-b[i]).min(b[i])),
-            Function::Delay | Function::Play => [f64::NAN; L],
+            _ => [f64::NAN; L],
         },
-    }
+        _ => [f64::NAN; L],
+    };
 }
 
 /// -1, 0 or 1; `f64::signum` has no zero.

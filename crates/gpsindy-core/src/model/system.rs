@@ -239,23 +239,21 @@ impl System {
 
     /// Runs a tape of this system; a failing simulator of the user's own yields NaN.
     #[inline(always)]
-    pub(crate) fn evaluate<const L: usize>(&self, tape: &Tape, registers: &mut [[f64; L]]) {
-        match &self.simulator {
-            None => tape.evaluate_with(registers, &|_, _, outputs| outputs.fill(f64::NAN)),
-            Some(simulator) => tape.evaluate_with(registers, &|lanes, arguments, outputs| {
-                // Arguments of a lane are the time, the states, then the controls.
-                let n = simulator.n_states().min(self.n_states());
-                let (mut t, mut x, mut u) = (Vec::with_capacity(lanes), Vec::new(), Vec::new());
-                for lane in arguments.chunks(arguments.len() / lanes.max(1)) {
-                    t.push(lane[0]);
-                    x.extend_from_slice(&lane[1..=n]);
-                    u.extend_from_slice(&lane[n + 1..]);
-                }
-                if simulator.derivatives(&t, &x, &u, outputs).is_err() {
-                    outputs.fill(f64::NAN);
-                }
-            }),
-        }
+    pub(crate) fn evaluate<S: pulp::Simd, const L: usize>(&self, simd: S, tape: &Tape, registers: &mut [[f64; L]]) {
+        tape.evaluate_with(simd, registers, &|lanes, arguments, outputs| {
+            let Some(simulator) = &self.simulator else { return outputs.fill(f64::NAN) };
+            // Arguments of a lane are the time, the states, then the controls.
+            let n = simulator.n_states().min(self.n_states());
+            let (mut t, mut x, mut u) = (Vec::with_capacity(lanes), Vec::new(), Vec::new());
+            for lane in arguments.chunks(arguments.len() / lanes.max(1)) {
+                t.push(lane[0]);
+                x.extend_from_slice(&lane[1..=n]);
+                u.extend_from_slice(&lane[n + 1..]);
+            }
+            if simulator.derivatives(&t, &x, &u, outputs).is_err() {
+                outputs.fill(f64::NAN);
+            }
+        });
     }
 
     /// The user's own simulator, where there is one.
@@ -295,7 +293,7 @@ impl Dynamics for System {
             *register = [value];
         }
         registers[n + signals.len() + p] = [t];
-        self.evaluate(&self.rates, &mut registers);
+        self.evaluate(pulp::Scalar, &self.rates, &mut registers);
         for (j, rate) in dx.iter_mut().enumerate() {
             *rate = self.rates.output(&registers, j)[0];
         }

@@ -73,6 +73,31 @@ impl<const L: usize> History<L> {
     }
 }
 
+/// What is rolled out, and who receives it: sample, state or column, values.
+struct Roll<'r, const L: usize> {
+    span: (usize, usize),
+    initial: &'r [[f64; L]],
+    substeps: usize,
+    /// The measured outputs that are wanted; the states themselves where absent.
+    columns: Option<&'r [usize]>,
+    receive: &'r mut dyn FnMut(usize, usize, [f64; L]),
+}
+
+/// A rollout as a task that is compiled once for every kind of vector instructions.
+struct Walk<'w, 'r, 'a, const L: usize> {
+    lanes: &'w mut Lanes<'a, L>,
+    roll: Roll<'r, L>,
+}
+
+impl<const L: usize> pulp::WithSimd for Walk<'_, '_, '_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
+        self.lanes.integrate(simd, self.roll);
+    }
+}
+
 /// Rolls one log out for `L` sets of parameters; made once for a set of parameters, used for every window.
 pub(crate) struct Lanes<'a, const L: usize> {
     system: &'a System,
@@ -123,12 +148,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         substeps: usize,
         mut receive: impl FnMut(usize, usize, [f64; L]),
     ) {
-        // The widest vector instructions of this processor; the bits are the same with any.
-        pulp::Arch::new().dispatch(|| {
-            self.walk(span, initial, substeps, |_, sample, _, x, _, _| {
-                x.iter().enumerate().for_each(|(j, &value)| receive(sample, j, value));
-            });
-        });
+        self.walk(Roll { span, initial, substeps, columns: None, receive: &mut receive });
     }
 
     /// Measured outputs `columns` at the samples `first..=last`, from the states `initial` at `first`.
@@ -136,38 +156,32 @@ impl<'a, const L: usize> Lanes<'a, L> {
     /// `receive(sample, column, values)` is called for every sample and position in `columns`.
     pub(crate) fn roll(
         &mut self,
-        (first, last): (usize, usize),
+        span: (usize, usize),
         initial: &[[f64; L]],
         columns: &[usize],
         substeps: usize,
         mut receive: impl FnMut(usize, usize, [f64; L]),
     ) {
-        pulp::Arch::new().dispatch(|| {
-            self.walk((first, last), initial, substeps, |lanes, sample, t, x, inputs, nodes| {
-                lanes.measure(t, x, inputs, nodes);
-                for (place, &column) in columns.iter().enumerate() {
-                    receive(sample, place, lanes.system.outputs().output(&lanes.outputs, column));
-                }
-            });
-        });
+        self.walk(Roll { span, initial, substeps, columns: Some(columns), receive: &mut receive });
     }
 
-    /// Integrates, and shows the state at every sample to `look`.
+    fn walk(&mut self, roll: Roll<'_, L>) {
+        // The widest vector instructions of this processor; the bits are the same with any.
+        pulp::Arch::new().dispatch(Walk { lanes: self, roll });
+    }
+
+    /// Integrates, and shows what is asked for at every sample.
     #[inline(always)]
-    fn walk(
-        &mut self,
-        (first, last): (usize, usize),
-        initial: &[[f64; L]],
-        substeps: usize,
-        mut look: impl FnMut(&mut Self, usize, f64, &[[f64; L]], &[Stages<L>], &[Node<L>]),
-    ) {
+    fn integrate<S: pulp::Simd>(&mut self, simd: S, roll: Roll<'_, L>) {
+        let Roll { span: (first, last), initial, substeps, columns, receive } = roll;
         let log = self.log;
         let n = self.system.n_states();
         for history in &mut self.histories {
             history.rewind(&log.time, log.time[first], self.hold);
         }
         let mut x = initial.to_vec();
-        let mut k = vec![vec![[0.0; L]; n]; 4];
+        let mut sum = vec![[0.0; L]; n];
+        let mut rate = vec![[0.0; L]; n];
         let mut stage = x.clone();
         let mut inputs: Vec<Stages<L>> = vec![[[0.0; L]; 3]; self.system.n_controls() + self.histories.len()];
         let mut nodes: Vec<Node<L>> = Vec::new();
@@ -179,36 +193,69 @@ impl<'a, const L: usize> Lanes<'a, L> {
             for part in 0..if is_last { 1 } else { substeps } {
                 let a = t + step * part as f64;
                 self.load_inputs(&mut inputs, sample, a, a + step);
-                self.derivative(a, &x, &inputs, 0, &mut k[0]);
-                if keep {
-                    nodes.push(Node { t: a, x: x.clone(), dx: k[0].clone(), dx_end: Vec::new() });
-                }
-                if part == 0 {
-                    look(self, sample, t, &x, &inputs, &nodes);
-                }
-                if is_last {
-                    return;
-                }
-                for (stage_number, (weight, input)) in [(0.5, 1), (0.5, 1), (1.0, 2)].into_iter().enumerate() {
+                // Classical Runge-Kutta: how far each stage looks ahead, which input it reads, its weight in the sum.
+                for (number, (ahead, input, weight)) in
+                    [(0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)].into_iter().enumerate()
+                {
+                    let length = ahead * step;
                     for j in 0..n {
                         for lane in 0..L {
-                            stage[j][lane] = x[j][lane] + weight * step * k[stage_number][j][lane];
+                            stage[j][lane] = x[j][lane] + length * rate[j][lane];
                         }
                     }
-                    let (done, rest) = k.split_at_mut(stage_number + 1);
-                    debug_assert_eq!(done.len(), stage_number + 1);
-                    self.derivative(a + weight * step, &stage, &inputs, input, &mut rest[0]);
+                    let from = if number == 0 { &x } else { &stage };
+                    self.derivative(simd, a + length, from, &inputs, input, &mut rate);
+                    if number == 0 {
+                        if keep {
+                            nodes.push(Node { t: a, x: x.clone(), dx: rate.clone(), dx_end: Vec::new() });
+                        }
+                        if part == 0 {
+                            self.show(simd, columns, sample, t, &x, &inputs, &nodes, receive);
+                        }
+                        if is_last {
+                            return;
+                        }
+                        sum.copy_from_slice(&rate);
+                    } else {
+                        for j in 0..n {
+                            for lane in 0..L {
+                                sum[j][lane] += weight * rate[j][lane];
+                            }
+                        }
+                    }
                 }
                 if let Some(node) = nodes.last_mut() {
-                    node.dx_end.clone_from(&k[3]);
+                    node.dx_end.clone_from(&rate);
                 }
                 for j in 0..n {
                     for lane in 0..L {
-                        let sum = k[0][j][lane] + 2.0 * (k[1][j][lane] + k[2][j][lane]) + k[3][j][lane];
-                        x[j][lane] += step / 6.0 * sum;
+                        x[j][lane] += step / 6.0 * sum[j][lane];
                     }
                 }
             }
+        }
+    }
+
+    /// Hands out the states, or the measured outputs `columns`.
+    #[inline(always)]
+    fn show<S: pulp::Simd>(
+        &mut self,
+        simd: S,
+        columns: Option<&[usize]>,
+        sample: usize,
+        t: f64,
+        x: &[[f64; L]],
+        inputs: &[Stages<L>],
+        nodes: &[Node<L>],
+        receive: &mut dyn FnMut(usize, usize, [f64; L]),
+    ) {
+        let Some(columns) = columns else {
+            x.iter().enumerate().for_each(|(j, &value)| receive(sample, j, value));
+            return;
+        };
+        self.measure(simd, t, x, inputs, nodes);
+        for (place, &column) in columns.iter().enumerate() {
+            receive(sample, place, self.system.outputs().output(&self.outputs, column));
         }
     }
 
@@ -232,21 +279,29 @@ impl<'a, const L: usize> Lanes<'a, L> {
     }
 
     #[inline(always)]
-    fn derivative(&mut self, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], stage: usize, dx: &mut [[f64; L]]) {
+    fn derivative<S: pulp::Simd>(
+        &mut self,
+        simd: S,
+        t: f64,
+        x: &[[f64; L]],
+        inputs: &[Stages<L>],
+        stage: usize,
+        dx: &mut [[f64; L]],
+    ) {
         let n = x.len();
         self.rates[..n].copy_from_slice(x);
         for (register, stages) in self.rates[n..].iter_mut().zip(inputs) {
             *register = stages[stage];
         }
         self.rates[self.system.rates().n_variables()] = [t; L];
-        self.system.evaluate(self.system.rates(), &mut self.rates);
+        self.system.evaluate(simd, self.system.rates(), &mut self.rates);
         for (j, rate) in dx.iter_mut().enumerate() {
             *rate = self.system.rates().output(&self.rates, j);
         }
     }
 
     #[inline(always)]
-    fn measure(&mut self, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], nodes: &[Node<L>]) {
+    fn measure<S: pulp::Simd>(&mut self, simd: S, t: f64, x: &[[f64; L]], inputs: &[Stages<L>], nodes: &[Node<L>]) {
         let n = x.len();
         self.outputs[..n].copy_from_slice(x);
         for (register, stages) in self.outputs[n..].iter_mut().zip(inputs) {
@@ -258,7 +313,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
             self.outputs[place] = std::array::from_fn(|lane| state_at(nodes, late.state, lane, t - self.late[i][lane]));
         }
         self.outputs[n_variables] = [t; L];
-        self.system.evaluate(self.system.outputs(), &mut self.outputs);
+        self.system.evaluate(simd, self.system.outputs(), &mut self.outputs);
     }
 }
 

@@ -53,7 +53,7 @@ impl<'a> Rates<'a> {
             *register = [value];
         }
         self.rates[self.n_behind] = [t];
-        self.system.evaluate(self.system.rates(), &mut self.rates);
+        self.system.evaluate(pulp::Scalar, self.system.rates(), &mut self.rates);
         for (j, rate) in dx.iter_mut().enumerate() {
             *rate = self.system.rates().output(&self.rates, j)[0];
         }
@@ -73,7 +73,7 @@ impl<'a> Rates<'a> {
             *register = [value];
         }
         self.outputs[self.n_behind + late.len()] = [t];
-        self.system.evaluate(self.system.outputs(), &mut self.outputs);
+        self.system.evaluate(pulp::Scalar, self.system.outputs(), &mut self.outputs);
         for (j, value) in y.iter_mut().enumerate() {
             *value = self.system.outputs().output(&self.outputs, j)[0];
         }
