@@ -245,7 +245,6 @@ impl Normal {
 
     /// The point one damped Gauss-Newton step on, kept inside the bounds.
     pub(crate) fn step(&self, point: &Point, free: &[Free], damping: f64) -> Option<Point> {
-        let q = free.len();
         let mut reduced = damped(&self.parameters, damping);
         let mut gradient = self.gradient.clone();
         let mut solved = Vec::with_capacity(self.windows.len());
@@ -257,14 +256,10 @@ impl Normal {
             gradient -= mixed.tr_mul(&own);
             solved.push((weights, own));
         }
-        let change = if q > 0 { reduced.cholesky()?.solve(&gradient) } else { DVector::zeros(0) };
+        let applied = bounded_solution(&reduced, &gradient, point, free)?;
         let mut next = point.clone();
-        let mut applied = change.clone();
-        for (i, f) in free.iter().enumerate() {
-            let old = point.parameters[f.parameter];
-            let new = (old + change[i]).clamp(f.lower, f.upper);
-            applied[i] = new - old;
-            next.parameters[f.parameter] = new;
+        for (f, change) in free.iter().zip(applied.iter()) {
+            next.parameters[f.parameter] = (point.parameters[f.parameter] + change).clamp(f.lower, f.upper);
         }
         for (initial, (weights, own)) in next.initial.iter_mut().zip(&solved) {
             let move_by = own - weights * &applied;
@@ -289,6 +284,47 @@ impl Normal {
             None => DMatrix::from_diagonal_element(q, q, f64::INFINITY),
         }
     }
+}
+
+/// Solves for the change of the free parameters; what would leave its bounds stops there, and the others are solved
+/// again without it (an active set that only grows).
+fn bounded_solution(
+    matrix: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    point: &Point,
+    free: &[Free],
+) -> Option<DVector<f64>> {
+    let q = free.len();
+    let mut stopped: Vec<Option<f64>> = vec![None; q];
+    for _ in 0..=q {
+        let mut matrix = matrix.clone();
+        let mut right = gradient.clone();
+        for (i, change) in stopped.iter().enumerate() {
+            if let Some(change) = *change {
+                right.axpy(-change, &matrix.column(i).clone_owned(), 1.0);
+                matrix.fill_row(i, 0.0);
+                matrix.fill_column(i, 0.0);
+                matrix[(i, i)] = 1.0;
+            }
+        }
+        for (value, change) in right.iter_mut().zip(&stopped) {
+            *value = change.unwrap_or(*value);
+        }
+        let solution = if q > 0 { matrix.cholesky()?.solve(&right) } else { right };
+        let mut all_inside = true;
+        for (i, f) in free.iter().enumerate().filter(|(i, _)| solution[*i].is_finite()) {
+            let old = point.parameters[f.parameter];
+            let new = (old + solution[i]).clamp(f.lower, f.upper);
+            if stopped[i].is_none() && new != old + solution[i] {
+                stopped[i] = Some(new - old);
+                all_inside = false;
+            }
+        }
+        if all_inside {
+            return Some(solution);
+        }
+    }
+    None
 }
 
 /// The matrix with its diagonal raised by `damping` of itself (Marquardt's scaling).
