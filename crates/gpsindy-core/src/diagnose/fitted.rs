@@ -113,6 +113,21 @@ impl Fitted {
         }
     }
 
+    /// The same contestant without its derivatives, which take most of its memory; [`Fitted::again`] restores them.
+    pub(crate) fn slim(&self) -> Self {
+        Self {
+            hypotheses: self.hypotheses.clone(),
+            added: self.added.clone(),
+            system: self.system.clone(),
+            experiment: self.experiment.clone(),
+            free: self.free.clone(),
+            refined: self.refined.clone(),
+            jacobian: Jacobian { blocks: Vec::new(), n_states: self.jacobian.n_states },
+            colours: self.colours.clone(),
+            model_error: self.model_error,
+        }
+    }
+
     /// The same contestant on other windows or with another hold, fitted again from where it stands.
     pub(crate) fn on(&self, experiment: &Experiment, settings: &Refine) -> Result<Self> {
         let mut experiment = experiment.clone();

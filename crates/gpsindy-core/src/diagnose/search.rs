@@ -61,6 +61,12 @@ pub(crate) struct Expansion {
 }
 
 impl Expansion {
+    fn of(screened: &[Option<Screened>]) -> Self {
+        let summary = screened.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
+        let tried = screened.iter().flatten().map(|s| s.gains.len()).sum();
+        Self { fits: Vec::new(), screened: summary, tried }
+    }
+
     /// Chance that noise and negligible structure give as large a gain somewhere in the search (Bonferroni).
     pub(crate) fn p_value(&self, at: &Fitted) -> f64 {
         let (count, spent) = (at.count(), at.spent());
@@ -70,6 +76,23 @@ impl Expansion {
             .iter()
             .map(|s| gain_tail(with_fitted_level(s.gain - allowed, count), s.degrees, count, spent));
         (best.fold(1.0, f64::min) * self.tried as f64).min(1.0)
+    }
+}
+
+/// Contestants that differ by one effect from a set of effects; kept so that a set is tried once only.
+pub(crate) struct Known {
+    pub(crate) with: Vec<Hypothesis>,
+    pub(crate) fits: Vec<Fitted>,
+}
+
+impl Known {
+    pub(crate) fn new(with: &Fitted, fits: &[Fitted]) -> Self {
+        Self { with: with.hypotheses.clone(), fits: fits.iter().map(Fitted::slim).collect() }
+    }
+
+    /// Whether these are the contestants one step on from `base`.
+    pub(crate) fn is_of(&self, base: &Fitted) -> bool {
+        self.with.len() == base.hypotheses.len() && base.hypotheses.iter().all(|h| self.with.contains(h))
     }
 }
 
@@ -116,11 +139,26 @@ impl Contest<'_> {
 
     /// Screens everything at `base` and refits what is promising.
     pub(crate) fn expand(&self, base: &Fitted, stage: &str) -> Result<Expansion> {
+        let screened = self.screen(base, stage)?;
+        let fits = self.refit(base, &screened);
+        step(self.progress, stage, 2, 2)?;
+        Ok(Expansion { fits, ..Expansion::of(&screened) })
+    }
+
+    /// As [`Contest::expand`] without the refits: what straight lines say.
+    pub(crate) fn survey(&self, base: &Fitted, stage: &str) -> Result<Expansion> {
+        let screened = self.screen(base, stage)?;
+        step(self.progress, stage, 2, 2)?;
+        Ok(Expansion::of(&screened))
+    }
+
+    /// Straight-line gains of every hypothesis that is not in `base` already.
+    fn screen(&self, base: &Fitted, stage: &str) -> Result<Vec<Option<Screened>>> {
         let scene = Scene { peaks: peaks(base), ..self.scene.clone() };
         let white = Basis::new(base, true);
         let coloured = Basis::new(base, false);
         step(self.progress, stage, 0, 2)?;
-        let screened: Vec<Option<Screened>> = self
+        let screened = self
             .hypotheses
             .par_iter()
             .map(|hypothesis| {
@@ -133,10 +171,13 @@ impl Contest<'_> {
             })
             .collect();
         step(self.progress, stage, 1, 2)?;
-        let tried = screened.iter().flatten().map(|s| s.gains.len()).sum();
-        let summary = screened.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
+        Ok(screened)
+    }
+
+    /// Contestants with one more effect, best first: those whose straight-line gain is promising.
+    fn refit(&self, base: &Fitted, screened: &[Option<Screened>]) -> Vec<Fitted> {
         let promising = screened.iter().flatten().any(|s| self.is_promising(base, s.best(0).max(s.best(1))));
-        let jobs = if promising { self.jobs(&screened) } else { Vec::new() };
+        let jobs = if promising { self.jobs(screened) } else { Vec::new() };
         let rough = Refine { max_iterations: ROUGH, ..self.settings.clone() };
         let mut fits: Vec<Fitted> = jobs
             .par_iter()
@@ -152,11 +193,13 @@ impl Contest<'_> {
         let near = fits.first().map_or(0.0, |f| self.score(f)) - NEAR;
         fits = fits
             .into_par_iter()
-            .map(|fit| if self.score(&fit) >= last.min(near) { fit.again(&self.settings) } else { fit })
+            .map(|fit| match self.score(&fit) >= last.min(near) && !fit.refined.converged {
+                true => fit.again(&self.settings),
+                false => fit,
+            })
             .collect();
         sort_by_score(&mut fits, |f| self.score(f));
-        step(self.progress, stage, 2, 2)?;
-        Ok(Expansion { fits, screened: summary, tried })
+        fits
     }
 
     /// Whether a straight-line gain is large enough for one more effect to be convincing and material.
@@ -193,9 +236,10 @@ impl Contest<'_> {
         chosen.into_iter().flat_map(starts).collect()
     }
 
-    /// Adds effects as long as they convince; returns the winner and the expansion at every winner's parent.
-    pub(crate) fn run(&self, nominal: &Fitted, first: Expansion, most: usize) -> Result<Fitted> {
+    /// Adds effects as long as they convince; returns the winner, and what was tried on the way.
+    pub(crate) fn run(&self, nominal: &Fitted, first: Expansion, most: usize) -> Result<(Fitted, Vec<Known>)> {
         let mut best = nominal.clone();
+        let mut known = vec![Known::new(nominal, &first.fits)];
         let mut beam: Vec<Fitted> = first.fits.into_iter().take(BEAM).collect();
         for round in 1..=most {
             let Some(leader) = beam.first() else { break };
@@ -213,14 +257,16 @@ impl Contest<'_> {
                     break;
                 }
                 let stage = format!("effects together: {}", round + 1);
-                next.extend(self.expand(contestant, &stage)?.fits.into_iter().take(2 * BEAM));
+                let fits = self.expand(contestant, &stage)?.fits;
+                known.push(Known::new(contestant, &fits));
+                next.extend(fits.into_iter().take(2 * BEAM));
             }
             sort_by_score(&mut next, |f| self.score(f));
             keep_first_of_each(&mut next);
             next.truncate(BEAM);
             beam = next;
         }
-        Ok(best)
+        Ok((best, known))
     }
 
     /// Whether `richer` says enough more than `simpler` to be preferred.

@@ -4,7 +4,7 @@ use super::Diagnose;
 use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use super::fitted::Fitted;
 use super::rival::Rival;
-use super::search::{CONVINCING, Contest, Expansion, MATERIAL, Summary, keep_first_of_each, sort_by_score};
+use super::search::{CONVINCING, Contest, Expansion, Known, MATERIAL, Summary, keep_first_of_each, sort_by_score};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Hold, Refine};
@@ -171,14 +171,16 @@ fn attribute(
     most: usize,
     notes: &mut Vec<String>,
 ) -> Result<Outcome> {
-    let singles: Vec<Fitted> = first.fits.clone();
-    let rough = contest.run(nominal, first, most)?;
+    let singles: Vec<Fitted> = first.fits.iter().map(Fitted::slim).collect();
+    let (rough, mut known) = contest.run(nominal, first, most)?;
     let windows = rough.experiment.windows.clone();
     let (lengthened, rough) = lengthen(nominal, rough, notes)?;
     let n_tolerated = lengthened.free.len();
     let (nominal, mut best) = charge_tolerated(contest, lengthened, rough, notes)?;
     let unchanged = best.experiment.windows == windows && nominal.free.len() == n_tolerated;
-    let mut known = (best.hypotheses.len() == 1 && unchanged).then(|| singles.clone());
+    if !unchanged {
+        known.clear();
+    }
     let thorough = Refine { max_iterations: 20, tolerance: 1e-6 };
     let mut alternatives: Vec<Vec<Fitted>> = Vec::new();
     let mut removed: Vec<f64> = Vec::new();
@@ -187,10 +189,14 @@ fn attribute(
     let mut place = 0;
     while place < best.hypotheses.len() {
         let rest = without(contest, &nominal, &best, place)?;
-        let mut fits = match known.take() {
-            // The first round has already tried everything in this one's place.
-            Some(fits) => fits,
-            None => contest.expand(&rest, "alternatives")?.fits,
+        let mut fits = match known.iter().find(|k| k.is_of(&rest)) {
+            // An earlier round has already tried everything in this one's place.
+            Some(known) => known.fits.clone(),
+            None => {
+                let fits = contest.expand(&rest, "alternatives")?.fits;
+                known.push(Known::new(&rest, &fits));
+                fits
+            }
         };
         fits.push(best.clone());
         let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
@@ -220,7 +226,7 @@ fn attribute(
         removed.push((rest.misfit() - best.misfit()).max(0.0));
         place += 1;
     }
-    let last = contest.expand(&best, "what is left")?;
+    let last = contest.survey(&best, "what is left")?;
     let gains = contest.rivals(&best, rivals);
     let left = left_over(&best, &last, &gains, rivals);
     Ok(Outcome { nominal: Some(nominal), best, alternatives, removed, singles, left, screened: last.screened })
