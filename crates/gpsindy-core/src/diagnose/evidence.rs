@@ -64,17 +64,23 @@ fn levinson(covariance: &[f64], count: usize) -> Colour {
 }
 
 impl Colour {
-    /// Filters one column of a window to unit, uncorrelated noise, in place. Missing values are zero.
-    pub(crate) fn whiten(&self, series: &mut [f64]) {
-        let scale = self.innovation.sqrt().recip();
+    /// Filters every `stride`th value from `first` on to unit, uncorrelated noise, in place. Missing values are zero.
+    fn whiten(&self, values: &mut [f64], first: usize, stride: usize) {
         let order = self.coefficients.len();
-        for i in (0..series.len()).rev() {
+        if order == 0 && self.innovation == 1.0 && self.variance == 1.0 {
+            return;
+        }
+        let (scale, start) = (self.innovation.sqrt().recip(), self.variance.sqrt().recip());
+        let count = values.len().saturating_sub(first).div_ceil(stride);
+        for i in (0..count).rev() {
+            let place = first + i * stride;
             if i >= order {
-                let predicted: f64 = self.coefficients.iter().enumerate().map(|(k, a)| a * series[i - 1 - k]).sum();
-                series[i] = (series[i] - predicted) * scale;
+                let past = self.coefficients.iter().enumerate();
+                let predicted: f64 = past.map(|(k, a)| a * values[place - (k + 1) * stride]).sum();
+                values[place] = (values[place] - predicted) * scale;
             } else {
                 // Not enough past: the value counts with its own variance.
-                series[i] *= self.variance.sqrt().recip();
+                values[place] *= start;
             }
         }
     }
@@ -82,13 +88,8 @@ impl Colour {
 
 /// Whitens interleaved columns of one window.
 pub(crate) fn whiten(colours: &[Colour], values: &mut DVector<f64>) {
-    let n_columns = colours.len();
     for (column, colour) in colours.iter().enumerate() {
-        let mut series: Vec<f64> = values.iter().skip(column).step_by(n_columns).copied().collect();
-        colour.whiten(&mut series);
-        for (i, value) in series.into_iter().enumerate() {
-            values[i * n_columns + column] = value;
-        }
+        colour.whiten(values.as_mut_slice(), column, colours.len());
     }
 }
 
@@ -154,7 +155,7 @@ mod tests {
         // Standard error sqrt((1 - 0.8^2)/4000) = 0.01.
         assert!((colour.coefficients[0] - 0.8).abs() < 0.04, "{colour:?}");
         assert!((colour.innovation - 1.0).abs() < 0.1);
-        colour.whiten(&mut series);
+        colour.whiten(&mut series, 0, 1);
         let white = colours(&[series], 1).remove(0);
         assert!(white.coefficients.is_empty(), "{white:?}");
     }
