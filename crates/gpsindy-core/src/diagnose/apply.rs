@@ -11,6 +11,9 @@ use std::f64::consts::{PI, TAU};
 /// Fewest repetitions within the logs before something may be called periodic: less is any smooth curve.
 const RIPPLES: f64 = 1.25;
 
+/// Share of the logs that must lie on either side of a step: nearer to an end it is how a run starts or stops.
+const EDGE: f64 = 0.1;
+
 fn number(value: f64) -> Expression {
     Expression::Number(value)
 }
@@ -333,12 +336,12 @@ impl Writer<'_> {
             }
             Effect::StepDisturbance => {
                 let c = self.add("c", 0.0, rate, FREE, &unit);
-                let t0 = self.add("t0", first, 0.01 * span, (first + 0.04 * span, last - 0.04 * span), "s");
+                let t0 = self.add("t0", first, 0.01 * span, (first + EDGE * span, last - EDGE * span), "s");
                 // A ramp of two samples in place of the edge, so that its time can be fitted.
                 let ramp = Expression::Time.minus(t0).over(number(2.0 * self.scene.period));
                 let edge = Expression::Call(Function::Clamp, vec![ramp, number(0.0), number(1.0)]);
                 self.add_term(c.times(edge));
-                Ok((2..31).map(|k| amplitude(&[small, first + span * f64::from(k) / 32.0])).collect())
+                Ok((4..29).map(|k| amplitude(&[small, first + span * f64::from(k) / 32.0])).collect())
             }
             _ => {
                 let Some(name) = self.hypothesis.variables.first().cloned() else {

@@ -151,7 +151,8 @@ fn state_hypotheses(model: &Model, j: usize, state: &State, all: &mut Vec<Hypoth
         for effect in [Effect::LinearStiffness, Effect::CubicStiffness, Effect::GravityLoad, Effect::Cogging] {
             push(effect, &[x]);
         }
-    } else {
+    } else if !state.unit.ends_with("/s") {
+        // A speed has no spring, no weight and no teeth: only what may be a place or an angle does.
         push(Effect::LinearStiffness, &[own]);
         push(Effect::GravityLoad, &[own]);
         push(Effect::Cogging, &[own]);
