@@ -74,8 +74,8 @@ pub(crate) struct Options {
     /// Confidence of intervals; a gap counts as detected when its p-value is at most one minus this
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     confidence: f64,
-    /// Largest number of effects together, 1 to 6
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    /// Largest number of effects together, 1 to 6; never more than four in one equation
+    #[arg(long, value_name = "N", default_value_t = 6)]
     most_effects: usize,
     /// What a control does between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]

@@ -178,6 +178,16 @@ impl Fitted {
         log_likelihood(&self.colours) - 0.5 * beliefs - 0.5 * self.complexity() as f64 * count.ln()
     }
 
+    /// Mean squared difference of the outputs from another contestant's, in noise units; infinite on other windows.
+    pub(crate) fn distance(&self, other: &Self) -> f64 {
+        if self.experiment.windows != other.experiment.windows {
+            return f64::INFINITY;
+        }
+        let pairs = self.refined.residuals.iter().flatten().zip(other.refined.residuals.iter().flatten());
+        let sum: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).filter(|d| !d.is_nan()).sum();
+        sum / self.count().max(1) as f64
+    }
+
     /// Mean squared residual in noise units.
     pub(crate) fn misfit(&self) -> f64 {
         let sum: f64 = self.colours.iter().map(|c| c.variance * c.count as f64).sum();

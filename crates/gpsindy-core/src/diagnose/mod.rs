@@ -47,7 +47,7 @@ use std::sync::Arc;
 /// | `without` | none | ids | these effects are no suspects |
 /// | `custom` | none | | effects of the user's own |
 /// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals, and of the detection |
-/// | `most_effects` | 4 | 1 to 6 | effects together, at most |
+/// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
 /// | `model_error` | none | at least 0 | what the model itself misses of the simulator, in the column's unit |
 /// | `power` | none | | also study which effects these logs could reveal |
@@ -61,7 +61,7 @@ pub struct Diagnose {
     pub custom: Vec<CustomEffect>,
     /// Confidence of intervals; a gap is detected when its p-value is at most one minus this.
     pub confidence: f64,
-    /// Largest number of effects together.
+    /// Largest number of effects together; never more than four of them in one equation.
     pub most_effects: usize,
     /// What controls do between samples; estimated where absent.
     pub hold: Option<Hold>,
@@ -79,7 +79,7 @@ impl Default for Diagnose {
             without: Vec::new(),
             custom: Vec::new(),
             confidence: 0.95,
-            most_effects: 4,
+            most_effects: 6,
             hold: None,
             model_error: Vec::new(),
             power: None,

@@ -24,6 +24,9 @@ const NEAR: f64 = 30.0;
 /// How many hypotheses are refitted at a contestant.
 const SHORTLIST: usize = 14;
 
+/// Most effects in one equation: more of them fit any curve.
+const MOST_PER_EQUATION: usize = 4;
+
 /// Mean squared residual (in noise units) that one more effect must remove to be worth a name.
 ///
 /// An effect below a fifth of the sensor's noise changes no decision, and the smoothed corners of
@@ -177,7 +180,9 @@ impl Contest<'_> {
     /// Contestants with one more effect, best first: those whose straight-line gain is promising.
     fn refit(&self, base: &Fitted, screened: &[Option<Screened>]) -> Vec<Fitted> {
         let promising = screened.iter().flatten().any(|s| self.is_promising(base, s.best(0).max(s.best(1))));
-        let jobs = if promising { self.jobs(screened) } else { Vec::new() };
+        let has_room = |state: usize| base.hypotheses.iter().filter(|h| h.state == state).count() < MOST_PER_EQUATION;
+        let mut jobs = if promising { self.jobs(screened) } else { Vec::new() };
+        jobs.retain(|(h, _)| has_room(self.hypotheses[*h].state));
         let rough = Refine { max_iterations: ROUGH, ..self.settings.clone() };
         let mut fits: Vec<Fitted> = jobs
             .par_iter()
@@ -240,7 +245,7 @@ impl Contest<'_> {
     pub(crate) fn run(&self, nominal: &Fitted, first: Expansion, most: usize) -> Result<(Fitted, Vec<Known>)> {
         let mut best = nominal.clone();
         let mut known = vec![Known::new(nominal, &first.fits)];
-        let mut beam: Vec<Fitted> = first.fits.into_iter().take(BEAM).collect();
+        let mut beam = different(first.fits);
         for round in 1..=most {
             let Some(leader) = beam.first() else { break };
             if !self.is_convincing(leader, &best) {
@@ -263,8 +268,7 @@ impl Contest<'_> {
             }
             sort_by_score(&mut next, |f| self.score(f));
             keep_first_of_each(&mut next);
-            next.truncate(BEAM);
-            beam = next;
+            beam = different(next);
         }
         Ok((best, known))
     }
@@ -300,6 +304,24 @@ impl Fitted {
 
 pub(crate) fn sort_by_score(fits: &mut [Fitted], score: impl Fn(&Fitted) -> f64) {
     fits.sort_by(|a, b| score(b).total_cmp(&score(a)));
+}
+
+/// The first contestants whose outputs differ: what cannot be told apart now need not be carried on twice, and
+/// leaves room for another account of the logs. The final swaps bring the twins back.
+fn different(fits: Vec<Fitted>) -> Vec<Fitted> {
+    /// Mean squared difference, as a share of what is left to explain, below which two contestants are one.
+    const ALIKE: f64 = 1e-3;
+    let mut kept: Vec<Fitted> = Vec::with_capacity(BEAM);
+    for fit in fits {
+        if kept.len() == BEAM {
+            break;
+        }
+        let is_known = |other: &Fitted| other.distance(&fit) < ALIKE * other.misfit().min(fit.misfit());
+        if !kept.iter().any(is_known) {
+            kept.push(fit);
+        }
+    }
+    kept
 }
 
 /// Keeps the first contestant with each set of hypotheses.

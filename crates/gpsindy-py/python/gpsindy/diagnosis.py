@@ -239,7 +239,7 @@ def diagnose(
     effects: str | Iterable[str] = (),
     custom: Iterable[CustomEffect] = (),
     confidence: float = 0.95,
-    most_effects: int = 4,
+    most_effects: int = 6,
     hold: Hold | None = None,
     power: bool = False,
     seed: int = 0,
@@ -269,7 +269,7 @@ def diagnose(
     confidence : float
         Of intervals and of the detection, 0.5 to 0.999.
     most_effects : int
-        Effects together, at most, 1 to 6.
+        Effects together, at most, 1 to 6; never more than four in one equation.
     hold : {"zero", "linear"}, optional
         What controls do between samples. Default: estimated.
     power : bool
