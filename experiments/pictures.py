@@ -28,13 +28,13 @@ def save(figure: Any, path: Path) -> None:
     plt.close(figure)
 
 
-def curves(axes: Any, group: Sequence[Result], value: str) -> None:
+def curves(axes: Any, group: Sequence[Result], methods: Sequence[str], value: str) -> None:
     """Median over the noise with the quartiles as a ribbon, one curve a method; what is not finite is left open."""
-    for k, method in enumerate(dict.fromkeys(entry["job"]["method"] for entry in group)):
+    for k, method in enumerate(methods):
         rows = [entry for entry in group if entry["job"]["method"] == method]
         sigmas = sorted({entry["job"]["sigma"] for entry in rows})
         triples = [quartiles(_values((e for e in rows if e["job"]["sigma"] == s), value)) for s in sigmas]
-        low, middle, high = np.array(triples).T
+        low, middle, high = np.array(triples).reshape(-1, 3).T  # An empty curve still stands in the legend.
         high = np.where(np.isfinite(high), high, 1e12)
         shade = plt.get_cmap("tab20")(k % 20)
         shown = np.where(np.isfinite(middle), middle, np.nan)
@@ -45,6 +45,10 @@ def curves(axes: Any, group: Sequence[Result], value: str) -> None:
     axes.set_xlabel("noise, standard deviation")
 
 
+def _methods(results: Sequence[Result]) -> list[str]:
+    return list(dict.fromkeys(entry["job"]["method"] for entry in results))
+
+
 def _values(entries: Iterable[Result], value: str) -> list[float]:
     return [np.inf if "error" in entry or entry.get("diverged") else float(entry[value]) for entry in entries]
 
@@ -52,10 +56,10 @@ def _values(entries: Iterable[Result], value: str) -> list[float]:
 def coefficients(results: Sequence[Result], path: Path) -> None:
     """One panel a system and regime."""
     panels = list(dict.fromkeys((e["job"]["regime"], e["job"]["system"]) for e in results))
-    figure, axes = plt.subplots(1, len(panels), figsize=(3.6 * len(panels), 3.4), squeeze=False)
+    figure, axes = plt.subplots(1, len(panels), figsize=(3.6 * len(panels), 3.4), squeeze=False, layout="constrained")
     for one, (regime, system) in zip(axes[0], panels):
         group = [e for e in results if (e["job"]["regime"], e["job"]["system"]) == (regime, system)]
-        curves(one, group, "mse")
+        curves(one, group, _methods(results), "mse")
         one.set_title(f"{system}, {regime}")
         values = [v for v in _values(group, "mse") if np.isfinite(v) and v > 0]
         if values:
@@ -68,17 +72,20 @@ def coefficients(results: Sequence[Result], path: Path) -> None:
 def car(results: Sequence[Result], path: Path) -> None:
     """Above the authors' number, below the error of the position; one column a rate."""
     rates = sorted({e["job"]["rate"] for e in results})
-    figure, axes = plt.subplots(2, len(rates), figsize=(3.4 * len(rates), 5.6), squeeze=False, sharex=True, sharey="row")
+    figure, axes = plt.subplots(
+        2, len(rates), figsize=(3.4 * len(rates), 5.6), squeeze=False, sharey="row", layout="constrained"
+    )
+    limits = (("author", 300.0), ("position", 20.0))
     for column, rate in enumerate(rates):
         group = [e for e in results if e["job"]["rate"] == rate]
-        for row, (value, top) in enumerate((("author", 300.0), ("position", 20.0))):
-            curves(axes[row][column], group, value)
-            low = min((v for v in _values(group, value) if v > 0), default=0.1)
-            axes[row][column].set_ylim(0.7 * low, top)
+        for row, (value, _) in enumerate(limits):
+            curves(axes[row][column], group, _methods(results), value)
         axes[0][column].set_title(f"{rate} Hz")
         axes[0][column].set_xlabel("")
-    axes[0][0].set_ylabel("authors' number (Frobenius norm)")
-    axes[1][0].set_ylabel("root mean square of position error, m")
+    for row, (value, top) in enumerate(limits):
+        axes[row][0].set_ylim(0.7 * min((v for v in _values(results, value) if v > 0), default=0.1), top)
+    axes[0][0].set_ylabel("authors' number")
+    axes[1][0].set_ylabel("position error, rms, m")
     axes[0][-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     save(figure, path)
 
@@ -87,7 +94,9 @@ def trajectories(clean: Array, paths: dict[str, Array], path: Path) -> None:
     """Positions of one rollout by several methods over the logged ones."""
     n_columns = min(3, len(paths))
     n_rows = -(-len(paths) // n_columns)
-    figure, axes = plt.subplots(n_rows, n_columns, figsize=(3.1 * n_columns, 2.9 * n_rows), squeeze=False)
+    figure, axes = plt.subplots(
+        n_rows, n_columns, figsize=(3.1 * n_columns, 3.0 * n_rows), squeeze=False, layout="constrained"
+    )
     reach = np.abs(clean[:, :2]).max() * 1.5
     for one in axes.flat[len(paths) :]:
         one.set_visible(False)
