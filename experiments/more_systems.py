@@ -35,7 +35,7 @@ class Truth:
 
 
 SWING = "(9.81*sin(th) - cos(th)*(f + 0.05*om^2*sin(th))/1.1)/(0.5*(4/3 - 0.1*cos(th)^2/1.1))"
-FLOW = 5e-5 * np.sqrt(2 * 9.81) / 0.0154
+FLOW = 5e-5 * (2 * 9.81) ** 0.5 / 0.0154
 """Outflow of a tank over the root of its level, m^0.5/s."""
 
 SYSTEMS = {

@@ -16,6 +16,7 @@ PYSINDY = ["sindy-stlsq", "ssr-coefficient", "ssr-residual", "e-sindy", "weak-si
 import jetracer  # noqa: E402
 import jobs  # noqa: E402
 import library  # noqa: E402
+import more_systems  # noqa: E402
 import run  # noqa: E402
 import tables  # noqa: E402
 
@@ -141,6 +142,20 @@ def test_without_the_logs_of_the_car_there_is_a_clear_message(tmp_path, capsys):
 def test_a_further_system_is_found(tmp_path, capsys):
     text = experiment("systems", tmp_path, "--seeds", 1, "--systems", "van_der_pol", "--methods", "default", capsys=capsys)
     assert "| van_der_pol | default | 1.00 " in text
+
+
+def test_the_terms_of_the_further_systems_are_their_equations():
+    for name, truth in more_systems.SYSTEMS.items():
+        t = np.arange(0.0, 20 * truth.period, truth.period)
+        u, model = truth.inputs(t), truth.model()
+        x = np.array(model.simulate(truth.initial, t, u).x)
+        values = dict(zip([*truth.equations, *truth.controls], np.column_stack([x] if u is None else [x, u]).T))
+        values |= {"max": np.maximum, "abs": np.abs, "sqrt": np.sqrt, "tanh": np.tanh}
+        found = np.zeros_like(x)
+        for (state, term), value in truth.terms.items():
+            found[:, list(truth.equations).index(state)] += value * library.evaluate(term, values)
+        if truth.terms:
+            assert found == pytest.approx(model.derivative(x, u), rel=1e-9, abs=1e-9), name
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pysindy") is None, reason="pysindy is not installed")
