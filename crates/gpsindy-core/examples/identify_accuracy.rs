@@ -1,7 +1,8 @@
 //! Accuracy of `identify` on the paper's simulated systems: median mean squared coefficient error and share of exact supports.
 //!
-//! `cargo run --release -p gpsindy-core --example identify_accuracy -- SYSTEM REGIME SEEDS [SIGMA...]`
-//! SYSTEM: lv, unicycle, lorenz. REGIME: given10, free10, given5, free5, irregular.
+//! `cargo run --release -p gpsindy-core --example identify_accuracy -- SYSTEM REGIME SEEDS SIGMA...`
+//! SYSTEM: lv, unicycle, lorenz. REGIME: given10, free10, given5, free5, irregular. SEEDS: how many, or FROM..TO.
+//! With FAULTS in the environment the terms of every wrong support are shown.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use gpsindy_core::library::LibrarySettings;
@@ -104,7 +105,12 @@ fn simulate(truth: &Truth, times: &[f64]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (system, regime) = (arguments[0].as_str(), arguments[1].as_str());
-    let seeds: u64 = arguments[2].parse().unwrap();
+    // A number of seeds, or the first and the one behind the last as FROM..TO.
+    let (from, to): (u64, u64) = match arguments[2].split_once("..") {
+        Some((from, to)) => (from.parse().unwrap(), to.parse().unwrap()),
+        None => (0, arguments[2].parse().unwrap()),
+    };
+    let seeds = to - from;
     let sigmas: Vec<f64> = arguments[3..].iter().map(|a| a.parse().unwrap()).collect();
     let truth = truth(system);
     let given = regime.starts_with("given");
@@ -117,7 +123,7 @@ fn main() {
     };
     for sigma in sigmas {
         let (mut errors, mut exact, mut cost) = (Vec::new(), 0, 0.0);
-        for seed in 0..seeds {
+        for seed in from..to {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let count = (truth.span / step).round() as usize + 1;
             let mut time: Vec<f64> = (0..count).map(|i| step * i as f64).collect();
@@ -190,6 +196,9 @@ fn main() {
             }
             errors.push(square / (n * record.terms.len()) as f64);
             exact += usize::from(right);
+            if !right && std::env::var("FAULTS").is_ok() {
+                println!("  seed {seed}: {:?}", result.states.iter().map(|s| s.terms.join(" ")).collect::<Vec<_>>());
+            }
             if std::env::var("VERBOSE").is_ok() {
                 for state in &result.model.states {
                     println!("  {seed} {}' = {}", state.name, state.equation);

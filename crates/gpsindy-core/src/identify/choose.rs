@@ -2,13 +2,15 @@
 
 use super::rows::Rows;
 use crate::error::Result;
-use crate::regress::{Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
+use crate::regress::{Candidates, Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
 use faer::Mat;
 
 /// What the regression of one state may do.
 pub(super) struct Task<'a> {
     /// Columns that may enter.
     pub(super) allowed: &'a [usize],
+    /// Columns that are in whatever the rows say.
+    pub(super) kept: &'a [usize],
     /// Sign that each column's coefficient must have, `Some(true)` above 0.
     pub(super) signs: &'a [Option<bool>],
     pub(super) regressor: &'a dyn Regressor,
@@ -46,6 +48,35 @@ fn best_of(fits: &[Fit], n: usize, p: usize) -> Option<usize> {
     told.min_by(|&a, &b| evidence(&fits[a]).total_cmp(&evidence(&fits[b])))
 }
 
+/// An orthonormal basis of the columns `kept` of theta.
+fn directions(theta: &Mat<f64>, kept: &[usize]) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(kept.len());
+    for &k in kept {
+        let mut column = theta.col_as_slice(k).to_vec();
+        let before = norm(&column);
+        // Twice, since once leaves the rounding errors of nearly dependent columns.
+        for _ in 0..2 {
+            basis.iter().for_each(|direction| take_out(direction, &mut column));
+        }
+        let left = norm(&column);
+        if left > 1e-10 * before {
+            column.iter_mut().for_each(|v| *v /= left);
+            basis.push(column);
+        }
+    }
+    basis
+}
+
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// Takes the part along the unit vector `direction` out of `values`.
+fn take_out(direction: &[f64], values: &mut [f64]) {
+    let along: f64 = direction.iter().zip(values.iter()).map(|(d, v)| d * v).sum();
+    values.iter_mut().zip(direction).for_each(|(v, d)| *v -= along * d);
+}
+
 /// Folds of the cross-validation.
 const FOLDS: usize = 5;
 
@@ -60,7 +91,7 @@ impl Task<'_> {
                 None => false,
             };
             let before = allowed.len();
-            allowed.retain(|&j| !wrong(j));
+            allowed.retain(|&j| !wrong(j) || self.kept.contains(&j));
             if allowed.len() == before || allowed.is_empty() {
                 return Ok(chosen);
             }
@@ -70,9 +101,10 @@ impl Task<'_> {
     fn choose_among(&self, rows: &Rows, allowed: &[usize]) -> Result<Chosen> {
         let (theta, scales, size) = self.scaled(rows, allowed);
         let target: Vec<f64> = rows.target.iter().map(|v| v / size).collect();
-        let gap = (rows.target.len() / (FOLDS * 20)).min(10);
-        let folds = Folds::new(&rows.lengths, FOLDS.min(rows.target.len() / 2).max(2), gap)?;
-        let choice = self.selection.choose(self.regressor, theta.as_ref(), &target, &folds)?;
+        let problem = Reduced::new(theta.as_ref(), &target)?;
+        let Candidates { fits, scores, .. } = &self.candidates(rows, allowed, (&theta, &target), &problem)?;
+        let index = fits.len() - 1;
+        let (chosen, path) = (&fits[index], &fits[..index]);
         let p = self.signs.len();
         let spread = |values: &[f64]| {
             let mut all = vec![0.0; p];
@@ -81,23 +113,68 @@ impl Task<'_> {
             }
             all
         };
-        let problem = Reduced::new(theta.as_ref(), &target)?;
-        let support = choice.fit.support();
+        let support = chosen.support();
         let freedom = rows.target.len().saturating_sub(support.len() + rows.lengths.len()).max(1) as f64;
-        let noise = (choice.fit.residual / freedom).sqrt();
+        let noise = (chosen.residual / freedom).sqrt();
         let mut errors = vec![0.0; scales.len()];
         for (&j, error) in support.iter().zip(problem.standard_errors(&support, noise)) {
             errors[j] = error;
         }
         Ok(Chosen {
-            coefficients: spread(&choice.fit.coefficients),
-            level: choice.fit.level,
-            score: choice.candidates.scores[choice.index] * size * size,
+            coefficients: spread(&chosen.coefficients),
+            level: chosen.level,
+            score: scores[index] * size * size,
             residual: noise * noise * size * size,
             errors: spread(&errors),
-            path: choice.candidates.fits.iter().map(|fit| spread(&fit.coefficients)).collect(),
-            best: best_of(&choice.candidates.fits, rows.target.len(), allowed.len()),
+            path: path.iter().map(|fit| spread(&fit.coefficients)).collect(),
+            best: best_of(path, rows.target.len(), allowed.len()),
         })
+    }
+
+    /// The path, and behind it the chosen fit.
+    ///
+    /// Terms that are kept are taken out of the target and of all other columns first, so that any regression can
+    /// choose among the others; then every candidate is fitted again with them.
+    fn candidates(
+        &self,
+        rows: &Rows,
+        allowed: &[usize],
+        (theta, target): (&Mat<f64>, &[f64]),
+        problem: &Reduced,
+    ) -> Result<Candidates> {
+        let gap = (rows.target.len() / (FOLDS * 20)).min(10);
+        let folds = Folds::new(&rows.lengths, FOLDS.min(rows.target.len() / 2).max(2), gap)?;
+        let choose = |theta: &Mat<f64>, target: &[f64]| {
+            let choice = self.selection.choose(self.regressor, theta.as_ref(), target, &folds)?;
+            let mut candidates = choice.candidates;
+            candidates.scores.push(candidates.scores[choice.index]);
+            candidates.fits.push(choice.fit);
+            Ok(candidates)
+        };
+        let (kept, open): (Vec<usize>, Vec<usize>) =
+            (0..allowed.len()).partition(|&k| self.kept.contains(&allowed[k]));
+        if kept.is_empty() {
+            return choose(theta, target);
+        }
+        let with_kept = |fit: &Fit| {
+            let support: Vec<usize> = kept.iter().copied().chain(fit.support().iter().map(|&k| open[k])).collect();
+            Fit { level: fit.level, ..problem.refit(&support) }
+        };
+        if open.is_empty() {
+            let fit = problem.refit(&kept);
+            return Ok(Candidates { fits: vec![fit.clone(), fit], scores: vec![f64::NAN; 2], errors: vec![f64::NAN; 2] });
+        }
+        let mut left = Mat::from_fn(theta.nrows(), open.len(), |i, k| theta[(i, open[k])]);
+        let mut target = target.to_vec();
+        for direction in directions(theta, &kept) {
+            for k in 0..open.len() {
+                take_out(&direction, left.col_as_slice_mut(k));
+            }
+            take_out(&direction, &mut target);
+        }
+        let mut candidates = choose(&left, &target)?;
+        candidates.fits = candidates.fits.iter().map(with_kept).collect();
+        Ok(candidates)
     }
 
     /// Allowed columns, their scales, and the target's.

@@ -13,6 +13,8 @@ pub(super) struct DelayValue {
     pub(super) free: bool,
     /// Sampling period, s: its typical size.
     pub(super) period: f64,
+    /// Largest value that the search may give it, s.
+    pub(super) most: f64,
 }
 
 /// Coefficients of all equations, and what is known beforehand of them.
@@ -27,6 +29,8 @@ pub(super) struct Equations {
     pub(super) coefficients: Vec<Vec<f64>>,
     /// Columns that each equation may hold; none where the equation is given.
     pub(super) allowed: Vec<Vec<usize>>,
+    /// Columns that each equation holds for certain.
+    pub(super) kept: Vec<Vec<usize>>,
     /// (n x p), the sign that a coefficient must have.
     pub(super) signs: Vec<Vec<Option<bool>>>,
     /// Equations taken as given.
@@ -68,10 +72,9 @@ impl Equations {
         self.allowed.iter().map(Vec::len).sum()
     }
 
-    /// Control, value and typical size of each delay that is estimated.
-    pub(super) fn free_delays(&self) -> Vec<(usize, f64, f64)> {
-        let free = self.delays.iter().enumerate().filter(|(_, d)| d.free);
-        free.map(|(k, d)| (k, d.value, d.period)).collect()
+    /// Every delay that is estimated, with the number of its control.
+    pub(super) fn free_delays(&self) -> impl Iterator<Item = (usize, &DelayValue)> {
+        self.delays.iter().enumerate().filter(|(_, d)| d.free)
     }
 
     /// Puts the terms number `support` of all candidates in, with these coefficients (n x p), and all others out.
@@ -96,8 +99,8 @@ impl Equations {
                 self.coefficients[s][j] = values.next().copied().unwrap_or(0.0);
             }
         }
-        for (k, _, _) in self.free_delays() {
-            self.delays[k].value = values.next().copied().unwrap_or(0.0);
+        for delay in self.delays.iter_mut().filter(|d| d.free) {
+            delay.value = values.next().copied().unwrap_or(0.0);
         }
     }
 
@@ -129,9 +132,9 @@ impl Equations {
             };
             rates.push(self.delayed(&equation, as_parameters));
         }
-        for (k, value, _) in self.free_delays() {
+        for (k, delay) in self.free_delays() {
             if as_parameters {
-                model.parameters.push(Parameter::new(delay_name(k), value));
+                model.parameters.push(Parameter::new(delay_name(k), delay.value));
             }
         }
         for ((name, unit), rate) in self.states.iter().zip(&rates) {

@@ -26,7 +26,7 @@ use crate::regress::{Ensemble, Lasso, Regressor, Selection, Subset};
 use crate::smooth::Smoother;
 use choose::{Chosen, Task};
 use equations::Equations;
-use plan::Plan;
+use plan::{Plan, Timing};
 use rayon::prelude::*;
 use rows::Rows;
 use std::sync::Arc;
@@ -111,7 +111,7 @@ pub struct Identify {
     pub refine: bool,
     /// Length of its rollouts, s.
     pub window: Option<f64>,
-    /// What controls do between samples; `None` lets the refinement find out, and takes them as held without one.
+    /// What controls do between samples; `None`: what explains the logs better.
     pub hold: Option<Hold>,
     /// Seed of the bootstraps.
     pub seed: u64,
@@ -202,9 +202,9 @@ impl Identify {
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
-        let plan = Plan::new(self, data, progress)?;
+        let mut plan = Plan::new(self, data, progress)?;
         let mut equations = plan.equations(self)?;
-        plan.find_delays(self, &mut equations, progress)?;
+        let timings = plan.find_timings(self, &mut equations, progress)?;
         let rows = plan.rows(self, &equations)?;
         let chosen = self.choose(&plan, &equations, &rows, progress)?;
         for (s, chosen) in chosen.iter().enumerate() {
@@ -214,9 +214,14 @@ impl Identify {
         }
         let mut notes = plan.notes.clone();
         let starts = starts(&equations, &chosen);
-        let refined = if self.refine { self.refined(&plan, &starts, progress, &mut notes)? } else { None };
+        let refined = if self.refine { self.refined(&plan, &timings, &starts, progress, &mut notes)? } else { None };
+        let hold = refined.as_ref().map_or(timings[0].hold, |refined| refined.hold);
+        if self.hold.is_none() && hold == Hold::Linear {
+            notes
+                .push("the controls look interpolated between samples, not held; simulate with `--hold linear`".into());
+        }
         let inclusion = self.inclusion(&plan, &equations, &rows, &chosen)?;
-        Ok(self.report(&plan, &equations, &chosen, refined, inclusion, notes))
+        Ok(self.report(&plan, &equations, &chosen, (refined, hold), inclusion, notes))
     }
 
     /// The sparse regression of every state whose equation is not given.
@@ -245,6 +250,7 @@ impl Identify {
     fn task<'a>(&'a self, equations: &'a Equations, s: usize, selection: &'a Selection) -> Task<'a> {
         Task {
             allowed: &equations.allowed[s],
+            kept: &equations.kept[s],
             signs: &equations.signs[s],
             regressor: self.regressor.as_ref(),
             selection,
@@ -266,7 +272,7 @@ impl Identify {
             let mut best = (f64::INFINITY, chosen.coefficients.clone());
             for candidate in &chosen.path {
                 trial.coefficients[s].clone_from(candidate);
-                let error = plan.search(self.hold.unwrap_or_default()).rollout_error(&trial, window)?;
+                let error = plan.search(plan.hold()).rollout_error(&trial, window)?;
                 if error < best.0 {
                     best = (error, candidate.clone());
                 }
@@ -282,13 +288,14 @@ impl Identify {
     fn refined(
         &self,
         plan: &Plan,
+        timings: &[Timing],
         starts: &[Equations],
         progress: &dyn Progress,
         notes: &mut Vec<String>,
     ) -> Result<Option<Refinement>> {
         let keep_going = || step(progress, "refine", 0, 1);
         let mut window = self.window.unwrap_or_else(|| plan.shortest_window());
-        let Some((mut best, hold)) = self.first_look(plan, starts, window, &keep_going, notes)? else {
+        let Some((mut best, hold)) = self.first_look(plan, timings, starts, window, &keep_going, notes)? else {
             return Ok(None);
         };
         let search: Search<'_> = plan.search(hold);
@@ -324,31 +331,28 @@ impl Identify {
         Ok(Some(Refinement { trial: best, window, hold }))
     }
 
-    /// The first fits and their better supports, from every start, with held and with interpolated controls where that is
-    /// open; the one of the best evidence.
+    /// The first fits and their better supports, from every start, with held and with interpolated controls where the rows
+    /// left that open; the one of the best evidence.
     fn first_look(
         &self,
         plan: &Plan,
+        timings: &[Timing],
         starts: &[Equations],
         window: f64,
         keep_going: &dyn Fn() -> Result<()>,
         notes: &mut Vec<String>,
     ) -> Result<Option<(Trial, Hold)>> {
-        let holds = match self.hold {
-            Some(hold) => vec![hold],
-            None if self.controls.is_empty() => vec![Hold::Zero],
-            None => vec![Hold::Zero, Hold::Linear],
-        };
         let mut best: Option<(Trial, Hold)> = None;
         let mut failure = None;
-        for (hold, equations) in holds.iter().flat_map(|&hold| starts.iter().map(move |e| (hold, e))) {
-            let search = plan.search(hold);
-            match search.fit(equations, window, None) {
+        for (timing, start) in timings.iter().flat_map(|timing| starts.iter().map(move |start| (timing, start))) {
+            let search = plan.search(timing.hold);
+            let equations = Equations { delays: timing.delays.clone(), ..start.clone() };
+            match search.fit(&equations, window, None) {
                 Ok(trial) => {
                     let trial = search.improve(trial, window, keep_going)?;
-                    // A tie keeps the sparser start, and the control held, which is what drives do.
+                    // A tie keeps the sparser start, and the timing that the rows liked better.
                     if best.as_ref().is_none_or(|(other, _)| search.lead(&trial, other) > 2.0) {
-                        best = Some((trial, hold));
+                        best = Some((trial, timing.hold));
                     }
                 }
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
@@ -357,10 +361,6 @@ impl Identify {
         }
         if let (None, Some(error)) = (&best, failure) {
             notes.push(format!("no refinement through the integrator: {error}"));
-        }
-        if self.hold.is_none() && best.as_ref().is_some_and(|(_, hold)| *hold == Hold::Linear) {
-            notes
-                .push("the controls look interpolated between samples, not held; simulate with `--hold linear`".into());
         }
         Ok(best)
     }
@@ -390,12 +390,11 @@ impl Identify {
         plan: &Plan,
         equations: &Equations,
         chosen: &[Option<Chosen>],
-        refined: Option<Refinement>,
+        (refined, hold): (Option<Refinement>, Hold),
         inclusion: Vec<Vec<f64>>,
         notes: Vec<String>,
     ) -> Identification {
         let n = plan.n_states();
-        let hold = refined.as_ref().map_or(self.hold.unwrap_or_default(), |r| r.hold);
         let (equations, errors, noise, delay_errors, window) = match refined {
             Some(Refinement { trial, window, .. }) => {
                 (trial.equations, trial.errors, trial.noise, trial.delay_errors, window)

@@ -4,6 +4,7 @@ use super::equations::{DelayValue, Equations, rate_name};
 use super::rows::{Builder, Rows, integrals, stretches};
 use super::structure::Search;
 use super::track::Track;
+use super::structure::independent_share;
 use super::{Delay, Identify, Target};
 use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
@@ -98,17 +99,22 @@ impl Plan {
         let fixed: Vec<_> = settings.states.iter().map(|s| constraints.fixed_equation(s).cloned()).collect();
         let mut allowed = Vec::with_capacity(n);
         let mut signs = Vec::with_capacity(n);
+        let mut kept = Vec::with_capacity(n);
         for (s, state) in settings.states.iter().enumerate() {
             allowed.push(if fixed[s].is_some() { vec![] } else { constraints.allowed(state, &self.library)? });
             signs.push(constraints.signs(state, &self.library)?);
+            kept.push(constraints.kept(state, &self.library)?);
         }
-        let mut delays = vec![DelayValue { value: 0.0, free: false, period: self.period }; settings.controls.len()];
+        let none = DelayValue { value: 0.0, free: false, period: self.period, most: f64::INFINITY };
+        let mut delays = vec![none; settings.controls.len()];
         for (control, delay) in &settings.delays {
             let k = settings.controls.iter().position(|c| c == control);
             let k = k.ok_or_else(|| Error::unknown("control", control, &settings.controls))?;
             match *delay {
                 Delay::Fixed(value) if value >= 0.0 && value.is_finite() => delays[k].value = value,
-                Delay::Auto(most) if most > 0.0 && most.is_finite() => delays[k].free = true,
+                Delay::Auto(most) if most > 0.0 && most.is_finite() => {
+                    (delays[k].free, delays[k].most) = (true, most);
+                }
                 Delay::Fixed(value) | Delay::Auto(value) => {
                     return Err(Error::range("delay", "at least 0 and finite, in s", value));
                 }
@@ -120,6 +126,7 @@ impl Plan {
             controls: (n..n + settings.controls.len()).map(channel).collect(),
             coefficients: vec![vec![0.0; p]; n],
             allowed,
+            kept,
             signs,
             fixed,
             delays,
@@ -137,6 +144,11 @@ impl Plan {
     /// Length of the longest run, s.
     pub(super) fn longest_run(&self) -> f64 {
         self.tracks.iter().map(|t| t.time[t.n_samples() - 1] - t.time[0]).fold(0.0, f64::max)
+    }
+
+    /// What the rows take the controls to do between samples.
+    pub(super) fn hold(&self) -> Hold {
+        self.tracks[0].hold
     }
 
     pub(super) fn search(&self, hold: Hold) -> Search<'_> {
@@ -197,32 +209,49 @@ impl Plan {
             .collect()
     }
 
-    /// Delays at which the whole library leaves the smallest residual, one control after the other, twice.
-    pub(super) fn find_delays(
-        &self,
+    /// What the controls may do between samples, with the delays that belong to it, best first: what leaves the smallest
+    /// residual of the whole library. Whatever is decidedly worse is left out. The first is what the rows then take.
+    pub(super) fn find_timings(
+        &mut self,
         settings: &Identify,
         equations: &mut Equations,
         progress: &dyn Progress,
-    ) -> Result<()> {
-        let free: Vec<(usize, f64)> = settings
-            .delays
-            .iter()
-            .filter_map(|(control, delay)| match *delay {
-                Delay::Auto(most) => settings.controls.iter().position(|c| c == control).map(|k| (k, most)),
-                Delay::Fixed(_) => None,
-            })
-            .collect();
+    ) -> Result<Vec<Timing>> {
+        let holds = match settings.hold {
+            Some(hold) => vec![hold],
+            None if settings.controls.is_empty() => vec![Hold::Zero],
+            None => vec![Hold::Zero, Hold::Linear],
+        };
+        let open = holds.len() > 1;
+        let mut timings = Vec::with_capacity(holds.len());
+        for hold in holds {
+            self.tracks.iter_mut().for_each(|track| track.hold = hold);
+            self.find_delays(settings, equations, progress)?;
+            let misfit = if open { self.misfit(settings, equations)? } else { Misfit { value: 0.0, share: 1.0 } };
+            timings.push(Timing { hold, delays: equations.delays.clone(), misfit });
+        }
+        timings.sort_by(|x, y| x.misfit.value.total_cmp(&y.misfit.value));
+        let best = timings[0].misfit;
+        timings.retain(|other| best.share * (other.misfit.value - best.value) <= DECIDED);
+        self.tracks.iter_mut().for_each(|track| track.hold = timings[0].hold);
+        equations.delays.clone_from(&timings[0].delays);
+        Ok(timings)
+    }
+
+    /// Delays at which the whole library leaves the smallest residual, one control after the other, twice.
+    fn find_delays(&self, settings: &Identify, equations: &mut Equations, progress: &dyn Progress) -> Result<()> {
+        let free: Vec<(usize, f64)> = equations.free_delays().map(|(k, delay)| (k, delay.most)).collect();
         let rounds = if free.len() > 1 { 2 } else { 1 };
         for round in 0..rounds {
             for &(k, most) in &free {
                 step(progress, "find delays", round, rounds)?;
-                let count = ((2.0 * most / self.period).round() as usize).clamp(4, 80);
+                let count = ((most / self.period).round() as usize).clamp(4, 40);
                 let grid: Vec<f64> = (0..=count).map(|i| most * i as f64 / count as f64).collect();
-                let mut misfits = Vec::with_capacity(grid.len());
-                for &value in &grid {
+                let mut misfit_at = |value: f64| {
                     equations.delays[k].value = value;
-                    misfits.push(self.misfit(settings, equations)?);
-                }
+                    self.misfit(settings, equations).map(|misfit| misfit.value)
+                };
+                let misfits = grid.iter().map(|&value| misfit_at(value)).collect::<Result<Vec<_>>>()?;
                 let best = (0..grid.len()).min_by(|&a, &b| misfits[a].total_cmp(&misfits[b])).unwrap_or(0);
                 equations.delays[k].value = vertex(&grid, &misfits, best);
             }
@@ -230,9 +259,9 @@ impl Plan {
         Ok(())
     }
 
-    /// Sum over the states of the logarithm of what all allowed terms leave.
-    fn misfit(&self, settings: &Identify, equations: &Equations) -> Result<f64> {
-        let mut sum = 0.0;
+    /// What all allowed terms leave: the sum over the states of `n ln(rss)`.
+    fn misfit(&self, settings: &Identify, equations: &Equations) -> Result<Misfit> {
+        let (mut sum, mut left) = (0.0, Vec::new());
         for (s, rows) in self.rows(settings, equations)?.iter().enumerate() {
             let Some(rows) = rows else { continue };
             let step = rows.target.len().div_ceil(DELAY_ROWS);
@@ -242,11 +271,37 @@ impl Plan {
             let target: Vec<f64> = kept.iter().map(|&i| rows.target[i]).collect();
             let problem = Reduced::new(theta.as_ref(), &target)?;
             let all: Vec<usize> = (0..allowed.len()).collect();
-            sum += kept.len() as f64 * problem.refit(&all).residual.max(f64::MIN_POSITIVE).ln();
+            let fit = problem.refit(&all);
+            sum += kept.len() as f64 * fit.residual.max(f64::MIN_POSITIVE).ln();
+            let explained = |i: usize| (0..allowed.len()).map(|j| theta[(i, j)] * fit.coefficients[j]).sum::<f64>();
+            let size = (fit.residual / kept.len() as f64).sqrt().max(f64::MIN_POSITIVE);
+            left.push((0..kept.len()).map(|i| (target[i] - explained(i)) / size).collect());
         }
-        Ok(sum)
+        Ok(Misfit { value: sum, share: independent_share(&left, 1) })
     }
 }
+
+/// What the controls do between samples, and when they act.
+#[derive(Debug, Clone)]
+pub(super) struct Timing {
+    pub(super) hold: Hold,
+    /// One a control.
+    pub(super) delays: Vec<DelayValue>,
+    misfit: Misfit,
+}
+
+/// What a regression leaves.
+#[derive(Debug, Clone, Copy)]
+struct Misfit {
+    /// Twice the negative logarithm of the likelihood, but for a constant.
+    value: f64,
+    /// Share of the values that count as independent.
+    share: f64,
+}
+
+/// Twice the logarithm of a likelihood ratio that decides between held and interpolated controls before any term is chosen:
+/// odds of 20,000.
+const DECIDED: f64 = 20.0;
 
 /// The method, with logged derivatives as the targets of a second stage where every state has one.
 fn with_logged(method: &Differentiation, logged: &[usize], n_states: usize) -> Differentiation {
@@ -301,9 +356,11 @@ fn training(settings: &Identify, data: &Dataset) -> Result<Dataset> {
             values: Mat::from_fn(end, columns.len(), |i, j| run.values[(i, columns[j])]),
         }
     });
-    let runs: Vec<Run> = runs.filter(|run| run.n_samples() >= 4).collect();
+    let runs: Vec<Run> = runs.collect();
+    let longest = runs.iter().map(Run::n_samples).max().unwrap_or(0);
+    let runs: Vec<Run> = runs.into_iter().filter(|run| run.n_samples() >= 4).collect();
     if runs.is_empty() {
-        return Err(Error::TooFewSamples { what: "training part of every run".into(), needed: 4, found: 0 });
+        return Err(Error::TooFewSamples { what: "training part of the longest run".into(), needed: 4, found: longest });
     }
     Dataset::new(channels, runs)
 }

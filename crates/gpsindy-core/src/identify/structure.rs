@@ -211,8 +211,8 @@ impl Search<'_> {
                 free.push(one);
             }
         }
-        for &(_, _, period) in &equations.free_delays() {
-            free.push(Free { lower: 0.0, ..Free::new(free.len(), period) });
+        for (_, delay) in equations.free_delays() {
+            free.push(Free { lower: 0.0, upper: delay.most, ..Free::new(free.len(), delay.period) });
         }
         free
     }
@@ -280,6 +280,8 @@ impl Search<'_> {
         let candidates: Vec<(usize, usize)> =
             all.iter().enumerate().flat_map(|(s, terms)| terms.iter().map(move |&j| (s, j))).collect();
         let now: Vec<f64> = candidates.iter().map(|&(s, j)| equations.coefficients[s][j]).collect();
+        let kept = (0..candidates.len()).filter(|&k| equations.kept[candidates[k].0].contains(&candidates[k].1));
+        let kept: Vec<usize> = kept.collect();
         let rows: usize = jacobian.blocks.iter().map(|b| b.residual.len()).sum();
         let mut theta = Mat::zeros(rows, q);
         let mut target = Vec::with_capacity(rows);
@@ -319,7 +321,8 @@ impl Search<'_> {
         Ok(Linear {
             gains: Gains::new(&problem),
             problem,
-            active: (0..candidates.len()).filter(|&k| now[k] != 0.0).collect(),
+            active: (0..candidates.len()).filter(|&k| now[k] != 0.0 || kept.contains(&k)).collect(),
+            kept,
             always: (candidates.len()..q).collect(),
             prices: candidates
                 .iter()
@@ -341,6 +344,8 @@ struct Linear {
     gains: Gains,
     candidates: Vec<(usize, usize)>,
     active: Vec<usize>,
+    /// Candidates that stay in.
+    kept: Vec<usize>,
     always: Vec<usize>,
     /// Fall of the sum of squares that each candidate must bring.
     prices: Vec<f64>,
@@ -364,7 +369,7 @@ impl Linear {
             next.push(j);
             moves.push((self.prices[j] - gain[j], next));
         }
-        for place in 0..active.len() {
+        for place in (0..active.len()).filter(|&place| !self.kept.contains(&active[place])) {
             let mut without = active.to_vec();
             without.remove(place);
             let (gain, left) = self.gains.beside(&self.with_always(&without));
@@ -453,7 +458,7 @@ fn sums(experiment: &Experiment, residuals: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>)
 /// `(1 - rho) / (1 + rho)` with rho the lag-one autocorrelation of the residuals, between 0.02 and 1.
 ///
 /// Where the model is not the truth its residuals are slow, and n of them tell less than n.
-fn independent_share(residuals: &[Vec<f64>], columns: usize) -> f64 {
+pub(super) fn independent_share(residuals: &[Vec<f64>], columns: usize) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
     for window in residuals {
         for (now, next) in window.iter().zip(window.iter().skip(columns)) {

@@ -53,6 +53,26 @@ impl Forbidden {
     }
 }
 
+/// A term that the equation of a state holds for certain, `STATE:TERM`, its coefficient to be learnt.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Kept {
+    /// The state.
+    pub state: String,
+    /// The term as text.
+    pub term: String,
+}
+
+impl Kept {
+    /// Reads `STATE:TERM`.
+    ///
+    /// # Errors
+    /// Text without a colon.
+    pub fn parse(text: &str) -> Result<Self> {
+        let Forbidden { state, term } = Forbidden::parse(text)?;
+        Ok(Self { state, term })
+    }
+}
+
 /// The sign that a coefficient must have where its term is in, `STATE:TERM=+`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Signed {
@@ -89,6 +109,8 @@ pub struct Constraints {
     pub fixed: Vec<Fixed>,
     /// Terms that must stay out.
     pub forbidden: Vec<Forbidden>,
+    /// Terms that are in whatever the logs say, their coefficients to be learnt.
+    pub kept: Vec<Kept>,
     /// Signs that coefficients must have.
     pub signed: Vec<Signed>,
 }
@@ -111,6 +133,20 @@ impl Constraints {
         Ok((0..library.n_terms()).filter(|&j| allowed[j]).collect())
     }
 
+    /// Columns of `library` that the equation of `state` holds for certain.
+    ///
+    /// # Errors
+    /// A term that the library lacks.
+    pub fn kept(&self, state: &str, library: &Library) -> Result<Vec<usize>> {
+        let mut kept = Vec::new();
+        for term in self.kept.iter().filter(|k| k.state == state) {
+            kept.push(library.index_of(&term.term)?);
+        }
+        kept.sort_unstable();
+        kept.dedup();
+        Ok(kept)
+    }
+
     /// Sign of each coefficient of the equation of `state`, where one is demanded: `Some(true)` is above 0.
     ///
     /// # Errors
@@ -126,7 +162,7 @@ impl Constraints {
     /// Checks that every constraint speaks of one of `states` and of a term of `library`.
     ///
     /// # Errors
-    /// An unknown state or term, or an equation given twice.
+    /// An unknown state or term, an equation given twice, a term that is kept and forbidden or kept in an equation that is given.
     pub fn check<S: AsRef<str>>(&self, states: &[S], library: &Library) -> Result<()> {
         let known = |name: &str| {
             if states.iter().any(|s| s.as_ref() == name) { Ok(()) } else { Err(Error::unknown("state", name, states)) }
@@ -147,6 +183,18 @@ impl Constraints {
             known(&signed.state)?;
             library.index_of(&signed.term)?;
         }
+        for kept in &self.kept {
+            known(&kept.state)?;
+            let column = library.index_of(&kept.term)?;
+            if self.fixed_equation(&kept.state).is_some() {
+                let text = "is kept in an equation that is given; leave one of the two out";
+                return Err(Error::invalid(format!("term `{}` of state `{}` {text}", kept.term, kept.state)));
+            }
+            if !self.allowed(&kept.state, library)?.contains(&column) {
+                let text = "is both kept and forbidden; leave one of the two out";
+                return Err(Error::invalid(format!("term `{}` of state `{}` {text}", kept.term, kept.state)));
+            }
+        }
         Ok(())
     }
 }
@@ -164,6 +212,8 @@ mod tests {
         for text in ["x = v", "' = v", "x'", ""] {
             assert!(Fixed::parse(text).is_err(), "{text}");
         }
+        assert_eq!(Kept::parse("v:u").unwrap(), Kept { state: "v".into(), term: "u".into() });
+        assert!(Kept::parse("v").is_err());
         assert!(Forbidden::parse("v").is_err() && Signed::parse("v:v").is_err() && Signed::parse("v=+").is_err());
     }
 
@@ -194,5 +244,11 @@ mod tests {
         );
         let forbidden = vec![Forbidden::parse("x:x^2").unwrap()];
         assert!(check(Constraints { forbidden, ..Constraints::default() }).contains("term `x^2`"));
+        let kept = vec![Kept::parse("x:x").unwrap()];
+        let forbidden = vec![Forbidden::parse("*:x").unwrap()];
+        let both = Constraints { kept: kept.clone(), forbidden, ..Constraints::default() };
+        assert!(check(both).contains("both kept and forbidden"));
+        let given = Constraints { kept, fixed: vec![fixed("x' = x")], ..Constraints::default() };
+        assert!(check(given).contains("is given"));
     }
 }

@@ -6,7 +6,7 @@
 mod constraint;
 mod term;
 
-pub use constraint::{Constraints, Fixed, Forbidden, Signed};
+pub use constraint::{Constraints, Fixed, Forbidden, Kept, Signed};
 pub use term::Term;
 
 use crate::error::{Error, Result};
