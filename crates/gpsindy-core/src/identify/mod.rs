@@ -342,21 +342,29 @@ impl Identify {
         keep_going: &dyn Fn() -> Result<()>,
         notes: &mut Vec<String>,
     ) -> Result<Option<(Trial, Hold)>> {
-        let mut best: Option<(Trial, Hold)> = None;
-        let mut failure = None;
-        for (timing, start) in timings.iter().flat_map(|timing| starts.iter().map(move |start| (timing, start))) {
-            let search = plan.search(timing.hold);
+        let pairs: Vec<(&Timing, &Equations)> =
+            timings.iter().flat_map(|timing| starts.iter().map(move |start| (timing, start))).collect();
+        let fit = |&(timing, start): &(&Timing, &Equations)| {
             let equations = Equations { delays: timing.delays.clone(), ..start.clone() };
-            match search.fit(&equations, window, None) {
-                Ok(trial) => {
-                    let trial = search.improve(trial, window, keep_going)?;
-                    // A tie keeps the sparser start, and the timing that the rows liked better.
-                    if best.as_ref().is_none_or(|(other, _)| search.lead(&trial, other) > 2.0) {
-                        best = Some((trial, timing.hold));
-                    }
-                }
+            (timing.hold, plan.search(timing.hold).fit(&equations, window, None))
+        };
+        let (mut fitted, mut failure) = (Vec::new(), None);
+        for (hold, fit) in pairs.par_iter().map(fit).collect::<Vec<_>>() {
+            match fit {
+                Ok(trial) => fitted.push((trial, hold)),
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
                 Err(error) => failure = Some(error),
+            }
+        }
+        keep_going()?;
+        let rank = plan.search(Hold::Zero).ranked(fitted.iter().map(|(trial, _)| trial));
+        let mut best: Option<(Trial, Hold)> = None;
+        for (trial, hold) in rank.into_iter().take(LOOKS).map(|k| fitted[k].clone()) {
+            let search = plan.search(hold);
+            let trial = search.improve(trial, window, keep_going)?;
+            // A tie keeps what led before.
+            if best.as_ref().is_none_or(|(other, _)| search.lead(&trial, other) > 2.0) {
+                best = Some((trial, hold));
             }
         }
         if let (None, Some(error)) = (&best, failure) {
@@ -438,16 +446,40 @@ impl Identify {
     }
 }
 
-/// The equations as chosen, and where those are others than what the rows' evidence takes also the latter: a search that
-/// starts too sparse may find no way, one that starts too dense may find no rollout.
+/// Starts whose supports are improved, those of the best evidence after their first fit.
+const LOOKS: usize = 2;
+
+/// Largest number of terms of an equation in the sparser starts.
+const SPARSE: usize = 5;
+
+/// Where the search starts: the equations as chosen; what the rows' evidence takes; and sparser ones of the same path. A
+/// search that starts too sparse may find no way, one that starts too dense may find no rollout or no way back.
 fn starts(equations: &Equations, chosen: &[Option<Chosen>]) -> Vec<Equations> {
-    let mut denser = equations.clone();
-    for (own, chosen) in denser.coefficients.iter_mut().zip(chosen) {
-        if let Some(best) = chosen.as_ref().and_then(|c| c.best.map(|k| &c.path[k])) {
-            own.clone_from(best);
+    let from_path = |pick: &dyn Fn(&Chosen) -> Option<usize>| {
+        let mut other = equations.clone();
+        for (own, chosen) in other.coefficients.iter_mut().zip(chosen) {
+            if let Some(found) = chosen.as_ref().and_then(|c| pick(c).map(|k| &c.path[k])) {
+                own.clone_from(found);
+            }
+        }
+        other
+    };
+    let count = |coefficients: &[f64]| coefficients.iter().filter(|c| **c != 0.0).count();
+    let largest = equations.coefficients.iter().map(|own| count(own)).max().unwrap_or(0);
+    let mut starts = vec![equations.clone(), from_path(&|c| c.best)];
+    for most in 1..largest.min(SPARSE + 1) {
+        starts.push(from_path(&|c| {
+            let sparser = (0..c.path.len()).filter(|&k| count(&c.path[k]) <= most.min(count(&c.coefficients)));
+            sparser.max_by_key(|&k| count(&c.path[k]))
+        }));
+    }
+    let mut kept: Vec<Equations> = Vec::new();
+    for start in starts {
+        if kept.iter().all(|other| other.support() != start.support()) {
+            kept.push(start);
         }
     }
-    if denser.support() == equations.support() { vec![equations.clone()] } else { vec![equations.clone(), denser] }
+    kept
 }
 
 /// Growth of the residual up to which longer rollouts count as being on course.

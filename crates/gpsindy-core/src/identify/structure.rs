@@ -4,8 +4,9 @@
 //! At a fit the trajectories are linear in all candidate coefficients to first order, so the search for a better support is
 //! again a sparse regression, with the sensitivities of the trajectories as its columns; what it proposes is then fitted in full.
 //!
-//! Evidence: `sum_c n_c ln(rss_c / n_c) + sum_j (ln n + 2 ln p + 2 (s_j - 1))`, n values, p candidate terms, s_j what is in term
-//! j ([`crate::library::Term::complexity`]): of two terms that the logs can't tell apart the plainer one stays.
+//! Evidence: `sum_c n_c ln(rss_c / n_c) + sum_j (ln n + 2 ln p + 2 ln(a) (s_j - 1))`, n values, p candidate terms, s_j factors in
+//! term j ([`crate::library::Term::complexity`]) and a symbols to write a factor with, one a variable and one for the end: the
+//! length of the term's description. Of two terms that the logs can't tell apart the plainer one stays.
 //!
 //! Source: Bock 1983 (fit through the integrator); Chen and Chen 2008, Extended Bayesian information criteria.
 
@@ -185,6 +186,16 @@ impl Search<'_> {
         self.evidence(other, share) - self.evidence(trial, share)
     }
 
+    /// Places of `trials`, the best evidence first.
+    pub(super) fn ranked<'t>(&self, trials: impl Iterator<Item = &'t Trial>) -> Vec<usize> {
+        let trials: Vec<&Trial> = trials.collect();
+        let share = trials.iter().map(|trial| trial.share).fold(0.0, f64::max);
+        let evidence: Vec<f64> = trials.iter().map(|trial| self.evidence(trial, share)).collect();
+        let mut order: Vec<usize> = (0..trials.len()).collect();
+        order.sort_by(|&x, &y| evidence[x].total_cmp(&evidence[y]));
+        order
+    }
+
     fn evidence(&self, trial: &Trial, share: f64) -> f64 {
         let support = trial.equations.support();
         let terms = support.iter().flatten();
@@ -194,7 +205,9 @@ impl Search<'_> {
     /// What term `j` must bring, in evidence.
     fn price(&self, equations: &Equations, j: usize, n: f64) -> f64 {
         let complexity = equations.library.terms()[j].complexity() as f64;
-        n.max(2.0).ln() + 2.0 * (equations.n_candidates().max(1) as f64).ln() + 2.0 * (complexity - 1.0)
+        let symbols = (equations.states.len() + equations.controls.len() + 1) as f64;
+        let candidates = equations.n_candidates().max(1) as f64;
+        n.max(2.0).ln() + 2.0 * candidates.ln() + 2.0 * symbols.ln() * (complexity - 1.0)
     }
 
     fn free(&self, equations: &Equations, terms: &[Vec<usize>]) -> Vec<Free> {

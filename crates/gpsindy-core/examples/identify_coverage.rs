@@ -1,0 +1,137 @@
+//! Coverage of the 95 % intervals of `identify`: how often coefficient +- 1.96 standard errors holds the true coefficient.
+//!
+//! `cargo run --release -p gpsindy-core --example identify_coverage -- SEEDS NOISE...`
+//! NOISE: shares of each state's standard deviation. Known systems, each noise level, seeds 0 to SEEDS - 1. Only terms that
+//! are truly in the equation count, over all seeds in which they were found; beside it the share of exact supports, and the
+//! median of the ratio of stated standard error to the spread of the estimates over the seeds.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+use gpsindy_core::library::{Constraints, Fixed, LibrarySettings};
+use gpsindy_core::systems::{self, SensorNoise, TestSystem};
+use gpsindy_core::{Identify, Silent};
+
+/// State, term, coefficient.
+type Truth = Vec<(usize, &'static str, f64)>;
+
+fn cases() -> Vec<(&'static str, TestSystem, LibrarySettings, Vec<&'static str>, Truth)> {
+    let degree = |degree| LibrarySettings { degree, ..LibrarySettings::default() };
+    let mut damped = systems::duffing();
+    damped.controls = |t| vec![0.5 * (1.2 * t).cos() + 0.3 * (2.9 * t).sin()];
+    let mut short = systems::lorenz();
+    short.duration = 5.0;
+    let extra = |terms: &[&str]| LibrarySettings {
+        degree: 2,
+        extra: terms.iter().map(ToString::to_string).collect(),
+        ..LibrarySettings::default()
+    };
+    vec![
+        (
+            "lotka_volterra",
+            systems::lotka_volterra(),
+            degree(3),
+            vec![],
+            vec![(0, "x1", 1.1), (0, "x1*x2", -0.4), (1, "x2", -1.0), (1, "x1*x2", 0.4)],
+        ),
+        (
+            "van_der_pol",
+            systems::van_der_pol(),
+            degree(3),
+            vec![],
+            vec![(0, "v", 1.0), (1, "x", -1.0), (1, "v", 2.0), (1, "x^2*v", -2.0)],
+        ),
+        (
+            "duffing",
+            damped,
+            degree(3),
+            vec!["x' = v"],
+            vec![(1, "x", 1.0), (1, "v", -0.3), (1, "x^3", -1.0), (1, "u", 1.0)],
+        ),
+        (
+            "pendulum",
+            systems::pendulum(),
+            extra(&["sin(phi)", "tanh(om/0.02)"]),
+            vec!["phi' = om"],
+            vec![
+                (1, "u", 12.5),
+                (1, "sin(phi)", -24.525),
+                (1, "om", -0.125),
+                (1, "tanh(om/0.02)", -0.25),
+            ],
+        ),
+        (
+            "lorenz",
+            short,
+            degree(2),
+            vec![],
+            vec![
+                (0, "x", -10.0),
+                (0, "y", 10.0),
+                (1, "x", 28.0),
+                (1, "x*z", -1.0),
+                (1, "y", -1.0),
+                (2, "x*y", 1.0),
+                (2, "z", -8.0 / 3.0),
+            ],
+        ),
+    ]
+}
+
+fn main() {
+    let arguments: Vec<f64> = std::env::args().skip(1).map(|a| a.parse().unwrap()).collect();
+    let seeds = arguments[0] as u64;
+    let (mut all, mut covered_all) = (0, 0);
+    for (name, system, library, fixed, truth) in cases() {
+        for &noise in &arguments[1..] {
+            let (mut covered, mut count, mut exact) = (0, 0, 0);
+            let mut found: Vec<Vec<(f64, f64)>> = vec![Vec::new(); truth.len()];
+            for seed in 0..seeds {
+                let data = system.sample_usual(SensorNoise::Relative(noise), seed).unwrap();
+                let names = |list: Vec<&String>| list.into_iter().cloned().collect::<Vec<_>>();
+                let identify = Identify {
+                    states: names(system.model.states.iter().map(|s| &s.name).collect()),
+                    controls: names(system.model.controls.iter().map(|c| &c.name).collect()),
+                    library: library.clone(),
+                    constraints: Constraints {
+                        fixed: fixed.iter().map(|f| Fixed::parse(f).unwrap()).collect(),
+                        ..Constraints::default()
+                    },
+                    ..Identify::default()
+                };
+                let Ok(result) = identify.fit(&data, &Silent) else { continue };
+                let record = result.model.identification.as_ref().unwrap();
+                let terms: usize = record.coefficients.iter().flatten().filter(|c| **c != 0.0).count();
+                let mut right = terms == truth.len();
+                for (k, (state, term, value)) in truth.iter().enumerate() {
+                    let place = record.terms.iter().position(|t| t == term).unwrap();
+                    let (estimate, error) = (record.coefficients[*state][place], record.standard_errors[*state][place]);
+                    right &= estimate != 0.0;
+                    if estimate != 0.0 {
+                        covered += usize::from((estimate - value).abs() <= 1.96 * error);
+                        count += 1;
+                        found[k].push((estimate, error));
+                    }
+                }
+                exact += usize::from(right);
+            }
+            let mut ratios: Vec<f64> = found
+                .iter()
+                .filter(|f| f.len() > 2)
+                .map(|f| {
+                    let n = f.len() as f64;
+                    let mean = f.iter().map(|(e, _)| e).sum::<f64>() / n;
+                    let spread = (f.iter().map(|(e, _)| (e - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+                    f.iter().map(|(_, s)| s).sum::<f64>() / n / spread
+                })
+                .collect();
+            ratios.sort_by(f64::total_cmp);
+            let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN);
+            println!(
+                "{name} noise {noise}: covered {covered} of {count} = {:.3}, exact {:.2}, stated error to spread {middle:.2}",
+                covered as f64 / count as f64,
+                exact as f64 / seeds as f64
+            );
+            (all, covered_all) = (all + count, covered_all + covered);
+        }
+    }
+    println!("all: covered {covered_all} of {all} = {:.3}", covered_all as f64 / all as f64);
+}
