@@ -51,12 +51,7 @@ fn cases() -> Vec<(&'static str, TestSystem, LibrarySettings, Vec<&'static str>,
             systems::pendulum(),
             extra(&["sin(phi)", "tanh(om/0.02)"]),
             vec!["phi' = om"],
-            vec![
-                (1, "u", 12.5),
-                (1, "sin(phi)", -24.525),
-                (1, "om", -0.125),
-                (1, "tanh(om/0.02)", -0.25),
-            ],
+            vec![(1, "u", 12.5), (1, "sin(phi)", -24.525), (1, "om", -0.125), (1, "tanh(om/0.02)", -0.25)],
         ),
         (
             "lorenz",

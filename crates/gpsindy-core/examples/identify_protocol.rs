@@ -34,12 +34,13 @@ fn rollout(folder: &str, number: usize, rate: usize) -> Option<Run> {
     let mut data = Dataset::new(channels, vec![run]).unwrap();
     data.unwrap_angle("heading").unwrap();
     let full = &data.runs()[0];
-    let kept: Vec<usize> =
-        (SHIFT..full.n_samples()).filter(|&i| full.time[i] > 1.0).step_by(50 / rate).collect();
+    let kept: Vec<usize> = (SHIFT..full.n_samples()).filter(|&i| full.time[i] > 1.0).step_by(50 / rate).collect();
     Some(Run {
         name: full.name.clone(),
         time: kept.iter().map(|&i| full.time[i]).collect(),
-        values: faer::Mat::from_fn(kept.len(), 6, |i, j| full.values[(if j < 4 { kept[i] } else { kept[i] - SHIFT }, j)]),
+        values: faer::Mat::from_fn(kept.len(), 6, |i, j| {
+            full.values[(if j < 4 { kept[i] } else { kept[i] - SHIFT }, j)]
+        }),
     })
 }
 
@@ -63,9 +64,7 @@ fn settings(name: &str) -> Identify {
     let extra = |terms: &[&str]| LibrarySettings { degree: 0, extra: own(terms), ..LibrarySettings::default() };
     // State and terms that its equation may hold; those with a ! must be in.
     let (library, fixed, equations): (_, _, Vec<(&str, Vec<&str>)>) = match name {
-        "kinematic" => {
-            (extra(&["v", "throttle", "v*steering", "v*steering^2", "v*steering^3"]), unicycle, vec![])
-        }
+        "kinematic" => (extra(&["v", "throttle", "v*steering", "v*steering^2", "v*steering^3"]), unicycle, vec![]),
         "car" | "carkept" => {
             let all = ["v", "throttle", "v*steering", "v*steering^3", "v^2"];
             let rows = match name {
@@ -76,8 +75,15 @@ fn settings(name: &str) -> Identify {
         }
         "slip" | "slipkept" | "drag" | "dragkept" | "opt" => {
             let all = [
-                "v", "throttle", "v*steering", "v*steering^2", "v*steering^3", "v*cos(heading)", "v*sin(heading)",
-                "v*steering*cos(heading)", "v*steering*sin(heading)",
+                "v",
+                "throttle",
+                "v*steering",
+                "v*steering^2",
+                "v*steering^3",
+                "v*cos(heading)",
+                "v*sin(heading)",
+                "v*steering*cos(heading)",
+                "v*steering*sin(heading)",
             ];
             let rows = match name {
                 "slip" => vec![
@@ -121,12 +127,25 @@ fn settings(name: &str) -> Identify {
     for (state, terms) in &equations {
         let names = std::iter::once("1".to_string()).chain(library.extra.iter().cloned());
         let allowed: Vec<&str> = terms.iter().map(|t| t.trim_start_matches('!')).collect();
-        forbidden.extend(names.filter(|n| !allowed.contains(&n.as_str())).map(|term| Forbidden { state: state.to_string(), term }));
-        kept.extend(terms.iter().filter_map(|t| t.strip_prefix('!')).map(|term| Kept { state: state.to_string(), term: term.into() }));
+        forbidden.extend(
+            names.filter(|n| !allowed.contains(&n.as_str())).map(|term| Forbidden { state: state.to_string(), term }),
+        );
+        kept.extend(
+            terms
+                .iter()
+                .filter_map(|t| t.strip_prefix('!'))
+                .map(|term| Kept { state: state.to_string(), term: term.into() }),
+        );
     }
     let signs = ["v:v=-", "v:throttle=+", "heading:v*steering=+", "v:v*steering^2=-"];
-    let signs = signs.into_iter().filter(|s| library.extra.contains(&s[2..].split('=').next().unwrap().to_string()) || s.starts_with("heading"));
-    let signed = if equations.is_empty() || std::env::var("NO_SIGNS").is_ok() { vec![] } else { signs.map(|s| Signed::parse(s).unwrap()).collect() };
+    let signs = signs
+        .into_iter()
+        .filter(|s| library.extra.contains(&s[2..].split('=').next().unwrap().to_string()) || s.starts_with("heading"));
+    let signed = if equations.is_empty() || std::env::var("NO_SIGNS").is_ok() {
+        vec![]
+    } else {
+        signs.map(|s| Signed::parse(s).unwrap()).collect()
+    };
     let delays = match std::env::var("DELAY").as_deref() {
         Ok("auto") => vec![("throttle".into(), Delay::Auto(0.3)), ("steering".into(), Delay::Auto(0.3))],
         Ok("throttle") => vec![("throttle".into(), Delay::Auto(0.3))],
@@ -154,7 +173,8 @@ fn errors(model: &Model, hold: Hold, run: &Run, channels: &[Channel]) -> (f64, f
     let Ok(rollout) = simulate.rollout(&system, &excitation, &initial) else {
         return (f64::INFINITY, f64::INFINITY);
     };
-    let square = |j: usize| (0..run.n_samples()).map(|i| (rollout.states[(i, j)] - run.values[(i, j)]).powi(2)).sum::<f64>();
+    let square =
+        |j: usize| (0..run.n_samples()).map(|i| (rollout.states[(i, j)] - run.values[(i, j)]).powi(2)).sum::<f64>();
     let squares: Vec<f64> = (0..4).map(square).collect();
     (squares.iter().sum::<f64>().sqrt(), ((squares[0] + squares[1]) / run.n_samples() as f64).sqrt())
 }
@@ -191,7 +211,10 @@ fn main() {
                         for state in &found.model.states {
                             println!("  {}' = {}", state.name, state.equation);
                         }
-                        println!("  delays {:?} hold {:?} window {:.2} notes {:?}", found.delays, found.hold, found.window, found.notes);
+                        println!(
+                            "  delays {:?} hold {:?} window {:.2} notes {:?}",
+                            found.delays, found.hold, found.window, found.notes
+                        );
                     }
                     result
                 }
@@ -201,7 +224,10 @@ fn main() {
                 }
             };
             if verbose {
-                println!("rollout {number} sigma {sigma}: {error:.2}, position {position:.3} m, {:.2} s", started.elapsed().as_secs_f64());
+                println!(
+                    "rollout {number} sigma {sigma}: {error:.2}, position {position:.3} m, {:.2} s",
+                    started.elapsed().as_secs_f64()
+                );
             }
             own.push(error);
             all.push(error);

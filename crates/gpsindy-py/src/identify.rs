@@ -5,7 +5,7 @@ use crate::dataset::PyDataset;
 use crate::model::{PyModel, hold_of};
 use crate::smooth::smoother;
 use crate::watch::Watch;
-use gpsindy_core::library::{Constraints, Fixed, Forbidden, LibrarySettings, Signed};
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
 use gpsindy_core::{
     Choice, Control, Dataset, Delay, Differentiation, Error, Expression, Hold, Identification, Identify, Model, Result,
@@ -29,6 +29,7 @@ pub(crate) struct Settings {
     control_terms: bool,
     fix: Vec<String>,
     forbid: Vec<String>,
+    keep: Vec<String>,
     sign: Vec<String>,
     smoother: Option<String>,
     kernel: String,
@@ -72,7 +73,9 @@ impl Settings {
             Some("gp") => Some(kernel),
             Some(other) => return Err(Error::range("smoother", "\"gp\" or None", format!("{other:?}"))),
         };
-        let constraints = constraints(&self.fix, &self.forbid, &self.sign)?;
+        let known = constraints(&self.fix, &self.forbid, &self.sign)?;
+        let kept = self.keep.iter().map(|text| Kept::parse(text)).collect::<Result<_>>()?;
+        let constraints = Constraints { kept, ..known };
         let most = self.max_delay.unwrap_or_else(|| sensible_delay(data));
         let delay = |(control, delay): (String, Option<f64>)| (control, delay.map_or(Delay::Auto(most), Delay::Fixed));
         Ok(Identify {
@@ -109,6 +112,7 @@ pub(crate) fn constraints(fix: &[String], forbid: &[String], sign: &[String]) ->
         fixed: fix.iter().map(|text| Fixed::parse(text)).collect::<Result<_>>()?,
         forbidden: forbid.iter().map(|text| Forbidden::parse(text)).collect::<Result<_>>()?,
         signed: sign.iter().map(|text| Signed::parse(text)).collect::<Result<_>>()?,
+        ..Constraints::default()
     })
 }
 

@@ -9,7 +9,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::{aligned, count, short};
 use clap::{Args, ValueEnum};
-use gpsindy_core::library::{Constraints, Fixed, Forbidden, LibrarySettings, Signed};
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
 use gpsindy_core::{Choice, Delay, Identification, Identify as Settings, Target};
 use gpsindy_core::{Dataset, Differentiation, Hold, Score, Scoring, SecondStage, Simulate, Smoother, score};
@@ -85,6 +85,9 @@ pub(crate) struct LibraryOptions {
     /// A term that an equation must not have, such as v:x^2
     #[arg(long, value_name = "STATE:TERM")]
     forbid: Vec<String>,
+    /// A term that an equation has for certain, such as v:u; its coefficient is learnt
+    #[arg(long, value_name = "STATE:TERM")]
+    keep: Vec<String>,
     /// The sign of a coefficient, such as v:v=-
     #[arg(long, value_name = "STATE:TERM=SIGN", allow_hyphen_values = true)]
     sign: Vec<String>,
@@ -274,6 +277,9 @@ impl LibraryOptions {
         }
         for text in &self.forbid {
             constraints.forbidden.push(Forbidden::parse(text).map_err(|e| Failure::input(format!("--forbid: {e}")))?);
+        }
+        for text in &self.keep {
+            constraints.kept.push(Kept::parse(text).map_err(|e| Failure::input(format!("--keep: {e}")))?);
         }
         for text in &self.sign {
             constraints.signed.push(Signed::parse(text).map_err(|e| Failure::input(format!("--sign: {e}")))?);

@@ -151,8 +151,7 @@ impl Task<'_> {
             candidates.fits.push(choice.fit);
             Ok(candidates)
         };
-        let (kept, open): (Vec<usize>, Vec<usize>) =
-            (0..allowed.len()).partition(|&k| self.kept.contains(&allowed[k]));
+        let (kept, open): (Vec<usize>, Vec<usize>) = (0..allowed.len()).partition(|&k| self.kept.contains(&allowed[k]));
         if kept.is_empty() {
             return choose(theta, target);
         }
@@ -162,7 +161,11 @@ impl Task<'_> {
         };
         if open.is_empty() {
             let fit = problem.refit(&kept);
-            return Ok(Candidates { fits: vec![fit.clone(), fit], scores: vec![f64::NAN; 2], errors: vec![f64::NAN; 2] });
+            return Ok(Candidates {
+                fits: vec![fit.clone(), fit],
+                scores: vec![f64::NAN; 2],
+                errors: vec![f64::NAN; 2],
+            });
         }
         let mut left = Mat::from_fn(theta.nrows(), open.len(), |i, k| theta[(i, open[k])]);
         let mut target = target.to_vec();

@@ -3,8 +3,8 @@
 use super::equations::{DelayValue, Equations, rate_name};
 use super::rows::{Builder, Rows, integrals, stretches};
 use super::structure::Search;
-use super::track::Track;
 use super::structure::independent_share;
+use super::track::Track;
 use super::{Delay, Identify, Target};
 use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
@@ -360,7 +360,11 @@ fn training(settings: &Identify, data: &Dataset) -> Result<Dataset> {
     let longest = runs.iter().map(Run::n_samples).max().unwrap_or(0);
     let runs: Vec<Run> = runs.into_iter().filter(|run| run.n_samples() >= 4).collect();
     if runs.is_empty() {
-        return Err(Error::TooFewSamples { what: "training part of the longest run".into(), needed: 4, found: longest });
+        return Err(Error::TooFewSamples {
+            what: "training part of the longest run".into(),
+            needed: 4,
+            found: longest,
+        });
     }
     Dataset::new(channels, runs)
 }

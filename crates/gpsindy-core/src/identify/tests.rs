@@ -3,7 +3,7 @@
 use super::*;
 use crate::data::{Channel, Run};
 use crate::gp::Kernel;
-use crate::library::{Fixed, Forbidden, Signed};
+use crate::library::{Fixed, Forbidden, Kept, Signed};
 use crate::progress::Silent;
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
@@ -165,6 +165,71 @@ fn constraints_hold_in_the_answer() {
 }
 
 #[test]
+fn a_kept_term_is_in_however_little_it_brings() {
+    for refine in [true, false] {
+        let identify = Identify {
+            library: LibrarySettings { degree: 2, ..LibrarySettings::default() },
+            constraints: Constraints { kept: vec![Kept::parse("x1:x2").unwrap()], ..Constraints::default() },
+            refine,
+            ..settings(&["x1", "x2"], &[])
+        };
+        let found = identify.fit(&lotka_volterra(4), &Silent).unwrap();
+        assert!(found.states[0].terms.contains(&"x2".to_string()), "{:?}", found.states[0].terms);
+        if refine {
+            assert_eq!(found.states[0].terms, ["x1", "x2", "x1*x2"]);
+            let record = found.model.identification.as_ref().unwrap();
+            let place = record.terms.iter().position(|t| t == "x2").unwrap();
+            // It is truly 0: four standard errors are right in all but 6 of 100,000 cases.
+            assert!(record.coefficients[0][place].abs() < 4.0 * record.standard_errors[0][place]);
+        }
+    }
+}
+
+/// A cart whose force is interpolated between the samples of its log.
+fn interpolated() -> Dataset {
+    let u = |t: f64| ((t / 0.2).round() * 12.9898).sin() * 2.0;
+    let between = move |t: f64| {
+        let (from, part) = ((t / 0.2 + 1e-9).floor() * 0.2, (t / 0.2 + 1e-9).fract());
+        u(from) + part * (u(from + 0.2) - u(from))
+    };
+    let rate = move |t: f64, x: &[f64]| vec![x[1], 3.0 * between(t) - 2.0 * x[0] - 0.5 * x[1]];
+    log(&["x", "v", "u"], &[0.5, 0.0], &rate, (0.2, 150), 0.01, &|t| vec![u(t)], 8)
+}
+
+#[test]
+fn interpolated_controls_are_seen_without_refinement() {
+    let identify = Identify {
+        library: LibrarySettings { degree: 2, ..LibrarySettings::default() },
+        refine: false,
+        ..settings(&["x", "v"], &["u"])
+    };
+    let found = identify.fit(&interpolated(), &Silent).unwrap();
+    assert_eq!(found.hold, Hold::Linear);
+    assert!(found.notes.iter().any(|note| note.contains("interpolated")));
+    for term in ["x", "v", "u"] {
+        assert!(found.states[1].terms.contains(&term.to_string()), "{:?}", found.states[1].terms);
+    }
+}
+
+#[test]
+fn a_delay_stays_below_its_bound() {
+    let data = interpolated();
+    let identify = Identify {
+        library: LibrarySettings { degree: 1, ..LibrarySettings::default() },
+        // The control acts at once, but it is logged 0.3 s early: the delay wants to lie beyond the bound.
+        delays: vec![("u".into(), Delay::Auto(0.1))],
+        ..settings(&["x", "v"], &["u"])
+    };
+    let early = data.runs().iter().map(|run| {
+        let values = Mat::from_fn(run.n_samples() - 2, 3, |i, j| run.values[(if j == 2 { i + 2 } else { i }, j)]);
+        Run { name: run.name.clone(), time: run.time[..run.n_samples() - 2].to_vec(), values }
+    });
+    let data = Dataset::new(data.channels().to_vec(), early.collect()).unwrap();
+    let found = identify.fit(&data, &Silent).unwrap();
+    assert!(found.delays[0].1 <= 0.1 + 1e-12, "{:?}", found.delays);
+}
+
+#[test]
 fn the_answer_does_not_depend_on_threads() {
     let identify = Identify {
         library: LibrarySettings { degree: 2, ..LibrarySettings::default() },
@@ -183,6 +248,8 @@ fn contradictions_are_named() {
     let text = |identify: Identify| identify.fit(&data, &Silent).unwrap_err().to_string();
     assert!(text(Identify::default()).contains("no state named"));
     assert!(text(settings(&["x3"], &[])).contains("column `x3` is unknown"));
+    let few = text(Identify { train_fraction: 0.01, ..settings(&["x1"], &[]) });
+    assert!(few.contains("found 2"), "{few}");
     assert!(text(Identify { train_fraction: 0.0, ..settings(&["x1"], &[]) }).contains("train-fraction"));
     let delays = vec![("u".to_string(), Delay::Fixed(0.1))];
     assert!(text(Identify { delays, ..settings(&["x1"], &[]) }).contains("control `u`"));

@@ -2,7 +2,7 @@
 //!
 //! Libraries hold near-copies of terms (`x` and `sin(x)`, `x^2` and `cos(x)`), with which one-way methods go wrong early and
 //! can't turn back. Here each size starts from the best smaller subset plus the best term, and then exchanges terms
-//! until no exchange lowers the residual; a larger subset that beats a smaller one by a term less takes its place.
+//! until no exchange lowers the residual, of two terms at once while the subset is small; a larger subset that beats a smaller one by a term less takes its place.
 //!
 //! Source: Miller 2002, Subset Selection in Regression, sections 3.4 and 3.5 (sequential replacement); Pudil, Novovicova and
 //! Kittler 1994, Floating search methods in feature selection.
@@ -27,6 +27,9 @@ impl Default for Subset {
     }
 }
 
+/// Largest subset in which two terms are exchanged at once: the cost grows with its cube times the square of the library.
+const PAIRS: usize = 6;
+
 /// Passes of exchanges at one size; two are usual, and a cycle is impossible since each lowers the residual.
 const MOST_EXCHANGES: usize = 50;
 
@@ -47,6 +50,12 @@ impl Subset {
             let Some(best) = largest(&gains.beside(&support).0) else { break };
             support.push(best);
             exchange(&gains, &mut support);
+            for _ in 0..MOST_EXCHANGES {
+                if !exchange_pair(&gains, &mut support) {
+                    break;
+                }
+                exchange(&gains, &mut support);
+            }
             support.sort_unstable();
             subsets.push(support);
             look_back(&gains, &mut subsets);
@@ -91,6 +100,38 @@ fn exchange(gains: &Gains, support: &mut [usize]) {
         let Some((place, term)) = best.1 else { return };
         support[place] = term;
     }
+}
+
+/// Exchanges two terms of a small `support` for the best two outside; says whether that lowered the residual.
+///
+/// Of two terms that explain only together (`x` and `x y`) no single exchange brings the first.
+fn exchange_pair(gains: &Gains, support: &mut [usize]) -> bool {
+    if !(2..=PAIRS).contains(&support.len()) {
+        return false;
+    }
+    let (_, now) = gains.beside(support);
+    // Below that share of the target a fall is rounding.
+    let mut best = (now * (1.0 - 1e-9) - 1e-12 * gains.square, None);
+    for one in 0..support.len() {
+        for other in 0..one {
+            let rest: Vec<usize> =
+                support.iter().copied().filter(|&j| j != support[one] && j != support[other]).collect();
+            let mut beside = rest.clone();
+            for first in (0..gains.correlations.len()).filter(|first| !rest.contains(first)) {
+                beside.truncate(rest.len());
+                beside.push(first);
+                let (rise, without) = gains.beside(&beside);
+                if let Some(second) = largest(&rise)
+                    && without - rise[second] < best.0
+                {
+                    best = (without - rise[second], Some((one, other, first, second)));
+                }
+            }
+        }
+    }
+    let Some((one, other, first, second)) = best.1 else { return false };
+    (support[one], support[other]) = (first, second);
+    true
 }
 
 fn largest(gains: &[f64]) -> Option<usize> {
@@ -237,6 +278,26 @@ mod tests {
         let subsets = Subset::default().search(&problem);
         assert!(matches!(subsets[1][..], [2] | [3]), "{subsets:?}");
         assert_eq!(subsets[2], [0, 1]);
+    }
+
+    #[test]
+    fn a_pair_replaces_a_pair_where_no_single_exchange_helps() {
+        // The same problem: one true column beside one copy is worse than both copies.
+        let (random, _) = random_problem(60, 5, &[], 1.0, 8);
+        let theta = Mat::from_fn(60, 4, |i, j| {
+            let (shared, copy) = (30.0 * random[(i, 4)], 1.5 * random[(i, 2 + j % 2)]);
+            if j < 2 { shared + random[(i, j)] } else { random[(i, j - 2)] + copy }
+        });
+        let target: Vec<f64> = (0..60).map(|i| theta[(i, 0)] - theta[(i, 1)]).collect();
+        let gains = Gains::new(&Reduced::new(theta.as_ref(), &target).unwrap());
+        let mut support = [2, 3];
+        exchange(&gains, &mut support);
+        assert_eq!(support, [2, 3]);
+        assert!(exchange_pair(&gains, &mut support));
+        support.sort_unstable();
+        assert_eq!(support, [0, 1]);
+        // Nothing is left to explain, and rounding must not count as a gain.
+        assert!(!exchange_pair(&gains, &mut support));
     }
 
     #[test]

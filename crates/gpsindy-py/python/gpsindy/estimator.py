@@ -46,6 +46,8 @@ class GPSINDy:
         Equations taken as given, such as ``"x' = v"``.
     forbid : sequence of str
         Terms that stay out, ``"STATE:TERM"``; the state ``*`` is every state.
+    keep : sequence of str
+        Terms that are in for certain, such as ``"v:u"``; their coefficients are learnt.
     sign : sequence of str
         Signs of coefficients, ``"STATE:TERM=+"`` or ``"STATE:TERM=-"``.
     smoother : {"gp", None}
@@ -131,6 +133,7 @@ class GPSINDy:
         control_terms: bool = True,
         fix: Sequence[str] = (),
         forbid: Sequence[str] = (),
+        keep: Sequence[str] = (),
         sign: Sequence[str] = (),
         smoother: Literal["gp"] | None = "gp",
         kernel: str = "auto",
@@ -155,6 +158,7 @@ class GPSINDy:
         self.control_terms = control_terms
         self.fix = fix
         self.forbid = forbid
+        self.keep = keep
         self.sign = sign
         self.smoother = smoother
         self.kernel = kernel
@@ -253,6 +257,7 @@ class GPSINDy:
             "control_terms": bool(self.control_terms),
             "fix": names_of(self.fix),
             "forbid": names_of(self.forbid),
+            "keep": names_of(self.keep),
             "sign": names_of(self.sign),
             "smoother": self.smoother,
             "kernel": self.kernel,

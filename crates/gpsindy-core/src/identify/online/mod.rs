@@ -220,6 +220,9 @@ impl Online {
         let library = Arc::new(Library::new(&states, &controls, &settings.library)?);
         let constraints = &settings.constraints;
         constraints.check(&states, &library)?;
+        if !constraints.kept.is_empty() {
+            return Err(Error::invalid("online identification keeps no terms for certain; leave them out"));
+        }
         let (n, m, p) = (states.len(), controls.len(), library.n_terms());
         let fixed: Vec<_> = states.iter().map(|s| constraints.fixed_equation(s).cloned()).collect();
         let mut allowed = Vec::with_capacity(n);
@@ -227,11 +230,12 @@ impl Online {
             allowed.push(if fixed.is_some() { vec![] } else { constraints.allowed(state, &library)? });
         }
         let channel = |c: &Channel| (c.name.clone(), c.unit.clone());
-        let delay = |&value: &f64| DelayValue { value, free: false, period: 0.0 };
+        let delay = |&value: &f64| DelayValue { value, free: false, period: 0.0, most: f64::INFINITY };
         let frame = Equations {
             states: settings.states.iter().map(channel).collect(),
             controls: settings.controls.iter().map(channel).collect(),
             coefficients: vec![vec![0.0; p]; n],
+            kept: vec![Vec::new(); n],
             signs: states.iter().map(|s| constraints.signs(s, &library)).collect::<Result<_>>()?,
             delays: settings.delay_values().iter().map(delay).collect(),
             derivative_given: vec![false; n],
