@@ -40,6 +40,7 @@ fn refuse_other_options(command: &Identify) -> Outcome {
     let given = [
         ("--fix", !library.fix.is_empty()),
         ("--forbid", !library.forbid.is_empty()),
+        ("--keep", !library.keep.is_empty()),
         ("--sign", !library.sign.is_empty()),
         ("--hold", !matches!(method.hold, AutoHold::Auto | AutoHold::Zero)),
         ("--derivative-method", method.derivative_method.is_some()),
