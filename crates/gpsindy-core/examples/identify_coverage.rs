@@ -4,6 +4,7 @@
 //! NOISE: shares of each state's standard deviation. Known systems, each noise level, seeds 0 to SEEDS - 1. Only terms that
 //! are truly in the equation count, over all seeds in which they were found; beside it the share of exact supports, and the
 //! median of the ratio of stated standard error to the spread of the estimates over the seeds.
+//! ONLY=NAME in the environment takes the systems of that name; VERBOSE=1 shows (estimate - truth)/error of every seed.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use gpsindy_core::library::{Constraints, Fixed, LibrarySettings};
@@ -75,7 +76,8 @@ fn main() {
     let arguments: Vec<f64> = std::env::args().skip(1).map(|a| a.parse().unwrap()).collect();
     let seeds = arguments[0] as u64;
     let (mut all, mut covered_all) = (0, 0);
-    for (name, system, library, fixed, truth) in cases() {
+    let only = std::env::var("ONLY").unwrap_or_default();
+    for (name, system, library, fixed, truth) in cases().into_iter().filter(|case| case.0.contains(&only)) {
         for &noise in &arguments[1..] {
             let (mut covered, mut count, mut exact) = (0, 0, 0);
             let mut found: Vec<Vec<(f64, f64)>> = vec![Vec::new(); truth.len()];
@@ -107,6 +109,18 @@ fn main() {
                     }
                 }
                 exact += usize::from(right);
+                if std::env::var("VERBOSE").is_ok() {
+                    let of = |k: usize| {
+                        let (state, term, value) = truth[k];
+                        let place = record.terms.iter().position(|t| t == term).unwrap();
+                        (record.coefficients[state][place] - value) / record.standard_errors[state][place]
+                    };
+                    let scores: Vec<f64> = (0..truth.len()).map(of).collect();
+                    println!(
+                        "  {name} {seed}: {scores:.1?} window {} {:?} {:?}",
+                        result.window, result.hold, result.notes
+                    );
+                }
             }
             let mut ratios: Vec<f64> = found
                 .iter()

@@ -4,11 +4,12 @@
 //! FOLDER holds rollout_01.csv ... with the columns t, x, y, v, heading, throttle, steering at 50 Hz. Both controls are shifted
 //! 0.12 s later, the first second is cut, every 50/RATE-th row kept, white noise SIGMA added to all four states; learnt from the
 //! first 70 %, tested on the rest from its first noisy sample. EVERY: every so-manieth rollout. The error is the paper's: the
-//! Frobenius norm of prediction minus noisy log. LIBRARY: car, kinematic, poly2, paper; each on the equations of `--fix` or not.
+//! Frobenius norm of prediction minus noisy log. LIBRARY: kinematic (position known, few terms for speed and heading), physical
+//! (terms of a car and their signs known), paper (the authors' 91 terms). VERBOSE in the environment shows every model.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
-use gpsindy_core::{Channel, Dataset, Delay, Excitation, Hold, Identify, Model, Run, Silent, Simulate};
+use gpsindy_core::{Channel, Dataset, Excitation, Hold, Identify, Model, Run, Silent, Simulate};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use std::time::Instant;
@@ -59,105 +60,38 @@ fn part(run: &Run, from: usize, end: usize) -> Run {
 
 fn settings(name: &str) -> Identify {
     let own = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
-    let fixed = |texts: &[&str]| texts.iter().map(|t| Fixed::parse(t).unwrap()).collect::<Vec<_>>();
-    let unicycle = fixed(&["x' = v*cos(heading)", "y' = v*sin(heading)"]);
     let extra = |terms: &[&str]| LibrarySettings { degree: 0, extra: own(terms), ..LibrarySettings::default() };
-    // State and terms that its equation may hold; those with a ! must be in.
-    let (library, fixed, equations): (_, _, Vec<(&str, Vec<&str>)>) = match name {
-        "kinematic" => (extra(&["v", "throttle", "v*steering", "v*steering^2", "v*steering^3"]), unicycle, vec![]),
-        "car" | "carkept" => {
-            let all = ["v", "throttle", "v*steering", "v*steering^3", "v^2"];
-            let rows = match name {
-                "car" => vec![("v", vec!["1", "v", "throttle"]), ("heading", vec!["v", "v*steering", "v*steering^3"])],
-                _ => vec![("v", vec!["!1", "!v", "!throttle"]), ("heading", vec!["!v", "!v*steering", "v*steering^3"])],
-            };
-            (extra(&all), unicycle, rows)
+    let mut constraints = Constraints::default();
+    let library = match name {
+        "kinematic" => {
+            let known = ["x' = v*cos(heading)", "y' = v*sin(heading)"];
+            constraints.fixed = known.iter().map(|text| Fixed::parse(text).unwrap()).collect();
+            extra(&["v", "throttle", "v*steering", "v*steering^2", "v*steering^3"])
         }
-        "slip" | "slipkept" | "drag" | "dragkept" | "opt" => {
-            let all = [
-                "v",
-                "throttle",
-                "v*steering",
-                "v*steering^2",
-                "v*steering^3",
-                "v*cos(heading)",
-                "v*sin(heading)",
-                "v*steering*cos(heading)",
-                "v*steering*sin(heading)",
+        "physical" => {
+            let rows: [(&str, &[&str]); 4] = [
+                ("x", &["v*cos(heading)", "v*steering*sin(heading)"]),
+                ("y", &["v*sin(heading)", "v*steering*cos(heading)"]),
+                ("v", &["1", "v", "throttle", "v*steering^2"]),
+                ("heading", &["v", "v*steering", "v*steering^3"]),
             ];
-            let rows = match name {
-                "slip" => vec![
-                    ("x", vec!["!v*cos(heading)", "v*steering*sin(heading)"]),
-                    ("y", vec!["!v*sin(heading)", "v*steering*cos(heading)"]),
-                    ("v", vec!["1", "v", "throttle"]),
-                    ("heading", vec!["v", "v*steering", "v*steering^3"]),
-                ],
-                "slipkept" => vec![
-                    ("x", vec!["!v*cos(heading)", "!v*steering*sin(heading)"]),
-                    ("y", vec!["!v*sin(heading)", "!v*steering*cos(heading)"]),
-                    ("v", vec!["!1", "!v", "!throttle"]),
-                    ("heading", vec!["!v", "!v*steering", "!v*steering^3"]),
-                ],
-                "opt" => vec![
-                    ("x", vec!["!v*cos(heading)", "v*steering*sin(heading)"]),
-                    ("y", vec!["!v*sin(heading)", "v*steering*cos(heading)"]),
-                    ("v", vec!["!1", "!v", "!throttle", "v*steering^2"]),
-                    ("heading", vec!["!v", "!v*steering", "v*steering^3"]),
-                ],
-                "drag" => vec![
-                    ("x", vec!["!v*cos(heading)", "!v*steering*sin(heading)"]),
-                    ("y", vec!["!v*sin(heading)", "!v*steering*cos(heading)"]),
-                    ("v", vec!["!1", "!v", "!throttle", "v*steering^2"]),
-                    ("heading", vec!["!v", "!v*steering", "!v*steering^3"]),
-                ],
-                _ => vec![
-                    ("x", vec!["!v*cos(heading)", "!v*steering*sin(heading)"]),
-                    ("y", vec!["!v*sin(heading)", "!v*steering*cos(heading)"]),
-                    ("v", vec!["!1", "!v", "!throttle", "!v*steering^2"]),
-                    ("heading", vec!["!v", "!v*steering", "!v*steering^3"]),
-                ],
-            };
-            (extra(&all), vec![], rows)
+            let all: Vec<&str> = rows.iter().flat_map(|(_, terms)| terms.iter().copied()).collect();
+            for (state, terms) in rows {
+                let open = all.iter().filter(|term| !terms.contains(term));
+                constraints.forbidden.extend(open.map(|term| Forbidden::parse(&format!("{state}:{term}")).unwrap()));
+                constraints.kept.extend(terms.iter().map(|term| Kept::parse(&format!("{state}:{term}")).unwrap()));
+            }
+            let signs = ["v:v=-", "v:throttle=+", "v:v*steering^2=-", "heading:v*steering=+"];
+            constraints.signed = signs.iter().map(|text| Signed::parse(text).unwrap()).collect();
+            extra(&all)
         }
-        "paper" => (LibrarySettings { degree: 1, products: true, ..LibrarySettings::default() }, vec![], vec![]),
-        "papercar" => (LibrarySettings { degree: 1, products: true, ..LibrarySettings::default() }, unicycle, vec![]),
-        other => panic!("library {other}"),
-    };
-    let (mut forbidden, mut kept) = (Vec::new(), Vec::new());
-    for (state, terms) in &equations {
-        let names = std::iter::once("1".to_string()).chain(library.extra.iter().cloned());
-        let allowed: Vec<&str> = terms.iter().map(|t| t.trim_start_matches('!')).collect();
-        forbidden.extend(
-            names.filter(|n| !allowed.contains(&n.as_str())).map(|term| Forbidden { state: state.to_string(), term }),
-        );
-        kept.extend(
-            terms
-                .iter()
-                .filter_map(|t| t.strip_prefix('!'))
-                .map(|term| Kept { state: state.to_string(), term: term.into() }),
-        );
-    }
-    let signs = ["v:v=-", "v:throttle=+", "heading:v*steering=+", "v:v*steering^2=-"];
-    let signs = signs
-        .into_iter()
-        .filter(|s| library.extra.contains(&s[2..].split('=').next().unwrap().to_string()) || s.starts_with("heading"));
-    let signed = if equations.is_empty() || std::env::var("NO_SIGNS").is_ok() {
-        vec![]
-    } else {
-        signs.map(|s| Signed::parse(s).unwrap()).collect()
-    };
-    let delays = match std::env::var("DELAY").as_deref() {
-        Ok("auto") => vec![("throttle".into(), Delay::Auto(0.3)), ("steering".into(), Delay::Auto(0.3))],
-        Ok("throttle") => vec![("throttle".into(), Delay::Auto(0.3))],
-        Ok("0.08") => vec![("throttle".into(), Delay::Fixed(0.08))],
-        _ => vec![],
+        _ => LibrarySettings { degree: 1, products: true, ..LibrarySettings::default() },
     };
     Identify {
         states: own(&["x", "y", "v", "heading"]),
         controls: own(&["throttle", "steering"]),
         library,
-        constraints: Constraints { fixed, forbidden, kept, signed, ..Constraints::default() },
-        delays,
+        constraints,
         refine: std::env::var("NO_REFINE").is_err(),
         window: std::env::var("WINDOW").ok().map(|w| w.parse().unwrap()),
         ..Identify::default()
