@@ -237,6 +237,8 @@ impl<'a, const L: usize> Lanes<'a, L> {
     }
 
     /// Hands out the states, or the measured outputs `columns`.
+    // The innermost call of a rollout: a struct of its arguments would be made anew at every sample.
+    #[allow(clippy::too_many_arguments)]
     #[inline(always)]
     fn show<S: pulp::Simd>(
         &mut self,
