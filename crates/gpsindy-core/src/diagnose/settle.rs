@@ -13,9 +13,6 @@ use rayon::prelude::*;
 /// Contestants at most this many nats behind the best are fitted to the last digit before they are weighed.
 const FINISH: f64 = 30.0;
 
-/// By how much the misfit may grow when rollouts are made longer.
-const GROWING: f64 = 2.0;
-
 /// Whether there is a gap.
 #[derive(Debug, Clone)]
 pub(crate) struct Detected {
@@ -306,9 +303,6 @@ fn without(contest: &Contest<'_>, nominal: &Fitted, best: &Fitted, place: usize)
 }
 
 /// Once the model is better, rollouts may be longer: whole runs again where the winner allows it.
-///
-/// Not where the misfit grows with the length: what is left then adds up over the rollout, and the fits would
-/// trade what they found for whatever bends the long rollouts back.
 fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(Fitted, Fitted)> {
     let is_whole = nominal.experiment.windows.len() == nominal.experiment.logs.len();
     if is_whole || best.hypotheses.is_empty() {
@@ -323,9 +317,6 @@ fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(
     let (Ok(moved), Ok(base)) = (best.on(&longer, &settings), nominal.on(&longer, &settings)) else {
         return Ok((nominal.clone(), best));
     };
-    if moved.misfit() > GROWING * best.misfit().max(1.0) {
-        return Ok((nominal.clone(), best));
-    }
     notes.push("the corrected model stays near the logs for longer, so its fit uses longer rollouts".into());
     Ok((base, moved))
 }
