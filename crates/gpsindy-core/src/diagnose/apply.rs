@@ -13,6 +13,8 @@ const RIPPLES: f64 = 1.25;
 
 /// Share of the logs that must lie on either side of a step: nearer to an end it is how a run starts or stops.
 const EDGE: f64 = 0.1;
+/// Fewest samples before and after a step.
+const LASTING: f64 = 8.0;
 
 fn number(value: f64) -> Expression {
     Expression::Number(value)
@@ -26,11 +28,11 @@ struct Writer<'a> {
 }
 
 fn amplitude(values: &[f64]) -> Start {
-    Start { columns: vec![values.to_vec()], combine: Combine::Amplitude }
+    Start { columns: vec![values.to_vec()], combine: Combine::Amplitude, amplitudes: vec![(0, 0.0)] }
 }
 
 fn keep(values: &[f64]) -> Start {
-    Start { columns: vec![values.to_vec()], combine: Combine::Keep }
+    Start { columns: vec![values.to_vec()], combine: Combine::Keep, amplitudes: Vec::new() }
 }
 
 fn sinusoid(values: &[f64]) -> Start {
@@ -38,7 +40,7 @@ fn sinusoid(values: &[f64]) -> Start {
     if let Some(phase) = turned.last_mut() {
         *phase += 0.5 * PI;
     }
-    Start { columns: vec![values.to_vec(), turned], combine: Combine::Sinusoid }
+    Start { columns: vec![values.to_vec(), turned], combine: Combine::Sinusoid, amplitudes: Vec::new() }
 }
 
 pub(crate) fn apply(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Result<Applied> {
@@ -47,7 +49,8 @@ pub(crate) fn apply(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Re
         Kind::Catalogue(effect) => writer.write(*effect)?,
         Kind::Custom(custom) => writer.custom(custom)?,
     };
-    Ok(Applied { model: writer.model, fitted: writer.fitted, starts })
+    let parts = vec![writer.fitted.len()];
+    Ok(Applied { model: writer.model, fitted: writer.fitted, parts, starts })
 }
 
 impl Writer<'_> {
@@ -116,21 +119,18 @@ impl Writer<'_> {
         let Some(index) = self.model.parameter_index(&name) else {
             return Err(Error::unknown("parameter", &name, self.model.parameters.iter().map(|p| &p.name)));
         };
+        let (lower, upper) =
+            super::joint::dissipative_bounds(&self.model, &name).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
         let parameter = &mut self.model.parameters[index];
         parameter.tolerance = None;
         let size = if parameter.value == 0.0 { 1.0 } else { parameter.value.abs() };
-        let added = Added {
-            symbol: "value".into(),
-            name,
-            unit: parameter.unit.clone(),
-            scale: size,
-            lower: f64::NEG_INFINITY,
-            upper: f64::INFINITY,
-        };
-        // Near the nominal value for a straight line, then finite steps for what is none.
+        let added = Added { symbol: "value".into(), name, unit: parameter.unit.clone(), scale: size, lower, upper };
+        // A straight line near the nominal value, then finite steps for what is none.
         let value = parameter.value;
         self.fitted.push((index, added));
-        Ok([1.02, 1.3, 0.75].iter().map(|f| keep(&[if value == 0.0 { f - 1.0 } else { value * f }])).collect())
+        let near = Start { amplitudes: vec![(0, value)], ..amplitude(&[value + 1e-3 * size]) };
+        let steps = [1.3, 0.75].map(|f| keep(&[if value == 0.0 { f - 1.0 } else { value * f }]));
+        Ok(std::iter::once(near).chain(steps).collect())
     }
 
     fn state_term(&mut self, effect: Effect, rate: f64) -> Result<Vec<Start>> {
@@ -167,7 +167,8 @@ impl Writer<'_> {
                 self.add_term(c.plus(extra.times(bump)).times(smooth_sign(z, size)).negated());
                 let start = |w: f64| Start {
                     columns: vec![vec![small, 0.0, w * size], vec![0.0, small, w * size]],
-                    combine: Combine::Pair,
+                    combine: Combine::Amplitude,
+                    amplitudes: vec![(0, 0.0), (1, 0.0)],
                 };
                 [0.1, 0.3, 1.0].map(start).into()
             }
@@ -336,12 +337,16 @@ impl Writer<'_> {
             }
             Effect::StepDisturbance => {
                 let c = self.add("c", 0.0, rate, FREE, &unit);
-                let t0 = self.add("t0", first, 0.01 * span, (first + EDGE * span, last - EDGE * span), "s");
+                // Less than a handful of samples beside the edge is a spike, not an event that lasts.
+                let margin = (EDGE * span).max(LASTING * self.scene.period).min(0.5 * span);
+                let t0 = self.add("t0", first, 0.01 * span, (first + margin, last - margin), "s");
                 // A ramp of two samples in place of the edge, so that its time can be fitted.
                 let ramp = Expression::Time.minus(t0).over(number(2.0 * self.scene.period));
                 let edge = Expression::Call(Function::Clamp, vec![ramp, number(0.0), number(1.0)]);
                 self.add_term(c.times(edge));
-                Ok((4..29).map(|k| amplitude(&[small, first + span * f64::from(k) / 32.0])).collect())
+                let times = (2..31).map(|k| first + span * f64::from(k) / 32.0);
+                let inside = times.filter(|t| (first + margin..=last - margin).contains(t));
+                Ok(inside.map(|t| amplitude(&[small, t])).collect())
             }
             _ => {
                 let Some(name) = self.hypothesis.variables.first().cloned() else {
@@ -358,20 +363,17 @@ impl Writer<'_> {
     }
 
     fn custom(&mut self, custom: &CustomEffect) -> Result<Vec<Start>> {
+        let starts = super::custom::starts(custom, &self.model, self.scene, self.hypothesis.state);
         let mut form = custom.form.clone();
-        let mut middle = Vec::new();
         for parameter in &custom.parameters {
             let value = 0.5 * (parameter.low + parameter.high);
             let scale = parameter.high - parameter.low;
             let bounds = (parameter.low, parameter.high);
             let own = self.add(&parameter.name, value, scale, bounds, &parameter.unit);
             form = form.substitute(&parameter.name, &own);
-            middle.push(value);
         }
         self.add_term(form);
-        let at =
-            |part: f64| -> Vec<f64> { custom.parameters.iter().map(|p| p.low + part * (p.high - p.low)).collect() };
-        Ok([0.5, 0.1, 0.25, 0.75, 0.9].iter().map(|&part| keep(&at(part))).collect())
+        Ok(starts)
     }
 }
 

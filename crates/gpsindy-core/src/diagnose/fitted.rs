@@ -2,10 +2,11 @@
 
 use super::evidence::{Colour, colours, log_likelihood};
 use super::hypothesis::{Added, Applied, Hypothesis};
+use super::joint::dissipative_bounds;
 use super::settle::with_lagging;
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Free, Jacobian, Refine, Refined};
+use crate::refine::{Experiment, Free, Jacobian, Point, Refine, Refined, costs};
 
 /// A contestant: the nominal model with some hypotheses, and what its fit left over.
 #[derive(Clone)]
@@ -22,6 +23,8 @@ pub(crate) struct Fitted {
     pub(crate) colours: Vec<Colour>,
     /// Mean squared structure (noise units) that the model owes to its own making and not to the machine.
     pub(crate) model_error: f64,
+    /// How many starts were tried in the search that found the last hypotheses.
+    pub(crate) tried: usize,
 }
 
 /// The parameters that the user believes in up to a tolerance, free with that belief.
@@ -32,9 +35,24 @@ pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
         .enumerate()
         .filter_map(|(i, p)| {
             let sd = p.tolerance? * p.value.abs();
-            (sd > 0.0).then(|| Free { prior: Some((p.value, sd)), ..Free::new(i, p.value.abs()) })
+            let (lower, upper) = dissipative_bounds(model, &p.name).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            (sd > 0.0).then(|| Free { prior: Some((p.value, sd)), lower, upper, ..Free::new(i, p.value.abs()) })
         })
         .collect()
+}
+
+/// Which of several sets of parameters leaves the smallest residual from the same initial states.
+fn nearest(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[Vec<f64>],
+    initial: &[Vec<f64>],
+    free: &[Free],
+) -> usize {
+    let points: Vec<Point> =
+        parameters.iter().map(|p| Point { parameters: p.clone(), initial: initial.to_vec() }).collect();
+    let costs = costs(system, experiment, &points, free);
+    (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0)
 }
 
 impl Fitted {
@@ -53,6 +71,7 @@ impl Fitted {
             jacobian,
             colours,
             model_error: 0.0,
+            tried: 1,
         })
     }
 
@@ -69,12 +88,22 @@ impl Fitted {
         values: &[f64],
         settings: &Refine,
     ) -> Result<Self> {
+        self.with_all(&[hypothesis], applied, &[values.to_vec()], settings)
+    }
+
+    /// More hypotheses at once, fitted from the best of several `values` of their parameters.
+    pub(crate) fn with_all(
+        &self,
+        more: &[&Hypothesis],
+        applied: &Applied,
+        values: &[Vec<f64>],
+        settings: &Refine,
+    ) -> Result<Self> {
         let system = System::with_simulator(&applied.model, self.system.simulator().cloned())?;
         let mut parameters = system.parameter_values();
         parameters[..self.refined.parameters.len()].copy_from_slice(&self.refined.parameters);
         let mut free = self.free.clone();
-        for ((index, added), &value) in applied.fitted.iter().zip(values) {
-            parameters[*index] = value.clamp(added.lower, added.upper);
+        for (index, added) in &applied.fitted {
             free.retain(|f| f.parameter != *index);
             free.push(Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) });
         }
@@ -88,15 +117,47 @@ impl Fitted {
             experiment.scale.push(if largest > 0.0 { largest } else { 1.0 });
         }
         let initial = with_lagging(&system, &experiment, self.refined.initial.clone(), self.system.n_states());
+        let starts = values.iter().map(|values| {
+            let mut start = parameters.clone();
+            for ((index, added), &value) in applied.fitted.iter().zip(values) {
+                start[*index] = value.clamp(added.lower, added.upper);
+            }
+            start
+        });
+        let mut starts: Vec<Vec<f64>> = starts.collect();
+        let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
+        let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
         let (refined, jacobian) =
             settings.fit_with_jacobian(&system, &experiment, &parameters, &free, Some(&initial))?;
         let colours = colours(&refined.residuals, experiment.columns.len());
         let mut hypotheses = self.hypotheses.clone();
-        hypotheses.push(hypothesis.clone());
+        hypotheses.extend(more.iter().map(|h| (*h).clone()));
         let mut added = self.added.clone();
-        added.push(applied.fitted.clone());
+        let mut rest = &applied.fitted[..];
+        for &count in &applied.parts {
+            let (own, later) = rest.split_at(count.min(rest.len()));
+            added.push(own.to_vec());
+            rest = later;
+        }
         let model_error = self.model_error;
-        Ok(Self { hypotheses, added, system, experiment, free, refined, jacobian, colours, model_error })
+        Ok(Self { hypotheses, added, system, experiment, free, refined, jacobian, colours, model_error, tried: 1 })
+    }
+
+    /// The same contestant with the tolerated parameters and the initial states of another, as starts of further fits.
+    pub(crate) fn from(&self, other: &Self) -> Self {
+        let mut moved = self.clone();
+        for free in &self.free {
+            if let Some(&value) = other.refined.parameters.get(free.parameter) {
+                moved.refined.parameters[free.parameter] = value;
+            }
+        }
+        if self.experiment.windows == other.experiment.windows {
+            let n = self.system.n_states();
+            for (own, theirs) in moved.refined.initial.iter_mut().zip(&other.refined.initial) {
+                own.copy_from_slice(&theirs[..n.min(theirs.len())]);
+            }
+        }
+        moved
     }
 
     /// The same contestant, its fit carried on.
@@ -125,6 +186,7 @@ impl Fitted {
             jacobian: Jacobian { blocks: Vec::new(), n_states: self.jacobian.n_states },
             colours: self.colours.clone(),
             model_error: self.model_error,
+            tried: self.tried,
         }
     }
 
@@ -192,6 +254,14 @@ impl Fitted {
     pub(crate) fn misfit(&self) -> f64 {
         let sum: f64 = self.colours.iter().map(|c| c.variance * c.count as f64).sum();
         sum / self.count().max(1) as f64
+    }
+
+    /// Whether the residual's own past predicts nearly all of it, and it is far above the noise: a swing that is left
+    /// over and no sensor's noise, however coloured (a first-order one would have a coefficient of 0.975).
+    pub(crate) fn is_predictable(&self) -> bool {
+        const FAR: f64 = 20.0;
+        let innovation: f64 = self.colours.iter().map(|c| c.innovation * c.count as f64).sum();
+        self.misfit() > FAR && self.misfit() * self.count() as f64 > FAR * innovation
     }
 
     /// The model with the fitted values in place.

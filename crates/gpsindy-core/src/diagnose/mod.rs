@@ -7,14 +7,17 @@
 mod apply;
 mod bench;
 mod check;
+mod custom;
 mod effect;
 mod evidence;
 mod fitted;
 mod hypothesis;
+mod joint;
 mod localise;
 mod plant;
 mod power;
 mod prepare;
+mod prune;
 mod repeat;
 pub mod report;
 mod rival;
@@ -178,9 +181,11 @@ impl Diagnose {
 
         // Detect and attribute: does any suspect, or any smooth function, explain more than noise would; and which?
         let logged = nominal.experiment.columns.clone();
-        let hypotheses = self.suspects(hypothesis::enumerate(model, &logged, &self.custom)?)?;
+        let hypotheses = self.suspects(hypothesis::enumerate(model, &scene, &logged, &self.custom)?)?;
         let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
-        let contest = Contest { hypotheses, scene, settings, progress };
+        let joint = joint::frictions(model, &hypotheses);
+        let most = self.most_effects;
+        let contest = Contest { hypotheses, joint, most, scene, settings, progress };
         let rivals = rival::enumerate(model, &contest.scene, model.states.len());
         let held = settle::judge(&contest, nominal, &rivals, self, &mut notes)?;
         let judged = match self.hold {

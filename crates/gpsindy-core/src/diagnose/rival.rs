@@ -93,6 +93,11 @@ impl Rival {
             upper: f64::INFINITY,
         };
         let fitted = (0..count).map(|k| (first + k, added(k))).collect();
-        Applied { model, fitted, starts: vec![Start { columns, combine: Combine::Span }] }
+        Applied {
+            model,
+            fitted,
+            parts: vec![count],
+            starts: vec![Start { columns, combine: Combine::Span, amplitudes: Vec::new() }],
+        }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::evidence::{Colour, whiten};
 use super::fitted::Fitted;
-use super::hypothesis::{Applied, Combine, Start};
+use super::hypothesis::{Added, Applied, Combine, Start};
 use super::settle::with_lagging;
 use crate::model::System;
 use crate::refine::{Experiment, lanes::Lanes};
@@ -33,6 +33,8 @@ pub(crate) struct Gain {
     pub(crate) values: Vec<f64>,
     /// Degrees of freedom of this start.
     pub(crate) degrees: usize,
+    /// Standard deviation of the size that the first column moves, where it moves one from zero.
+    pub(crate) deviation: Option<f64>,
 }
 
 impl Basis {
@@ -109,10 +111,10 @@ impl Basis {
     }
 
     /// Best straight-line gain of columns that belong together.
-    fn gain(&self, start: &Start, columns: &mut [Vec<DVector<f64>>]) -> Gain {
+    fn gain(&self, start: &Start, fitted: &[(usize, Added)], columns: &mut [Vec<DVector<f64>>]) -> Gain {
         let before: Vec<f64> = columns.iter().map(|c| c.iter().map(DVector::norm_squared).sum()).collect();
         let (gram, slope) = self.products(columns);
-        let nothing = Gain { gain: 0.0, values: start.columns[0].clone(), degrees: 1 };
+        let nothing = Gain::nothing(start);
         // What is left after the projection must not be rounding error.
         let usable = |i: usize| gram[(i, i)] > 1e-9 * before[i] && gram[(i, i)].is_finite() && gram[(i, i)] > 0.0;
         match start.combine {
@@ -121,33 +123,94 @@ impl Basis {
                 let length = (slope[0] / gram[(0, 0)]).clamp(0.5, 2.0);
                 Gain { gain: 2.0 * length * slope[0] - length * length * gram[(0, 0)], ..nothing }
             }
-            Combine::Amplitude if usable(0) => {
-                let length = slope[0] / gram[(0, 0)];
+            Combine::Amplitude => {
+                let count = columns.len();
+                let bounds: Vec<(f64, f64)> =
+                    (0..count).map(|i| if usable(i) { length_bounds(start, fitted, i) } else { (0.0, 0.0) }).collect();
+                let (gain, lengths) = bounded_gain(&gram, &slope, &bounds);
                 let mut values = start.columns[0].clone();
-                values[0] *= length;
-                Gain { gain: length * slope[0], values, degrees: 1 }
+                for (i, &(place, origin)) in start.amplitudes.iter().enumerate() {
+                    values[place] = origin + lengths[i] * (start.columns[i][place] - origin);
+                }
+                let (place, origin) = start.amplitudes[0];
+                let is_size = usable(0) && origin == 0.0;
+                let deviation = is_size.then(|| start.columns[0][place].abs() / gram[(0, 0)].sqrt());
+                let degrees = lengths.iter().filter(|l| **l != 0.0).count().max(1);
+                Gain { gain, values, degrees, deviation }
             }
-            Combine::Sinusoid | Combine::Pair if usable(0) && usable(1) => {
+            Combine::Sinusoid if usable(0) && usable(1) => {
                 let Some(factor) = (&gram + DMatrix::from_diagonal(&(gram.diagonal() * 1e-9))).cholesky() else {
                     return nothing;
                 };
                 let lengths = factor.solve(&slope);
                 let mut values = start.columns[0].clone();
-                if start.combine == Combine::Sinusoid {
-                    values[0] *= lengths[0].hypot(lengths[1]);
-                    if let Some(phase) = values.last_mut() {
-                        *phase += lengths[1].atan2(lengths[0]);
-                    }
-                } else {
-                    values[0] *= lengths[0];
-                    values[1] = start.columns[1][1] * lengths[1];
+                values[0] *= lengths[0].hypot(lengths[1]);
+                if let Some(phase) = values.last_mut() {
+                    *phase += lengths[1].atan2(lengths[0]);
                 }
-                Gain { gain: lengths.dot(&slope), values, degrees: 2 }
+                let gain = lengths.dot(&slope);
+                let deviation = (gain > 0.0).then(|| (values[0] / gain.sqrt()).abs());
+                Gain { gain, values, degrees: 2, deviation }
             }
             Combine::Span => span_gain(&gram, &slope, &before, nothing),
             _ => nothing,
         }
     }
+}
+
+impl Gain {
+    fn nothing(start: &Start) -> Self {
+        Self { gain: 0.0, values: start.columns[0].clone(), degrees: 1, deviation: None }
+    }
+}
+
+/// Least and greatest length of column `i` for which its parameter stays within its bounds: a friction that would
+/// have to push is refused here already.
+fn length_bounds(start: &Start, fitted: &[(usize, Added)], i: usize) -> (f64, f64) {
+    let (place, origin) = start.amplitudes[i];
+    let Some((_, added)) = fitted.get(place) else { return (f64::NEG_INFINITY, f64::INFINITY) };
+    let step = start.columns[i][place] - origin;
+    let (a, b) = ((added.lower - origin) / step, (added.upper - origin) / step);
+    if a.is_nan() || b.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { (a.min(b), a.max(b)) }
+}
+
+/// Largest `2 s'l - l'G l` with every length within its bounds, and the lengths.
+///
+/// Few columns: every choice of those that stay at a bound is tried.
+fn bounded_gain(gram: &DMatrix<f64>, slope: &DVector<f64>, bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
+    let count = bounds.len();
+    let mut best = (0.0, vec![0.0; count]);
+    for choice in 0..3usize.pow(count as u32) {
+        let at = |i: usize| choice / 3usize.pow(i as u32) % 3;
+        let mut lengths = DVector::zeros(count);
+        let mut loose = Vec::new();
+        for i in 0..count {
+            match at(i) {
+                0 if bounds[i].0 < bounds[i].1 => loose.push(i),
+                1 if bounds[i].0.is_finite() => lengths[i] = bounds[i].0,
+                2 if bounds[i].1.is_finite() => lengths[i] = bounds[i].1,
+                _ => lengths[i] = f64::NAN,
+            }
+        }
+        if lengths.iter().any(|l: &f64| l.is_nan()) {
+            continue;
+        }
+        let right = slope - gram * &lengths;
+        let own = DMatrix::from_fn(loose.len(), loose.len(), |a, b| {
+            gram[(loose[a], loose[b])] * if a == b { 1.0 + 1e-9 } else { 1.0 }
+        });
+        let Some(factor) = own.cholesky() else { continue };
+        let solved = factor.solve(&DVector::from_fn(loose.len(), |a, _| right[loose[a]]));
+        for (&i, &length) in loose.iter().zip(solved.iter()) {
+            lengths[i] = length;
+        }
+        let inside = (0..count).all(|i| lengths[i] >= bounds[i].0 && lengths[i] <= bounds[i].1);
+        let gain = 2.0 * slope.dot(&lengths) - lengths.dot(&(gram * &lengths));
+        if inside && gain > best.0 {
+            best = (gain, lengths.iter().copied().collect());
+        }
+    }
+    best
 }
 
 /// Gain of all directions that the columns span, by the eigenvectors that are not rounding error.
@@ -211,8 +274,8 @@ pub(crate) fn gains(applied: &Applied, fitted: &Fitted, bases: &[&Basis]) -> Vec
             let own: Vec<Vec<DVector<f64>>> = columns.drain(..start.columns.len()).collect();
             let finite = own.iter().flatten().all(|v| v.iter().all(|x| x.is_finite()));
             let gains = bases.iter().map(|basis| match finite {
-                true => basis.gain(start, &mut own.clone()),
-                false => Gain { gain: 0.0, values: start.columns[0].clone(), degrees: 1 },
+                true => basis.gain(start, &applied.fitted, &mut own.clone()),
+                false => Gain::nothing(start),
             });
             all.push(gains.collect());
         }

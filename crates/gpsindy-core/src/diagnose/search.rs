@@ -1,8 +1,8 @@
 //! The contest: screen every hypothesis at a contestant, refit the promising ones, go on from the best.
 
-use super::evidence::{gain_tail, with_fitted_level};
+use super::evidence::{gain_tail, log_likelihood, with_fitted_level};
 use super::fitted::Fitted;
-use super::hypothesis::{Applied, Combine, Hypothesis};
+use super::hypothesis::{Applied, Hypothesis, Start};
 use super::rival::Rival;
 use super::scene::Scene;
 use super::screen::{Basis, Gain, gains};
@@ -39,6 +39,10 @@ pub(crate) const CONVINCING: f64 = 5.0;
 /// All that a contest needs to know.
 pub(crate) struct Contest<'a> {
     pub(crate) hypotheses: Vec<Hypothesis>,
+    /// Sets of hypotheses that also apply together.
+    pub(crate) joint: Vec<Vec<usize>>,
+    /// Largest number of effects together.
+    pub(crate) most: usize,
     pub(crate) scene: Scene,
     pub(crate) settings: Refine,
     pub(crate) progress: &'a dyn Progress,
@@ -99,8 +103,9 @@ impl Known {
     }
 }
 
-/// One screened hypothesis: its gains by start, under white and under coloured noise.
+/// Hypotheses screened together (most alone): their gains by start, under white and under coloured noise.
 struct Screened {
+    members: Vec<usize>,
     applied: Applied,
     gains: Vec<Vec<Gain>>,
 }
@@ -113,13 +118,10 @@ impl Screened {
 
 impl Screened {
     fn summary(&self) -> Summary {
-        let all = self.applied.starts.iter().zip(&self.gains).map(|(start, g)| (start, &g[1]));
-        let Some((start, best)) = all.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain)) else { return Summary::default() };
-        let resolution = (start.combine != Combine::Keep && best.gain > 0.0)
-            .then(|| {
-                self.applied.fitted.first().map(|(_, a)| ((best.values[0] / best.gain.sqrt()).abs(), a.unit.clone()))
-            })
-            .flatten();
+        let all = self.gains.iter().map(|g| &g[1]);
+        let Some(best) = all.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Summary::default() };
+        let unit = self.applied.fitted.first().map(|(_, a)| a.unit.clone()).unwrap_or_default();
+        let resolution = best.deviation.map(|deviation| (deviation, unit));
         Summary { gain: best.gain, degrees: best.degrees, resolution }
     }
 }
@@ -143,9 +145,11 @@ impl Contest<'_> {
     /// Screens everything at `base` and refits what is promising.
     pub(crate) fn expand(&self, base: &Fitted, stage: &str) -> Result<Expansion> {
         let screened = self.screen(base, stage)?;
-        let fits = self.refit(base, &screened);
+        let mut fits = self.refit(base, &screened);
+        let surveyed = Expansion::of(&screened);
+        fits.iter_mut().for_each(|fit| fit.tried = surveyed.tried);
         step(self.progress, stage, 2, 2)?;
-        Ok(Expansion { fits, ..Expansion::of(&screened) })
+        Ok(Expansion { fits, ..surveyed })
     }
 
     /// As [`Contest::expand`] without the refits: what straight lines say.
@@ -161,16 +165,19 @@ impl Contest<'_> {
         let white = Basis::new(base, true);
         let coloured = Basis::new(base, false);
         step(self.progress, stage, 0, 2)?;
-        let screened = self
-            .hypotheses
-            .par_iter()
-            .map(|hypothesis| {
-                if base.hypotheses.contains(hypothesis) || base.refit_already(hypothesis) {
+        let alone = (0..self.hypotheses.len()).map(|h| vec![h]);
+        let suspects: Vec<Vec<usize>> = alone.chain(self.joint.iter().cloned()).collect();
+        let screened = suspects
+            .into_par_iter()
+            .map(|members| {
+                let hypotheses: Vec<&Hypothesis> = members.iter().map(|&h| &self.hypotheses[h]).collect();
+                let known = hypotheses.iter().any(|h| base.hypotheses.contains(h) || base.refit_already(h));
+                if known || (members.len() > 1 && base.hypotheses.len() + members.len() > self.most) {
                     return None;
                 }
-                let applied = hypothesis.apply(base.system.model(), &scene).ok()?;
+                let applied = super::joint::apply(&hypotheses, base.system.model(), &scene).ok()?;
                 let gains = gains(&applied, base, &[&white, &coloured]);
-                Some(Screened { applied, gains })
+                Some(Screened { members, applied, gains })
             })
             .collect();
         step(self.progress, stage, 1, 2)?;
@@ -180,15 +187,24 @@ impl Contest<'_> {
     /// Contestants with one more effect, best first: those whose straight-line gain is promising.
     fn refit(&self, base: &Fitted, screened: &[Option<Screened>]) -> Vec<Fitted> {
         let promising = screened.iter().flatten().any(|s| self.is_promising(base, s.best(0).max(s.best(1))));
-        let has_room = |state: usize| base.hypotheses.iter().filter(|h| h.state == state).count() < MOST_PER_EQUATION;
+        let has_room = |members: &[usize]| {
+            members.iter().all(|&m| {
+                let state = self.hypotheses[m].state;
+                let more = members.iter().filter(|&&h| self.hypotheses[h].state == state).count();
+                let room = base.hypotheses.iter().filter(|h| h.state == state).count() + more <= MOST_PER_EQUATION;
+                // Frictions that only show together are one law of that equation.
+                room || (members.len() > 1 && base.hypotheses.is_empty())
+            })
+        };
         let mut jobs = if promising { self.jobs(screened) } else { Vec::new() };
-        jobs.retain(|(h, _)| has_room(self.hypotheses[*h].state));
+        jobs.retain(|(h, _)| screened[*h].as_ref().is_some_and(|s| has_room(&s.members)));
         let rough = Refine { max_iterations: ROUGH, ..self.settings.clone() };
         let mut fits: Vec<Fitted> = jobs
             .par_iter()
             .filter_map(|(h, values)| {
                 let screened = screened[*h].as_ref()?;
-                base.with(&self.hypotheses[*h], &screened.applied, values, &rough).ok()
+                let members: Vec<&Hypothesis> = screened.members.iter().map(|&h| &self.hypotheses[h]).collect();
+                base.with_all(&members, &screened.applied, values, &rough).ok()
             })
             .collect();
         sort_by_score(&mut fits, |f| self.score(f));
@@ -214,12 +230,22 @@ impl Contest<'_> {
         gain > CONVINCING && gain > 0.5 * MATERIAL * base.count() as f64 * base.misfit().min(1.0)
     }
 
-    /// Which hypotheses are refitted, and from which values: the best by either noise model, and the best of each family.
-    fn jobs(&self, screened: &[Option<Screened>]) -> Vec<(usize, Vec<f64>)> {
+    /// Which hypotheses are refitted, and from which values: the best by either noise model, the best of each family,
+    /// and those that promise together what none of them does alone.
+    fn jobs(&self, screened: &[Option<Screened>]) -> Vec<(usize, Vec<Vec<f64>>)> {
         let mut chosen: Vec<usize> = Vec::new();
+        let (alone, joint) = screened.split_at(self.hypotheses.len());
         for basis in [0, 1] {
+            let best = |h: usize| screened[h].as_ref().map_or(0.0, |s| s.best(basis));
+            for (place, suspect) in joint.iter().enumerate() {
+                let Some(suspect) = suspect else { continue };
+                let members = suspect.members.iter().map(|&h| best(h)).fold(0.0, f64::max);
+                if suspect.best(basis) > members + CONVINCING {
+                    chosen.push(alone.len() + place);
+                }
+            }
             let mut order: Vec<(usize, f64)> =
-                screened.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
+                alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
             order.sort_by(|a, b| b.1.total_cmp(&a.1));
             let largest = order.first().map_or(0.0, |o| o.1);
             chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));
@@ -234,9 +260,10 @@ impl Contest<'_> {
         chosen.sort_unstable();
         chosen.dedup();
         let starts = |h: usize| {
-            let mut order: Vec<&Vec<Gain>> = screened[h].iter().flat_map(|s| &s.gains).collect();
-            order.sort_by(|a, b| b[0].gain.total_cmp(&a[0].gain));
-            order.into_iter().take(2).map(move |g| (h, g[0].values.clone())).collect::<Vec<_>>()
+            let mut order: Vec<(&Start, &Vec<Gain>)> =
+                screened[h].iter().flat_map(|s| s.applied.starts.iter().zip(&s.gains)).collect();
+            order.sort_by(|a, b| b.1[0].gain.total_cmp(&a.1[0].gain));
+            order.into_iter().take(2).map(move |(start, g)| (h, start.shortened(&g[0].values))).collect::<Vec<_>>()
         };
         chosen.into_iter().flat_map(starts).collect()
     }
@@ -252,11 +279,11 @@ impl Contest<'_> {
                 break;
             }
             best = leader.clone();
-            if round == most || best.misfit() < 1e-12 {
+            if round == most || best.hypotheses.len() >= most || best.misfit() < 1e-12 {
                 break;
             }
             let mut next = Vec::new();
-            for (place, contestant) in beam.iter().enumerate() {
+            for (place, contestant) in beam.iter().filter(|f| f.hypotheses.len() < most).enumerate() {
                 // Where nothing is left at the leader, the others need not be tried with more.
                 if place > 0 && next.is_empty() {
                     break;
@@ -277,7 +304,16 @@ impl Contest<'_> {
     pub(crate) fn is_convincing(&self, richer: &Fitted, simpler: &Fitted) -> bool {
         let evidence = self.score(richer) - self.score(simpler);
         let removed = simpler.misfit() - richer.misfit();
-        evidence > CONVINCING && removed > MATERIAL * richer.misfit().min(1.0) + simpler.model_error
+        let material = removed > MATERIAL * richer.misfit().min(1.0) + simpler.model_error;
+        evidence > CONVINCING && material && self.is_significant(richer, simpler)
+    }
+
+    /// Whether noise would rarely give such a gain anywhere in the search; BIC alone is lenient in short logs.
+    fn is_significant(&self, richer: &Fitted, simpler: &Fitted) -> bool {
+        const CHANCE: f64 = 0.05;
+        let gain = 2.0 * (log_likelihood(&richer.colours) - log_likelihood(&simpler.colours));
+        let degrees = richer.complexity().saturating_sub(simpler.complexity());
+        gain_tail(gain, degrees, richer.count(), simpler.spent()) * richer.tried as f64 <= CHANCE
     }
 
     /// Gain and degrees of freedom of every rival at `base`, under coloured noise.

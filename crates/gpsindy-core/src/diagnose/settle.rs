@@ -3,6 +3,8 @@
 use super::Diagnose;
 use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use super::fitted::Fitted;
+use super::hypothesis::Hypothesis;
+use super::prune::{NAMED, gap_size, pruned, strongest};
 use super::rival::Rival;
 use super::search::{CONVINCING, Contest, Expansion, Known, MATERIAL, Summary, keep_first_of_each, sort_by_score};
 use crate::error::Result;
@@ -55,7 +57,7 @@ impl Outcome {
             best: nominal.clone(),
             alternatives: Vec::new(),
             removed: Vec::new(),
-            singles: first.fits.clone(),
+            singles: first.fits.iter().filter(|f| f.hypotheses.len() == 1).cloned().collect(),
             left: None,
             screened: first.screened.clone(),
         }
@@ -135,7 +137,7 @@ pub(crate) fn reconsider_hold(
 }
 
 /// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
-fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
+pub(super) fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
     let (count, spent) = (at.count(), at.spent());
     let allowed = at.negligible() * count as f64;
     let tail =
@@ -171,12 +173,15 @@ fn attribute(
     most: usize,
     notes: &mut Vec<String>,
 ) -> Result<Outcome> {
-    let singles: Vec<Fitted> = first.fits.iter().map(Fitted::slim).collect();
+    let singles: Vec<Fitted> = first.fits.iter().filter(|f| f.hypotheses.len() == 1).map(Fitted::slim).collect();
     let (rough, mut known) = contest.run(nominal, first, most)?;
+    let (rough, _) = pruned(contest, nominal, rough, rivals);
     let windows = rough.experiment.windows.clone();
     let (lengthened, rough) = lengthen(nominal, rough, notes)?;
     let n_tolerated = lengthened.free.len();
-    let (nominal, mut best) = charge_tolerated(contest, lengthened, rough, notes)?;
+    let (nominal, charged) = charge_tolerated(contest, lengthened, rough, notes)?;
+    // Once more, because longer rollouts show what an effect is worth.
+    let (mut best, is_structured) = pruned(contest, &nominal, charged, rivals);
     let unchanged = best.experiment.windows == windows && nominal.free.len() == n_tolerated;
     if !unchanged {
         known.clear();
@@ -188,7 +193,13 @@ fn attribute(
     let mut swaps = 0;
     let mut place = 0;
     while place < best.hypotheses.len() {
-        let rest = without(contest, &nominal, &best, place)?;
+        let Ok(rest) = without(contest, &nominal, &best, place) else {
+            // Without this one the others can't even be simulated: it has no alternative.
+            alternatives.push(vec![best.clone()]);
+            removed.push(gap_size(&nominal, &best).max(0.0));
+            place += 1;
+            continue;
+        };
         let mut fits = match known.iter().find(|k| k.is_of(&rest)) {
             // An earlier round has already tried everything in this one's place.
             Some(known) => known.fits.clone(),
@@ -198,6 +209,21 @@ fn attribute(
                 fits
             }
         };
+        // Several that apply together for the place of one must convince; they are no alternatives to one.
+        let several = fits.iter().find(|f| f.hypotheses.len() > best.hypotheses.len());
+        if let Some(richer) = several.filter(|f| swaps < 4 && contest.is_convincing(f, &best)) {
+            best = richer.clone().again(&thorough);
+            alternatives.clear();
+            removed.clear();
+            swaps += 1;
+            place = 0;
+            continue;
+        }
+        // While structure is left, its use to a more flexible effect is no evidence for that one.
+        let slight = NAMED * gap_size(&nominal, &best);
+        let is_plain =
+            |f: &Fitted| !is_structured || f.complexity() <= best.complexity() || f.misfit() < best.misfit() - slight;
+        fits.retain(|f| f.hypotheses.len() == best.hypotheses.len() && is_plain(f));
         fits.push(best.clone());
         let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
         let finish = |f: Fitted| if contest.score(&f) > leader - FINISH { f.again(&thorough) } else { f };
@@ -267,8 +293,9 @@ fn charge_tolerated(
         return Ok((nominal, best));
     }
     let free = nominal.free.iter().filter(|f| !charged.contains(&f.parameter)).cloned().collect();
-    let base = Fitted::nominal(nominal.system.clone(), nominal.experiment.clone(), free, &contest.settings)?;
-    let mut fit = base.clone();
+    let fitted = Fitted::nominal(nominal.system.clone(), nominal.experiment.clone(), free, &contest.settings)?;
+    let base = Fitted { model_error: nominal.model_error, ..fitted };
+    let mut causes = Vec::new();
     for &index in &charged {
         let parameter = &nominal.system.model().parameters[index];
         let Some(hypothesis) =
@@ -276,30 +303,39 @@ fn charge_tolerated(
         else {
             return Ok((nominal, best));
         };
-        let applied = hypothesis.apply(fit.system.model(), &contest.scene)?;
-        fit = fit.with(hypothesis, &applied, &[best.refined.parameters[index]], &contest.settings)?;
+        causes.push((hypothesis, vec![best.refined.parameters[index]]));
         let name = &parameter.name;
         notes.push(format!("the logs move parameter `{name}` from its nominal value; it is reported as a cause even where it stays within its tolerance"));
     }
-    let all: Vec<usize> = (0..best.hypotheses.len()).collect();
-    Ok((base, again_with(contest, fit, &best, &all)?))
+    causes.extend((0..best.hypotheses.len()).map(|place| (&best.hypotheses[place], values(&best, place))));
+    let fit = again_with(contest, &base, &best, &causes)?;
+    Ok((base, fit))
 }
 
-/// `fit` with the effects `places` of `best`, fitted from where they stand there.
-fn again_with(contest: &Contest<'_>, mut fit: Fitted, best: &Fitted, places: &[usize]) -> Result<Fitted> {
-    for &i in places {
-        let hypothesis = &best.hypotheses[i];
-        let applied = hypothesis.apply(fit.system.model(), &contest.scene)?;
-        let values: Vec<f64> = best.added[i].iter().map(|(index, _)| best.refined.parameters[*index]).collect();
-        fit = fit.with(hypothesis, &applied, &values, &contest.settings)?;
-    }
-    Ok(fit)
+/// Fitted values of the effect at `place`.
+fn values(best: &Fitted, place: usize) -> Vec<f64> {
+    best.added[place].iter().map(|(index, _)| best.refined.parameters[*index]).collect()
+}
+
+/// `base` with effects and their values, fitted all at once from where `best` stands: one at a time, the first would
+/// be fitted without the others and might not find back.
+fn again_with(
+    contest: &Contest<'_>,
+    base: &Fitted,
+    best: &Fitted,
+    effects: &[(&Hypothesis, Vec<f64>)],
+) -> Result<Fitted> {
+    let hypotheses: Vec<&Hypothesis> = effects.iter().map(|e| e.0).collect();
+    let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
+    let applied = super::joint::apply(&hypotheses, base.system.model(), &contest.scene)?;
+    base.from(best).with_all(&hypotheses, &applied, &[values], &contest.settings)
 }
 
 /// The winner without the effect at `place`, fitted again from the nominal model.
-fn without(contest: &Contest<'_>, nominal: &Fitted, best: &Fitted, place: usize) -> Result<Fitted> {
-    let others: Vec<usize> = (0..best.hypotheses.len()).filter(|i| *i != place).collect();
-    again_with(contest, nominal.clone(), best, &others)
+pub(super) fn without(contest: &Contest<'_>, nominal: &Fitted, best: &Fitted, place: usize) -> Result<Fitted> {
+    let others = (0..best.hypotheses.len()).filter(|i| *i != place);
+    let effects: Vec<_> = others.map(|i| (&best.hypotheses[i], values(best, i))).collect();
+    again_with(contest, nominal, best, &effects)
 }
 
 /// Once the model is better, rollouts may be longer: whole runs again where the winner allows it.
@@ -323,14 +359,8 @@ fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(
 
 /// Structure that a function without a name, or one more effect, would still remove.
 fn left_over(best: &Fitted, last: &Expansion, gains: &[(f64, usize)], rivals: &[Rival]) -> Option<Left> {
-    let count = best.count().max(1) as f64;
-    let innovation = best.colours.iter().map(|c| c.innovation * c.count as f64).sum::<f64>() / count;
-    let energy = |gain: f64, degrees: usize| (gain - degrees as f64).max(0.0) / count * innovation;
-    let (place, &(gain, degrees)) = gains
-        .iter()
-        .enumerate()
-        .max_by(|a, b| (a.1.0 - 2.0 * a.1.1 as f64).total_cmp(&(b.1.0 - 2.0 * b.1.1 as f64)))?;
+    let (place, energy) = strongest(best, gains)?;
     let p_value = (2.0 * rival_p_value(gains, best).min(last.p_value(best))).min(1.0);
     let rival = &rivals[place];
-    Some(Left { energy: energy(gain, degrees), p_value, state: rival.state, depends_on: rival.variables.clone() })
+    Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() })
 }

@@ -4,6 +4,7 @@ use super::effect::separating_experiment;
 use super::fitted::Fitted;
 use super::hypothesis::{Hypothesis, Kind};
 use super::localise::Located;
+use super::prune::STRUCTURE;
 use super::report::{
     Cause, Closure, Diagnosis, EquationFigure, Excluded, Figures, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
 };
@@ -19,9 +20,6 @@ use std::cmp::Ordering;
 
 /// Difference in BIC below which two effects count as not told apart.
 const TWINS: f64 = 6.0;
-
-/// Mean squared structure (in noise units) above which a rest counts as more than the model's own roughness.
-const STRUCTURE: f64 = 0.1;
 
 /// Share of the gap above which a rest counts.
 const REST: f64 = 0.002;

@@ -10,7 +10,7 @@ mod jacobian;
 pub(crate) mod lanes;
 
 pub use experiment::{Experiment, Hold, Log, Window};
-pub(crate) use jacobian::{Jacobian, Point};
+pub(crate) use jacobian::{Jacobian, Point, costs};
 
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -129,7 +129,7 @@ impl Refine {
                     .iter()
                     .filter_map(|factor| normal.step(&point, free, damping * factor))
                     .collect();
-                let costs = jacobian::costs(system, experiment, &trials, free);
+                let costs = costs(system, experiment, &trials, free);
                 let Some(best) = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])) else { break };
                 if costs[best] < cost {
                     converged = cost - costs[best] <= self.tolerance * cost;
