@@ -163,10 +163,12 @@ impl Writer<'_> {
                 let c = self.add("c", 0.0, rate, POSITIVE, &unit);
                 let extra = self.add("s_minus_c", 0.0, rate, POSITIVE, &unit);
                 let w = self.add("w", size, size, (0.02 * size, 2.0 * size), "");
+                // How sharp the corner is decides how long a part that should stick creeps: fitted, as for dry friction.
+                let corner = self.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
                 let bump = z.clone().over(w).power(number(2.0)).negated().apply(Function::Exp);
-                self.add_term(c.plus(extra.times(bump)).times(smooth_sign(z, size)).negated());
+                self.add_term(c.plus(extra.times(bump)).times(z.over(corner).apply(Function::Tanh)).negated());
                 let start = |w: f64| Start {
-                    columns: vec![vec![small, 0.0, w * size], vec![0.0, small, w * size]],
+                    columns: vec![vec![small, 0.0, w * size, 0.02 * size], vec![0.0, small, w * size, 0.02 * size]],
                     combine: Combine::Amplitude,
                     amplitudes: vec![(0, 0.0), (1, 0.0)],
                 };
@@ -375,18 +377,4 @@ impl Writer<'_> {
         self.add_term(form);
         Ok(starts)
     }
-}
-
-/// `sign(z)` with a corner of one fiftieth of the typical size.
-fn smooth_sign(z: Expression, size: f64) -> Expression {
-    z.over(number(round_to(0.02 * size, 2))).apply(Function::Tanh)
-}
-
-/// Rounded to a few significant digits, for numbers that a reader will see in an equation.
-fn round_to(value: f64, digits: i32) -> f64 {
-    if value == 0.0 || !value.is_finite() {
-        return value;
-    }
-    let unit = 10f64.powi(value.abs().log10().floor() as i32 + 1 - digits);
-    (value / unit).round() * unit
 }

@@ -77,8 +77,9 @@ fn gap_energy(nominal: &Fitted, outcome: &Outcome) -> f64 {
 /// Odds that the truth is outside the catalogue although `effects` of it fit well.
 ///
 /// Any curve is imitated by enough effects. The numbers are an argument, not a fit: of cases with one in seven outside
-/// the catalogue, one in ten a pair and few with three effects or more, and after a look at a handful of drawn
-/// development cases outside it, most of which took three or four effects to fit well.
+/// the catalogue, one in ten a pair and few with three effects or more. A count on development seeds agrees: of 19 cases
+/// outside it two were imitated well by two effects, none by one, and eight took three or more; nine of nine pairs came
+/// out as two.
 fn imitated(effects: usize) -> f64 {
     match effects {
         0 | 1 => 0.02,
