@@ -19,7 +19,7 @@ const BEAM: usize = 3;
 /// Steps of a first fit, how many contestants are fitted to the end, and how many nats behind the best they may be.
 const ROUGH: usize = 4;
 const FINALISTS: usize = 5;
-const NEAR: f64 = 30.0;
+pub(crate) const NEAR: f64 = 30.0;
 
 /// How many hypotheses are refitted at a contestant.
 const SHORTLIST: usize = 14;

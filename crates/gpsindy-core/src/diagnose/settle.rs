@@ -6,14 +6,13 @@ use super::fitted::Fitted;
 use super::hypothesis::Hypothesis;
 use super::prune::{NAMED, gap_size, pruned, strongest};
 use super::rival::Rival;
-use super::search::{CONVINCING, Contest, Expansion, Known, MATERIAL, Summary, keep_first_of_each, sort_by_score};
+use super::search::{
+    CONVINCING, Contest, Expansion, Known, MATERIAL, NEAR, Summary, keep_first_of_each, sort_by_score,
+};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Hold, Refine};
 use rayon::prelude::*;
-
-/// Contestants at most this many nats behind the best are fitted to the last digit before they are weighed.
-const FINISH: f64 = 30.0;
 
 /// Whether there is a gap.
 #[derive(Debug, Clone)]
@@ -226,7 +225,7 @@ fn attribute(
         fits.retain(|f| f.hypotheses.len() == best.hypotheses.len() && is_plain(f));
         fits.push(best.clone());
         let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
-        let finish = |f: Fitted| if contest.score(&f) > leader - FINISH { f.again(&thorough) } else { f };
+        let finish = |f: Fitted| if contest.score(&f) > leader - NEAR { f.again(&thorough) } else { f };
         let mut fits: Vec<Fitted> = fits.into_par_iter().map(finish).collect();
         sort_by_score(&mut fits, |f| contest.score(f));
         keep_first_of_each(&mut fits);
