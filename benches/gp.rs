@@ -1,11 +1,16 @@
-//! Likelihood with gradient by each engine: `cargo bench -p gpsindy-core --bench gp`.
+//! Likelihood with gradient by each engine, and the smoother: `cargo bench -p gpsindy-core --bench gp`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use gpsindy_core::gp::{Engine, Evaluation, FitSettings, Kernel, Points, Workspace, fit};
+use gpsindy_core::gp::{Conditioned, Engine, Evaluation, FitSettings, Kernel, Points, Quantity, Workspace, fit};
 use std::hint::black_box;
 
 fn points(n: usize) -> Points {
-    let time: Vec<f64> = (0..n).map(|i| 0.1 * i as f64).collect();
+    shifted(n, 0.0)
+}
+
+/// Every time moved off the clock by up to `shift` seconds.
+fn shifted(n: usize, shift: f64) -> Points {
+    let time: Vec<f64> = (0..n).map(|i| 0.1 * i as f64 + shift * (i as f64).sin()).collect();
     let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.1 * (37.0 * t * t).sin()).collect();
     Points::in_time(&time, &values)
 }
@@ -34,7 +39,7 @@ fn quadratic_and_cubic(c: &mut Criterion) {
 fn linear(c: &mut Criterion) {
     let mut group = c.benchmark_group("likelihood and gradient, state space");
     group.sample_size(10);
-    for n in [1000usize, 100_000] {
+    for n in [1000usize, 10_000, 1_000_000] {
         group.throughput(Throughput::Elements(n as u64));
         let points = points(n);
         for kernel in [Kernel::Matern12, Kernel::Matern32, Kernel::Matern52] {
@@ -45,6 +50,24 @@ fn linear(c: &mut Criterion) {
                     let evaluation = Evaluation { kernel: &kernel, hyper: &hyper, jitter: 0.0 };
                     evaluation.likelihood_by(Engine::StateSpace, &points, &mut gradient, &mut workspace)
                 });
+            });
+        }
+    }
+    group.finish();
+}
+
+/// Means and variances of value and derivative at every point, everything around the recursions included.
+fn smoothing(c: &mut Criterion) {
+    let mut group = c.benchmark_group("value and derivative with variances, matern52");
+    group.sample_size(10);
+    for (clock, shift) in [("uniform", 0.0), ("irregular", 0.03)] {
+        let fitted = fit(&[Kernel::Matern52], &[shifted(200, shift)], &FitSettings::default()).expect("a fit");
+        for n in [10_000usize, 100_000, 1_000_000] {
+            group.throughput(Throughput::Elements(n as u64));
+            let points = shifted(n, shift);
+            group.bench_function(BenchmarkId::new(clock, n), |b| {
+                let both = [Quantity::Value, Quantity::Derivative];
+                b.iter(|| Conditioned::new(&fitted, &points)?.predict(black_box(&points.inputs), &both, false));
             });
         }
     }
@@ -62,5 +85,5 @@ fn whole_fit(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, quadratic_and_cubic, linear, whole_fit);
+criterion_group!(benches, quadratic_and_cubic, linear, smoothing, whole_fit);
 criterion_main!(benches);

@@ -135,6 +135,9 @@ def our_time(engine, n, times):
     return (spent(times + 1) - spent(1)) / times
 
 
+PARTS = ("uniform", "irregular", "smooth-uniform", "smooth")
+
+
 def engines(repeats):
     print(f"{'likelihood and gradient, ms':30}{'LAPACK':>10}{'dense':>10}{'Toeplitz':>10}{'dense/LAPACK':>14}{'dense/Toeplitz':>16}")
     for n in (300, 1000, 3000):
@@ -146,11 +149,11 @@ def engines(repeats):
         theirs, dense, toeplitz = (1e3 * median(turn[k] for turn in turns) for k in range(3))
         ratios = [median(turn[1] / turn[k] for turn in turns) for k in (0, 2)]
         print(f"{f'n = {n}':30}{theirs:10.3f}{dense:10.3f}{toeplitz:10.4f}{ratios[0]:14.2f}{ratios[1]:16.1f}", flush=True)
-    print(f"{'Matern 5/2, ns a point':30}{'uniform':>10}{'irregular':>10}{'smoothing':>10}")
+    print(f"{'Matern 5/2, ns a point':30}{'uniform':>10}{'irregular':>10}{'smoothing: uniform':>20}{'irregular':>10}")
     for n in (1000, 10_000, 100_000, 1_000_000):
         times = max(3, 3_000_000 // n)
-        found = [median(our_time(what, n, times) for _ in range(repeats)) / n for what in ("uniform", "irregular", "smooth")]
-        print(f"{f'n = {n}':30}" + "".join(f"{1e9 * f:10.1f}" for f in found), flush=True)
+        found = [median(our_time(what, n, times) for _ in range(repeats)) / n for what in PARTS]
+        print(f"{f'n = {n}':30}" + "".join(f"{1e9 * f:{width}.1f}" for f, width in zip(found, (10, 10, 20, 10))), flush=True)
 
 
 def rollouts(repeats, t, true):

@@ -1,11 +1,11 @@
 //! One likelihood with gradient, again and again, so that a script can take the processor's time of it:
 //!
 //! ```text
-//! cargo run --release -p gpsindy-core --example likelihood -- dense|toeplitz|uniform|irregular|smooth POINTS TIMES
+//! cargo run --release -p gpsindy-core --example likelihood -- dense|toeplitz|uniform|irregular|smooth|smooth-uniform POINTS TIMES
 //! ```
 //!
 //! `dense` and `toeplitz` take the squared exponential, `uniform` and `irregular` the state space of Matern 5/2, and
-//! `smooth` its posterior of value and derivative at every (irregular) point.
+//! `smooth` (irregular) and `smooth-uniform` its posterior of value and derivative at every point.
 
 use gpsindy_core::gp::{Conditioned, Engine, Evaluation, Fit, FitSettings, Kernel, Points, Quantity, Workspace, fit};
 
@@ -25,11 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (kernel, engine) = match what.as_str() {
         "dense" => (Kernel::SquaredExponential, Engine::Dense),
         "toeplitz" => (Kernel::SquaredExponential, Engine::Toeplitz),
-        "uniform" | "irregular" | "smooth" => (Kernel::Matern52, Engine::StateSpace),
+        "uniform" | "irregular" | "smooth" | "smooth-uniform" => (Kernel::Matern52, Engine::StateSpace),
         other => return Err(format!("unknown engine `{other}`").into()),
     };
     let points = points(n, matches!(what.as_str(), "irregular" | "smooth"));
-    if what == "smooth" {
+    if what.starts_with("smooth") {
         let fitted: Fit = fit(&[kernel], &[self::points(200, true)], &FitSettings::default())?;
         let both = [Quantity::Value, Quantity::Derivative];
         for _ in 0..repeats {

@@ -2,7 +2,7 @@
 
 use super::contract::{kernels, some_hyper};
 use super::posterior::Quantity;
-use super::{Conditioned, Engine, Evaluation, Fit, Kernel, Points, Workspace};
+use super::{Conditioned, Engine, Evaluation, Fit, Kernel, Points, Posterior, Workspace};
 
 fn uniform(n: usize) -> Points {
     let time: Vec<f64> = (0..n).map(|i| 0.1 * i as f64).collect();
@@ -98,30 +98,55 @@ fn with_hyper(kernel: Kernel, hyper: Vec<f64>, noise: f64) -> Fit {
     }
 }
 
+/// Posteriors of the smoother and, by a sum that has no state-space form but is the same process, of the dense engine.
+fn smoothed_and_dense(kernel: &Kernel, noise: f64, points: &Points, at: &[Vec<f64>], joint: bool) -> [Posterior; 2] {
+    let both = [Quantity::Value, Quantity::Derivative];
+    let sum = kernel.clone().plus(Kernel::SquaredExponential);
+    [(kernel.clone(), vec![0.2, -0.1]), (sum, vec![0.2, -0.1, -60.0, 0.0])].map(|(kernel, hyper)| {
+        Conditioned::new(&with_hyper(kernel, hyper, noise), points).unwrap().predict(at, &both, joint).unwrap()
+    })
+}
+
+fn assert_same_law([a, b]: &[Posterior; 2], kernel: &Kernel) {
+    assert_eq!(a.mean.len(), b.mean.len());
+    for i in 0..a.mean.len() {
+        let (mean, other) = (a.mean[i], b.mean[i]);
+        assert!((mean - other).abs() < 1e-9 * (1.0 + other.abs()), "{kernel} {i}: {mean} {other}");
+        let (variance, other) = (a.variance[i], b.variance[i]);
+        assert!((variance - other).abs() < 1e-9 * (1.0 + other), "{kernel} {i}: {variance} {other}");
+    }
+}
+
 #[test]
 fn the_smoother_agrees_with_the_dense_posterior() {
-    // A product with a constant-like second factor is the same process but has no state-space form.
     let at = vec![vec![-0.5, 0.0, 0.31, 0.4, 2.0, 2.0, 1.2, 5.9, 9.0, 12.0]];
     for kernel in [Kernel::Matern32, Kernel::Matern52] {
-        let hyper = vec![0.2, -0.1];
-        let smoother = Conditioned::new(&with_hyper(kernel.clone(), hyper.clone(), 0.05), &irregular(60)).unwrap();
-        let dense_kernel = kernel.clone().plus(Kernel::SquaredExponential);
-        let dense_hyper = vec![0.2, -0.1, -60.0, 0.0];
-        let dense = Conditioned::new(&with_hyper(dense_kernel, dense_hyper, 0.05), &irregular(60)).unwrap();
-        let both = [Quantity::Value, Quantity::Derivative];
-        let (a, b) = (smoother.predict(&at, &both, true).unwrap(), dense.predict(&at, &both, true).unwrap());
-        let (ca, cb) = (a.covariance.unwrap(), b.covariance.unwrap());
-        for i in 0..20 {
-            assert!(
-                (a.mean[i] - b.mean[i]).abs() < 1e-9 * (1.0 + b.mean[i].abs()),
-                "{kernel} {i}: {} {}",
-                a.mean[i],
-                b.mean[i]
-            );
-            assert!((a.variance[i] - b.variance[i]).abs() < 1e-9 * (1.0 + b.variance[i]), "{kernel} {i}");
-            for j in 0..20 {
-                assert!((ca[(i, j)] - cb[(i, j)]).abs() < 1e-9, "{kernel} {i} {j}: {} {}", ca[(i, j)], cb[(i, j)]);
-            }
+        let laws = smoothed_and_dense(&kernel, 0.05, &irregular(60), &at, true);
+        assert_same_law(&laws, &kernel);
+        let [a, b] = laws.map(|law| law.covariance.unwrap());
+        for (i, j) in (0..20).flat_map(|i| (0..20).map(move |j| (i, j))) {
+            assert!((a[(i, j)] - b[(i, j)]).abs() < 1e-9, "{kernel} {i} {j}: {} {}", a[(i, j)], b[(i, j)]);
+        }
+    }
+}
+
+#[test]
+fn four_stretches_side_by_side_agree_with_the_dense_posterior() {
+    let n = 900;
+    for points in [uniform(n), irregular(n)] {
+        let own = points.inputs.clone();
+        // Between the points, beyond both ends, some times twice and in no order.
+        let between = vec![(0..700).map(|i| 97.0 * (0.5 + 0.55 * (i as f64).sin()) - 3.0).collect()];
+        for (at, kernel, noise) in [
+            (&own, Kernel::Matern52, 0.05),
+            (&own, Kernel::Matern32, 0.5),
+            (&own, Kernel::Matern52, 1e-3),
+            (&between, Kernel::Matern52, 0.2),
+        ] {
+            assert_same_law(&smoothed_and_dense(&kernel, noise, &points, at, false), &kernel);
+        }
+        for kernel in [Kernel::Matern12, Kernel::Matern32, Kernel::Matern52] {
+            agree(&kernel, &points, Engine::StateSpace, 0.1, 1e-9);
         }
     }
 }

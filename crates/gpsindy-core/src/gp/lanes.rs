@@ -15,6 +15,7 @@ pub(super) trait Lanes: Copy {
     fn plus(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `c - a b`.
     fn minus(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    fn over(self, a: Self::V, b: Self::V) -> Self::V;
 
     /// The first of the four.
     #[inline(always)]
@@ -67,6 +68,10 @@ impl Lanes for Portable {
     fn minus(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
         each(|l| c[l] - a[l] * b[l])
     }
+    #[inline(always)]
+    fn over(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(|l| a[l] / b[l])
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -104,5 +109,9 @@ impl Lanes for pulp::x86::V3 {
     #[inline(always)]
     fn minus(self, a: pulp::f64x4, b: pulp::f64x4, c: pulp::f64x4) -> pulp::f64x4 {
         self.negate_mul_add_f64x4(a, b, c)
+    }
+    #[inline(always)]
+    fn over(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
+        self.div_f64x4(a, b)
     }
 }

@@ -17,6 +17,7 @@ mod kernel;
 mod lanes;
 mod likelihood;
 mod line_search;
+mod matern;
 mod optimise;
 mod points;
 mod posterior;
@@ -27,6 +28,7 @@ mod start;
 mod state_smoother;
 mod state_space;
 mod steps;
+mod stretches;
 mod toeplitz;
 
 pub use fit::{Candidate, Fit, FitSettings, Weakness, fit};

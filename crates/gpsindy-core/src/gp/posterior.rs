@@ -39,6 +39,7 @@ pub struct Posterior {
 pub struct Conditioned {
     evaluation: Owned,
     dimension: usize,
+    /// Of the points, where the engine is dense.
     inputs: Vec<Vec<f64>>,
     offset: f64,
     scale: f64,
@@ -89,8 +90,12 @@ impl Conditioned {
         let mut hyper = fit.hyper.clone();
         fit.kernel.rescale(fit.dimension, &mut hyper, -fit.scale.ln());
         hyper.push((fit.noise / fit.scale).ln());
-        let standard =
-            Points { targets: points.targets.iter().map(|v| (v - offset) / fit.scale).collect(), ..points.clone() };
+        let standard = Points {
+            inputs: points.inputs.clone(),
+            targets: points.targets.iter().map(|v| (v - offset) / fit.scale).collect(),
+            noise_weights: points.noise_weights.clone(),
+        };
+        let mut inputs = Vec::new();
         let engine = if n == 0 {
             Prepared::Prior
         } else if has_state_space(&fit.kernel) && standard.ordered() {
@@ -104,17 +109,11 @@ impl Conditioned {
                 .into_iter()
                 .find_map(factor)
                 .ok_or_else(|| Error::NotPositiveDefinite { what: "covariance".into(), size: n, jitter: 1e-6 })?;
+            inputs = standard.inputs;
             Prepared::Dense { lower: workspace.lower().clone(), weights }
         };
         let evaluation = Owned { kernel: fit.kernel.clone(), hyper };
-        Ok(Self {
-            evaluation,
-            dimension: fit.dimension,
-            inputs: points.inputs.clone(),
-            offset,
-            scale: fit.scale,
-            engine,
-        })
+        Ok(Self { evaluation, dimension: fit.dimension, inputs, offset, scale: fit.scale, engine })
     }
 
     /// Law of `quantities` at `at` (columns of inputs; one column of times), with the joint
@@ -141,22 +140,24 @@ impl Conditioned {
         }
         let m = at[0].len();
         let size = m * quantities.len();
-        let (mut mean, mut variance) = (vec![0.0; size], vec![0.0; size]);
-        let prior: Vec<f64> = quantities.iter().flat_map(|&q| std::iter::repeat_n(self.prior_variance(q), m)).collect();
-        let dense = !matches!(self.engine, Prepared::Smoother { .. });
-        let mut covariance = (joint && dense).then(|| self.covariance(at, quantities, at, quantities));
-        match &self.engine {
-            Prepared::Prior => variance.copy_from_slice(&prior),
+        // Law before anything is measured, dense.
+        let prior = || {
+            let variance = quantities.iter().flat_map(|&q| std::iter::repeat_n(self.prior_variance(q), m)).collect();
+            (vec![0.0; size], variance, joint.then(|| self.covariance(at, quantities, at, quantities)))
+        };
+        let (mut mean, mut variance, mut covariance): (Vec<f64>, Vec<f64>, _) = match &self.engine {
+            Prepared::Prior => prior(),
             Prepared::Smoother { points, jitter } => {
                 let hyper = &self.evaluation.hyper;
                 let law = state_smoother::posterior(kernel, hyper, points, *jitter, &at[0], quantities, joint);
-                (mean, variance, covariance) = law.ok_or_else(|| Error::NotPositiveDefinite {
+                law.ok_or_else(|| Error::NotPositiveDefinite {
                     what: "covariance".into(),
                     size: points.len(),
                     jitter: *jitter,
-                })?;
+                })?
             }
             Prepared::Dense { lower, weights } => {
+                let (mut mean, mut variance, mut covariance) = prior();
                 // n x size: covariance of the targets with what is asked for.
                 let mut cross = self.covariance(&self.inputs, &[Quantity::Value], at, quantities);
                 for (j, mean) in mean.iter_mut().enumerate() {
@@ -165,19 +166,20 @@ impl Conditioned {
                 solve_lower_triangular_in_place(lower.as_ref(), cross.as_mut(), Par::Seq);
                 for (j, v) in variance.iter_mut().enumerate() {
                     let column = cross.col_as_slice(j);
-                    *v = (prior[j] - super::covariance::dot(column, column)).max(0.0);
+                    *v = (*v - super::covariance::dot(column, column)).max(0.0);
                 }
                 if let Some(covariance) = &mut covariance {
                     matmul(covariance.as_mut(), Accum::Add, cross.transpose(), cross.as_ref(), -1.0, Par::Seq);
                 }
+                (mean, variance, covariance)
             }
-        }
+        };
         let scale2 = self.scale * self.scale;
-        for (j, (mean, variance)) in mean.iter_mut().zip(&mut variance).enumerate() {
-            let offset = if quantities[j / m.max(1)] == Quantity::Value { self.offset } else { 0.0 };
-            *mean = offset + self.scale * *mean;
-            *variance *= scale2;
+        for (j, mean) in mean.chunks_mut(m.max(1)).enumerate() {
+            let offset = if quantities[j] == Quantity::Value { self.offset } else { 0.0 };
+            mean.iter_mut().for_each(|mean| *mean = offset + self.scale * *mean);
         }
+        variance.iter_mut().for_each(|variance| *variance *= scale2);
         if let Some(c) = &mut covariance {
             *c = Mat::from_fn(size, size, |i, j| {
                 scale2 * if i == j { c[(i, i)].max(0.0) } else { 0.5 * (c[(i, j)] + c[(j, i)]) }

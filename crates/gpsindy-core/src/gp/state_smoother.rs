@@ -8,11 +8,14 @@
 
 use super::kernel::Kernel;
 use super::likelihood::LeaveOneOut;
-use super::points::Points;
+use super::matern::{FiveHalves, Form, Half, Matrix, ThreeHalves, Vector};
+use super::points::{Points, all_finite};
 use super::posterior::Quantity;
-use super::state_space::{FiveHalves, Form, Half, Matrix, Scaled, ThreeHalves, Vector, sandwich, times};
+use super::state_space::{Scaled, sandwich, times};
 use super::steps::Steps;
+use super::stretches::{self, Wanted};
 use faer::Mat;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// `K^-1 y` and the diagonal of `K^-1`; `None` where the kernel has no such form or a number overflows.
@@ -48,41 +51,62 @@ pub(super) fn posterior(
 pub(super) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
 
 /// Times in order, each with a measurement or without.
-struct Events {
-    time: Vec<f64>,
+pub(super) struct Events<'a> {
+    pub(super) time: Cow<'a, [f64]>,
     /// NaN where there is no measurement.
-    target: Vec<f64>,
-    noise_weight: Vec<f64>,
+    pub(super) target: Cow<'a, [f64]>,
+    /// Empty where all are 1.
+    noise_weights: Cow<'a, [f64]>,
     /// Step of a uniform clock, all of it measured.
     clock: Option<f64>,
 }
 
-impl Events {
+impl<'a> Events<'a> {
     /// Measurements and the times `at` without one.
-    fn new(points: &Points, at: &[f64]) -> Self {
+    pub(super) fn new(points: &'a Points, at: &[f64]) -> Self {
+        let measured = &points.inputs[0];
+        if at.is_empty() || at == measured {
+            return Self {
+                time: Cow::Borrowed(measured),
+                target: Cow::Borrowed(&points.targets),
+                noise_weights: Cow::Borrowed(&points.noise_weights),
+                clock: points.uniform_step(),
+            };
+        }
         let mut extra: Vec<f64> = at.to_vec();
         extra.sort_by(f64::total_cmp);
         extra.dedup();
         let size = points.len() + extra.len();
-        let new = || Vec::with_capacity(size);
-        let mut out = Self { time: new(), target: new(), noise_weight: new(), clock: None };
+        let weighted = !points.noise_weights.is_empty();
+        let (mut time, mut target) = (Vec::with_capacity(size), Vec::with_capacity(size));
+        let mut noise_weights = Vec::with_capacity(if weighted { size } else { 0 });
+        let mut push = |t: f64, y: f64, weight: f64| {
+            time.push(t);
+            target.push(y);
+            if weighted {
+                noise_weights.push(weight);
+            }
+        };
         let mut next = 0;
-        for i in 0..points.len() {
-            let time = points.inputs[0][i];
-            while next < extra.len() && extra[next] < time {
-                out.push(extra[next], f64::NAN, 1.0);
+        for (i, &now) in measured.iter().enumerate() {
+            while next < extra.len() && extra[next] < now {
+                push(extra[next], f64::NAN, 1.0);
                 next += 1;
             }
-            if next < extra.len() && extra[next] == time {
+            if next < extra.len() && extra[next] == now {
                 next += 1;
             }
-            out.push(time, points.targets[i], points.noise_weight(i));
+            push(now, points.targets[i], points.noise_weight(i));
         }
-        extra[next..].iter().for_each(|&time| out.push(time, f64::NAN, 1.0));
-        if out.time.len() == points.len() {
-            out.clock = points.uniform_step();
-        }
-        out
+        extra[next..].iter().for_each(|&now| push(now, f64::NAN, 1.0));
+        let clock = if time.len() == points.len() { points.uniform_step() } else { None };
+        Self { time: Cow::Owned(time), target: Cow::Owned(target), noise_weights: Cow::Owned(noise_weights), clock }
+    }
+
+    /// Factor on the noise variance of event i.
+    #[inline(always)]
+    pub(super) fn noise_weight(&self, i: usize) -> f64 {
+        self.noise_weights.get(i).copied().unwrap_or(1.0)
     }
 
     /// Where each of `at` stands; neighbours are looked for near each other.
@@ -95,12 +119,6 @@ impl Events {
             last
         };
         at.iter().map(find).collect()
-    }
-
-    fn push(&mut self, time: f64, target: f64, noise_weight: f64) {
-        self.time.push(time);
-        self.target.push(target);
-        self.noise_weight.push(noise_weight);
     }
 }
 
@@ -140,7 +158,7 @@ struct Adjoint<const M: usize> {
 /// filtered again. That costs less than the memory of all.
 struct Sweep<'a, const M: usize, S, F> {
     scaled: &'a Scaled,
-    events: &'a Events,
+    events: &'a Events<'a>,
     block: usize,
     visit: F,
     form: std::marker::PhantomData<S>,
@@ -196,7 +214,7 @@ impl<const M: usize, S: Form<M>, F: FnMut(usize, &Filtered<M>, &Adjoint<M>)> Swe
             let mut filtered =
                 Filtered { mean: *mean, covariance: *covariance, gain: [0.0; M], innovation: 0.0, precision: 0.0 };
             if !events.target[i].is_nan() {
-                let v = covariance[0][0] + scaled.rho * events.noise_weight[i] + scaled.jitter;
+                let v = covariance[0][0] + scaled.rho * events.noise_weight(i) + scaled.jitter;
                 if v.is_nan() || v <= 0.0 {
                     return None;
                 }
@@ -287,18 +305,15 @@ fn transpose<const M: usize>(a: &Matrix<M>) -> Matrix<M> {
 fn left_out<const M: usize, S: Form<M>>(hyper: &[f64], points: &Points, jitter: f64) -> Option<LeaveOneOut> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = Events::new(points, &[]);
-    let mut out = LeaveOneOut { weights: vec![0.0; points.len()], diagonal: vec![0.0; points.len()] };
-    sweep::<M, S>(&scaled, &events, BLOCK, |i, _, at| {
-        (out.weights[i], out.diagonal[i]) = (at.weight / scaled.s2, at.diagonal / scaled.s2);
-    })?;
-    Some(out)
-}
-
-/// Value and derivative (without the factor to the unit of time).
-#[derive(Clone, Copy, Default)]
-struct Smoothed {
-    mean: [f64; 2],
-    variance: [f64; 2],
+    let (mut weights, mut diagonal) = (vec![0.0; points.len()], vec![0.0; points.len()]);
+    let mut columns: [&mut [f64]; 4] = [&mut weights, &mut diagonal, &mut [], &mut []];
+    if !stretches::smooth::<M, S>(&scaled, &events, Wanted::LeftOut, &mut columns) {
+        sweep::<M, S>(&scaled, &events, BLOCK, |i, _, at| {
+            (weights[i], diagonal[i]) = (at.weight, at.diagonal);
+        })?;
+    }
+    weights.iter_mut().chain(&mut diagonal).for_each(|w| *w /= scaled.s2);
+    Some(LeaveOneOut { weights, diagonal })
 }
 
 fn predict<const M: usize, S: Form<M>>(
@@ -311,36 +326,73 @@ fn predict<const M: usize, S: Form<M>>(
 ) -> Option<Law> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = Events::new(points, at);
-    let mut smoothed = vec![Smoothed::default(); events.time.len()];
-    // What the later measurements leave of the error.
-    let mut left = vec![[[0.0; M]; 2]; if joint { events.time.len() } else { 0 }];
-    // The joint covariance needs what the filter left of every event.
-    let block = if joint { usize::MAX } else { BLOCK };
-    let filtered = sweep::<M, S>(&scaled, &events, block, |i, f, adjoint| {
-        for c in 0..M.min(2) {
-            let p = &f.covariance;
-            let after = remaining(p, &adjoint.information, c);
-            let shift: f64 = (0..M).map(|k| p[c][k] * adjoint.mean[k]).sum();
-            smoothed[i].mean[c] = f.mean[c] + shift;
-            smoothed[i].variance[c] = (0..M).map(|k| p[c][k] * after[k]).sum();
-            if joint {
-                left[i][c] = after;
+    let n = events.time.len();
+    // Value and then derivative (without the factor to the unit of time) at all events.
+    let (mut mean, mut variance) = (vec![0.0; 2 * n], vec![0.0; 2 * n]);
+    let (value, derivative) = mean.split_at_mut(n);
+    let (value_variance, derivative_variance) = variance.split_at_mut(n);
+    let mut columns: [&mut [f64]; 4] = [value, derivative, value_variance, derivative_variance];
+    let mut remembered = None;
+    if joint || !stretches::smooth::<M, S>(&scaled, &events, Wanted::Law, &mut columns) {
+        // What the later measurements leave of the error.
+        let mut left = vec![[[0.0; M]; 2]; if joint { n } else { 0 }];
+        // The joint covariance needs what the filter left of every event.
+        let block = if joint { usize::MAX } else { BLOCK };
+        let filtered = sweep::<M, S>(&scaled, &events, block, |i, f, adjoint| {
+            for c in 0..M.min(2) {
+                let p = &f.covariance;
+                let after = remaining(p, &adjoint.information, c);
+                let shift: f64 = (0..M).map(|k| p[c][k] * adjoint.mean[k]).sum();
+                columns[c][i] = f.mean[c] + shift;
+                columns[2 + c][i] = (0..M).map(|k| p[c][k] * after[k]).sum();
+                if joint {
+                    left[i][c] = after;
+                }
             }
-        }
-    })?;
-    // Component of the state and the factor to the unit of time.
-    let component = |q: Quantity| if q == Quantity::Value { (0, 1.0) } else { (1, scaled.lambda) };
-    let place = events.places(at);
-    let size = at.len() * quantities.len();
-    let (mut mean, mut variance) = (Vec::with_capacity(size), Vec::with_capacity(size));
-    for &q in quantities {
-        let (c, factor) = component(q);
-        for &i in &place {
-            mean.push(factor * smoothed[i].mean[c]);
-            variance.push((scaled.s2 * factor * factor * smoothed[i].variance[c]).max(0.0));
-        }
+        })?;
+        remembered = joint.then_some(Remembered { filtered, left });
     }
-    let covariance = joint.then(|| {
+    let scale = |q: Quantity| if q == Quantity::Value { 1.0 } else { scaled.lambda };
+    let everywhere = at == points.inputs[0] && *quantities == [Quantity::Value, Quantity::Derivative];
+    if !everywhere {
+        let place = events.places(at);
+        let pick = |column: &[f64]| -> Vec<f64> {
+            let of = |q: &Quantity| if *q == Quantity::Value { &column[..n] } else { &column[n..] };
+            quantities.iter().flat_map(|q| place.iter().map(move |&i| of(q)[i])).collect()
+        };
+        (mean, variance) = (pick(&mean), pick(&variance));
+    }
+    for ((mean, variance), &q) in
+        mean.chunks_mut(at.len().max(1)).zip(variance.chunks_mut(at.len().max(1))).zip(quantities)
+    {
+        let (factor, square) = (scale(q), scaled.s2 * scale(q) * scale(q));
+        mean.iter_mut().for_each(|m| *m *= factor);
+        variance.iter_mut().for_each(|v| *v = (square * *v).max(0.0));
+    }
+    let finite = all_finite(&mean) && all_finite(&variance);
+    let covariance = remembered.map(|r| r.covariance::<S>(&scaled, &events, at, quantities));
+    finite.then_some((mean, variance, covariance))
+}
+
+/// What the filter left of every event, and what the later measurements leave of the error.
+struct Remembered<const M: usize> {
+    filtered: Vec<Filtered<M>>,
+    left: Vec<[Vector<M>; 2]>,
+}
+
+impl<const M: usize> Remembered<M> {
+    /// Joint covariance of the quantities at the times `at`.
+    fn covariance<S: Form<M>>(
+        &self,
+        scaled: &Scaled,
+        events: &Events,
+        at: &[f64],
+        quantities: &[Quantity],
+    ) -> Mat<f64> {
+        // Component of the state and the factor to the unit of time.
+        let component = |q: Quantity| if q == Quantity::Value { (0, 1.0) } else { (1, scaled.lambda) };
+        let place = events.places(at);
+        let size = at.len() * quantities.len();
         let mut out = Mat::zeros(size, size);
         let mut order: Vec<usize> = (0..at.len()).collect();
         order.sort_by_key(|&k| place[k]);
@@ -358,11 +410,11 @@ fn predict<const M: usize, S: Form<M>>(
             let (ca, factor_a) = component(quantity_a);
             for (rank, &ka) in order.iter().enumerate() {
                 // The row of the covariance carried along the filter's error.
-                let mut row = filtered[place[ka]].covariance[ca];
+                let mut row = self.filtered[place[ka]].covariance[ca];
                 let mut here = place[ka];
                 for &kb in &order[rank..] {
                     while here < place[kb] {
-                        let f = &filtered[here];
+                        let f = &self.filtered[here];
                         let first = row[0];
                         let updated: Vector<M> = std::array::from_fn(|k| row[k] - f.gain[k] * first);
                         here += 1;
@@ -370,7 +422,7 @@ fn predict<const M: usize, S: Form<M>>(
                     }
                     for (qb, &quantity_b) in quantities.iter().enumerate() {
                         let (cb, factor_b) = component(quantity_b);
-                        let left = &left[place[kb]][cb];
+                        let left = &self.left[place[kb]][cb];
                         let value: f64 = (0..M).map(|k| row[k] * left[k]).sum();
                         let value = scaled.s2 * factor_a * factor_b * value;
                         let (r, c) = (qa * at.len() + ka, qb * at.len() + kb);
@@ -380,8 +432,7 @@ fn predict<const M: usize, S: Form<M>>(
             }
         }
         out
-    });
-    (mean.iter().chain(&variance).all(|v| v.is_finite())).then_some((mean, variance, covariance))
+    }
 }
 
 /// Column c of `1 - information P`: what the later measurements leave of the error.

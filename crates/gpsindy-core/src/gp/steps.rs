@@ -4,7 +4,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::exp::exp_negative;
-use super::state_space::{Form, Matrix};
+use super::matern::{Form, Matrix};
 
 /// `I_k = int_0^a s^k e^(-2 s) ds` for k = 0..4, each accurate relative to itself.
 #[inline(always)]
@@ -67,11 +67,72 @@ const CHUNK: usize = 64;
 /// Scaled step up to which the moments are summed as a series.
 const SERIES: f64 = 2.0;
 
-/// Transitions and process noises of a chunk of steps, each entry with its neighbours in time.
+/// Steps side by side with their transitions and process noises, each entry with its neighbours.
+pub(super) struct Table<const M: usize, const SIZE: usize> {
+    /// Scaled lengths; beyond 300 the memory is gone (e^-300), and polynomials of a stay finite.
+    pub(super) a: [f64; SIZE],
+    /// `exp(-a)`.
+    pub(super) decay: [f64; SIZE],
+    pub(super) transition: [[[f64; SIZE]; M]; M],
+    pub(super) noise: [[[f64; SIZE]; M]; M],
+}
+
+impl<const M: usize, const SIZE: usize> Table<M, SIZE> {
+    /// Steps of no length.
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        let zero = [[[0.0; SIZE]; M]; M];
+        Self { a: [0.0; SIZE], decay: [1.0; SIZE], transition: zero, noise: zero }
+    }
+
+    /// Decays from the lengths.
+    #[inline(always)]
+    pub(super) fn decay(&mut self) {
+        for (d, a) in self.decay.iter_mut().zip(&self.a) {
+            *d = exp_negative(-a);
+        }
+    }
+
+    /// Transitions from lengths and decays.
+    #[inline(always)]
+    pub(super) fn turn<S: Form<M>>(&mut self) {
+        for l in 0..SIZE {
+            let transition = S::transition(self.a[l], self.decay[l]);
+            for i in 0..M {
+                for j in 0..M {
+                    self.transition[i][j][l] = transition[i][j];
+                }
+            }
+        }
+    }
+
+    /// Process noises from lengths and decays.
+    #[inline(always)]
+    pub(super) fn drive<S: Form<M>>(&mut self) {
+        let mut moment = [[0.0; SIZE]; 5];
+        let longest = self.a.iter().copied().fold(0.0f64, f64::max);
+        if longest > SERIES {
+            for l in 0..SIZE {
+                let each = moments(self.a[l], self.decay[l]);
+                (0..5).for_each(|k| moment[k][l] = each[k]);
+            }
+        } else {
+            series(&self.a, &self.decay, longest, &mut moment);
+        }
+        for l in 0..SIZE {
+            let noise = S::process_noise(std::array::from_fn(|k| moment[k][l]));
+            for i in 0..M {
+                for j in 0..M {
+                    self.noise[i][j][l] = noise[i][j];
+                }
+            }
+        }
+    }
+}
+
+/// Transitions and process noises of a chunk of steps.
 pub(super) struct Steps<const M: usize> {
-    a: [f64; CHUNK],
-    transition: [[[f64; CHUNK]; M]; M],
-    noise: [[[f64; CHUNK]; M]; M],
+    table: Table<M, CHUNK>,
     /// The steps that end at points `first..first + CHUNK` are prepared; 0: none.
     first: usize,
 }
@@ -79,15 +140,14 @@ pub(super) struct Steps<const M: usize> {
 impl<const M: usize> Steps<M> {
     #[inline(always)]
     pub(super) fn new() -> Self {
-        let zero = [[[0.0; CHUNK]; M]; M];
-        Self { a: [0.0; CHUNK], transition: zero, noise: zero, first: 0 }
+        Self { table: Table::new(), first: 0 }
     }
 
     /// Transition, process noise and scaled length of a prepared step.
     #[inline(always)]
     pub(super) fn at(&self, place: usize) -> (Matrix<M>, Matrix<M>, f64) {
         let pick = |all: &[[[f64; CHUNK]; M]; M]| std::array::from_fn(|i| std::array::from_fn(|j| all[i][j][place]));
-        (pick(&self.transition), pick(&self.noise), self.a[place])
+        (pick(&self.table.transition), pick(&self.table.noise), self.table.a[place])
     }
 
     /// Prepares the one step of a uniform clock; its place.
@@ -96,10 +156,11 @@ impl<const M: usize> Steps<M> {
         if self.first == 0 {
             let mut one = Step::<M>::new();
             one.set::<S>(lambda, step);
-            (self.first, self.a[0]) = (1, one.a);
+            (self.first, self.table.a[0]) = (1, one.a);
             for i in 0..M {
                 for j in 0..M {
-                    (self.transition[i][j][0], self.noise[i][j][0]) = (one.transition[i][j], one.noise[i][j]);
+                    self.table.transition[i][j][0] = one.transition[i][j];
+                    self.table.noise[i][j][0] = one.noise[i][j];
                 }
             }
         }
@@ -126,15 +187,17 @@ impl<const M: usize> Steps<M> {
 
     fn prepare<S: Form<M>>(&mut self, lambda: f64, time: &[f64], first: usize) {
         self.first = first;
-        pulp::Arch::new().dispatch(Prepare::<M, S> { steps: self, lambda, time, form: std::marker::PhantomData });
+        self.table.a = [0.0; CHUNK];
+        for ((a, now), past) in self.table.a.iter_mut().zip(&time[first..]).zip(&time[first - 1..]) {
+            *a = (lambda * (now - past)).min(300.0);
+        }
+        pulp::Arch::new().dispatch(Prepare::<M, S> { table: &mut self.table, form: std::marker::PhantomData });
     }
 }
 
 /// The preparation of a chunk, compiled for the processor at hand.
 struct Prepare<'a, const M: usize, S> {
-    steps: &'a mut Steps<M>,
-    lambda: f64,
-    time: &'a [f64],
+    table: &'a mut Table<M, CHUNK>,
     form: std::marker::PhantomData<S>,
 }
 
@@ -143,55 +206,28 @@ impl<const M: usize, S: Form<M>> pulp::WithSimd for Prepare<'_, M, S> {
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { steps, lambda, time, .. } = self;
-        let first = steps.first;
-        let count = CHUNK.min(time.len() - first);
-        let (mut decay, mut moment) = ([1.0; CHUNK], [[0.0; CHUNK]; 5]);
-        steps.a = [0.0; CHUNK];
-        // Beyond 300 the memory is gone (e^-300), and polynomials of a stay finite.
-        for ((a, now), past) in steps.a[..count].iter_mut().zip(&time[first..]).zip(&time[first - 1..]) {
-            *a = (lambda * (now - past)).min(300.0);
-        }
-        for (d, a) in decay.iter_mut().zip(&steps.a) {
-            *d = exp_negative(-a);
-        }
-        let longest = steps.a.iter().copied().fold(0.0f64, f64::max);
-        if longest > SERIES {
-            for l in 0..count {
-                let each = moments(steps.a[l], decay[l]);
-                (0..5).for_each(|k| moment[k][l] = each[k]);
-            }
-        } else {
-            series(&steps.a, &decay, longest, &mut moment);
-        }
-        for l in 0..CHUNK {
-            let transition = S::transition(steps.a[l], decay[l]);
-            let noise = S::process_noise(std::array::from_fn(|k| moment[k][l]));
-            for i in 0..M {
-                for j in 0..M {
-                    (steps.transition[i][j][l], steps.noise[i][j][l]) = (transition[i][j], noise[i][j]);
-                }
-            }
-        }
+        self.table.decay();
+        self.table.turn::<S>();
+        self.table.drive::<S>();
     }
 }
 
 /// [`moments`] of many steps no longer than [`SERIES`].
 #[inline(always)]
-fn series(a: &[f64; CHUNK], decay: &[f64; CHUNK], longest: f64, moment: &mut [[f64; CHUNK]; 5]) {
+fn series<const SIZE: usize>(a: &[f64; SIZE], decay: &[f64; SIZE], longest: f64, moment: &mut [[f64; SIZE]; 5]) {
     let (mut term, mut terms) = (1.0, 0);
     while term > 1e-17 {
         terms += 1;
         term *= 2.0 * longest / (terms + 5) as f64;
     }
-    let mut sum = [1.0; CHUNK];
+    let mut sum = [1.0; SIZE];
     for k in (1..=terms).rev() {
         let share = 2.0 / (k + 5) as f64;
-        for l in 0..CHUNK {
+        for l in 0..SIZE {
             sum[l] = 1.0 + share * a[l] * sum[l];
         }
     }
-    for l in 0..CHUNK {
+    for l in 0..SIZE {
         let (a, end) = (a[l], decay[l] * decay[l]);
         let a2 = a * a;
         moment[4][l] = 0.2 * end * a2 * a2 * a * sum[l];
@@ -204,7 +240,7 @@ fn series(a: &[f64; CHUNK], decay: &[f64; CHUNK], longest: f64, moment: &mut [[f
 
 #[cfg(test)]
 mod tests {
-    use super::super::state_space::{FiveHalves, Half, ThreeHalves};
+    use super::super::matern::{FiveHalves, Half, ThreeHalves};
     use super::*;
 
     #[test]
