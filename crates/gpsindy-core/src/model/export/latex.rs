@@ -41,7 +41,12 @@ fn at(expression: &Expression, needed: u8) -> Result<String> {
 
 fn piece(expression: &Expression) -> Result<Piece> {
     Ok(match expression {
-        Expression::Number(value) => (number(*value), if value.is_sign_negative() { 2 } else { 9 }),
+        Expression::Number(value) => {
+            let text = number(*value);
+            // A power of ten is a product.
+            let binding = if value.is_sign_negative() { 2 } else { 9 - 6 * u8::from(text.contains("times")) };
+            (text, binding)
+        }
         Expression::Pi => ("\\pi".into(), 9),
         Expression::Time => ("t".into(), 9),
         Expression::Variable(variable) => (name(variable), 9),
@@ -149,6 +154,7 @@ mod tests {
             ("delay(u, tau)", "u\\left(t - \\tau\\right)"),
             ("play(u, w)", "\\operatorname{play}_{w}\\left(u\\right)"),
             ("1e-7*x", "1 \\times 10^{-7} \\, x"),
+            ("1e-7^2", "{\\left(1 \\times 10^{-7}\\right)}^{2}"),
             ("abs(v)*asin(x)", "\\left|v\\right| \\, \\arcsin\\left(x\\right)"),
         ] {
             assert_eq!(at(&Expression::parse(source).unwrap(), 1).unwrap(), wanted, "{source}");
