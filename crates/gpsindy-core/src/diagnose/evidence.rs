@@ -64,6 +64,18 @@ fn levinson(covariance: &[f64], count: usize) -> Colour {
 }
 
 impl Colour {
+    /// Variance of the innovations, as far as the residual can be noise.
+    ///
+    /// Differences of samples see a sensor's innovations, whatever its colour (a random walk's as 3.6). Innovations far
+    /// above that belong to structure, and say how smooth it is, not how large: an effect that leaves a large smooth rest
+    /// would win over one that leaves a small rough one. Such a rest counts by its size, less what the slowest noise
+    /// (a coefficient of 0.975) would keep of it.
+    fn noise_like(&self) -> f64 {
+        const ROUGH: f64 = 4.0;
+        const SLOWEST: f64 = 20.0;
+        self.innovation.max((self.variance / SLOWEST).min(self.innovation * self.innovation / ROUGH))
+    }
+
     /// Filters every `stride`th value from `first` on to unit, uncorrelated noise, in place. Missing values are zero.
     fn whiten(&self, values: &mut [f64], first: usize, stride: usize) {
         let order = self.coefficients.len();
@@ -98,7 +110,7 @@ pub(crate) fn whiten(colours: &[Colour], values: &mut DVector<f64>) {
 pub(crate) fn log_likelihood(colours: &[Colour]) -> f64 {
     let one = |c: &Colour| {
         let count = c.count.max(2) as f64;
-        count * c.innovation.max(1e-12).ln() + c.coefficients.len() as f64 * count.ln()
+        count * c.noise_like().max(1e-12).ln() + c.coefficients.len() as f64 * count.ln()
     };
     -0.5 * colours.iter().map(one).sum::<f64>()
 }

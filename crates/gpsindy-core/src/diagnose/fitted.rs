@@ -27,6 +27,12 @@ pub(crate) struct Fitted {
     pub(crate) tried: usize,
 }
 
+/// Standard deviations of a tolerance beyond which a value is no longer tolerated: it is an error, and must win as one.
+///
+/// A belief's tails would not hold it: thousands of residuals that are structure and not noise outweigh any of them, and
+/// a viscous friction of twice its value then hides a dry one before that has a name.
+const BELIEVED: f64 = 3.0;
+
 /// The parameters that the user believes in up to a tolerance, free with that belief.
 pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
     model
@@ -36,6 +42,7 @@ pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
         .filter_map(|(i, p)| {
             let sd = p.tolerance? * p.value.abs();
             let (lower, upper) = dissipative_bounds(model, &p.name).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            let (lower, upper) = (lower.max(p.value - BELIEVED * sd), upper.min(p.value + BELIEVED * sd));
             (sd > 0.0).then(|| Free { prior: Some((p.value, sd)), lower, upper, ..Free::new(i, p.value.abs()) })
         })
         .collect()
@@ -287,6 +294,13 @@ impl Fitted {
                 (information > 0.0 && squared.is_finite()).then_some((f.parameter, squared))
             })
             .collect()
+    }
+
+    /// Whether free parameter number `place` is a tolerated one that stands where its tolerance ends.
+    pub(crate) fn is_strained(&self, place: usize) -> bool {
+        let free = &self.free[place];
+        let value = self.refined.parameters[free.parameter];
+        free.prior.is_some_and(|(mean, sd)| (value - mean).abs() >= 0.999 * BELIEVED * sd)
     }
 
     /// By how much coloured or large residuals carry less than their number.

@@ -188,8 +188,12 @@ impl Diagnose {
         let contest = Contest { hypotheses, joint, most, scene, settings, progress };
         let rivals = rival::enumerate(model, &contest.scene, model.states.len());
         let held = settle::judge(&contest, nominal, &rivals, self, &mut notes)?;
+        // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
+        let samples: usize = held.nominal.experiment.logs.iter().map(|l| l.time.len()).sum();
+        let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
         let judged = match self.hold {
             Some(_) => held,
+            None if is_averaged => held,
             None => settle::reconsider_hold(&contest, held, &rivals, self, &mut notes)?,
         };
         let settle::Judged { nominal, detected, free_gains, outcome } = judged;

@@ -14,6 +14,13 @@ const NEAR: f64 = 0.5;
 /// Growth of an initial error over a window beyond which the window is halved.
 const GROWTH: f64 = 100.0;
 
+/// Residual (noise units, root mean square) beyond which a longer rollout tells nothing that a shorter one does not.
+///
+/// So far above the noise every effect shows within the time of one motion. Longer rollouts only pile up what the model
+/// lacks, until two effects that are needed together look worthless alone: a bias that dry friction does not hold at rest
+/// drifts away, and dry friction without the bias creeps.
+const LOUD: f64 = 30.0;
+
 /// Fewest samples of a window.
 const SHORTEST: usize = 24;
 
@@ -99,6 +106,15 @@ pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
     removed
 }
 
+/// What the windows are for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// To tell effects apart: no longer than the noise asks for.
+    Search,
+    /// To predict: as long as the model stays near the logs.
+    Rollout,
+}
+
 /// Windows short enough that the model stays near the logs and initial errors do not explode.
 ///
 /// Starts from whole runs and halves. Returns the experiment and, where they had to be cut, their length in s.
@@ -107,10 +123,12 @@ pub(crate) fn choose_windows(
     experiment: Experiment,
     parameters: &[f64],
     free: &[Free],
+    purpose: Purpose,
 ) -> Result<(Experiment, Option<f64>)> {
     let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
     let settings = Refine { max_iterations: 6, tolerance: 1e-3 };
+    let motion = motion_time(&experiment);
     let mut parts = 1usize;
     loop {
         let length = longest / parts as f64;
@@ -118,7 +136,9 @@ pub(crate) fn choose_windows(
         let smallest = samples / (2 * parts) < SHORTEST;
         match settings.fit_with_jacobian(system, &cut, parameters, free, None) {
             Ok((fit, jacobian)) => {
-                let fits = near(&cut, &fit.residuals) && growth(&cut, &jacobian) < GROWTH;
+                let may_shrink = purpose == Purpose::Search && 0.5 * length >= motion;
+                let loud = may_shrink && !within(&cut, &fit.residuals, |c| LOUD * cut.noise[c]);
+                let fits = near(&cut, &fit.residuals) && growth(&cut, &jacobian) < GROWTH && !loud;
                 if fits || smallest {
                     return Ok((cut, (parts > 1).then_some(length)));
                 }
@@ -141,12 +161,41 @@ pub(crate) fn whole_runs(mut experiment: Experiment) -> Experiment {
 }
 
 fn near(experiment: &Experiment, residuals: &[Vec<f64>]) -> bool {
+    within(experiment, residuals, |c| (NEAR * experiment.scale[experiment.columns[c]]).max(3.0 * experiment.noise[c]))
+}
+
+/// Time in which the logged motion renews itself, s: where the autocorrelation of a column falls below 1/e, the longest.
+fn motion_time(experiment: &Experiment) -> f64 {
+    let of = |column: usize, log: &Log| {
+        let values: Vec<f64> = log.measured[column].iter().copied().filter(|v| v.is_finite()).collect();
+        let count = values.len();
+        let mean = values.iter().sum::<f64>() / count.max(1) as f64;
+        let stride = (count / 2000).max(1);
+        let product = |lag: usize| {
+            let pairs = (0..count.saturating_sub(lag)).step_by(stride);
+            let (sum, terms) =
+                pairs.fold((0.0, 0.0), |(s, n), i| (s + (values[i] - mean) * (values[i + lag] - mean), n + 1.0));
+            sum / f64::max(terms, 1.0)
+        };
+        let least = product(0) / std::f64::consts::E;
+        let mut lag = 1;
+        while lag < count / 2 && product(lag) > least {
+            lag += (lag / 30).max(1);
+        }
+        lag as f64 * (log.time[log.time.len() - 1] - log.time[0]) / (log.time.len().max(2) - 1) as f64
+    };
+    let columns = 0..experiment.columns.len();
+    columns.flat_map(|c| experiment.logs.iter().map(move |log| of(c, log))).fold(0.0, f64::max)
+}
+
+/// Whether the root mean square residual of every column stays within a limit, in the column's unit.
+fn within(experiment: &Experiment, residuals: &[Vec<f64>], limit: impl Fn(usize) -> f64) -> bool {
     let n_columns = experiment.columns.len();
     (0..n_columns).all(|c| {
         let values = || residuals.iter().flat_map(|w| w.iter().skip(c).step_by(n_columns)).filter(|e| e.is_finite());
         let count = values().count().max(1) as f64;
         let rms = (values().map(|e| e * e).sum::<f64>() / count).sqrt() * experiment.noise[c];
-        rms <= NEAR * experiment.scale[experiment.columns[c]] || rms <= 3.0 * experiment.noise[c]
+        rms <= limit(c)
     })
 }
 
@@ -231,12 +280,12 @@ pub(crate) fn experiment(
     let parameters = system.parameter_values();
     let start = crate::refine::guess_initial(system, &experiment);
     experiment = choose_substeps(system, experiment, &parameters, &start);
-    let (experiment, cut) = choose_windows(system, experiment, &parameters, &free)?;
+    let (experiment, cut) = choose_windows(system, experiment, &parameters, &free, Purpose::Search)?;
     let mut experiment = thin(experiment, notes);
     experiment.hold = hold.unwrap_or_default();
     if let Some(length) = cut {
         notes.push(format!(
-            "rollouts are restarted every {length:.3} s in the fits, because the nominal model leaves the logs on longer ones"
+            "rollouts are restarted every {length:.3} s in the fits: on longer ones the nominal model leaves the logs, or its errors only pile up"
         ));
     }
     Ok(experiment)

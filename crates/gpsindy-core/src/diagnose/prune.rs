@@ -11,7 +11,11 @@ use super::settle::{rival_p_value, without};
 /// any flexible effect.
 pub(super) const NAMED: f64 = 0.01;
 
-/// The winner without effects that remove next to nothing of the gap, where structure without a name is left anyhow.
+/// Share of the gap that counts: a rest below it is none, and an effect that removes less is no cause of the gap.
+pub(super) const REST: f64 = 0.002;
+
+/// The winner without effects that remove next to nothing of the gap; where structure without a name is left anyhow,
+/// without those that remove little of it.
 ///
 /// Also says whether such structure is left.
 pub(super) fn pruned(contest: &Contest<'_>, nominal: &Fitted, mut best: Fitted, rivals: &[Rival]) -> (Fitted, bool) {
@@ -19,18 +23,17 @@ pub(super) fn pruned(contest: &Contest<'_>, nominal: &Fitted, mut best: Fitted, 
         let gains = contest.rivals(&best, rivals);
         let is_large = strongest(&best, &gains).is_some_and(|(_, energy)| energy > STRUCTURE);
         let is_significant = rival_p_value(&gains, &best) <= 0.01;
-        if !(is_large && is_significant || best.is_predictable()) {
-            return (best, false);
-        }
+        let is_structured = is_large && is_significant || best.is_predictable();
         if best.hypotheses.len() < 2 {
-            return (best, true);
+            return (best, is_structured);
         }
+        let share = if is_structured { NAMED } else { REST };
         // An effect without which nothing can be fitted is none to leave out.
         let rests = (0..best.hypotheses.len()).filter_map(|place| without(contest, nominal, &best, place).ok());
         let removed = |rest: &Fitted| rest.misfit() - best.misfit();
         match rests.min_by(|a, b| removed(a).total_cmp(&removed(b))) {
-            Some(rest) if removed(&rest) < NAMED * gap_size(nominal, &best) => best = rest,
-            _ => return (best, true),
+            Some(rest) if removed(&rest) < share * gap_size(nominal, &best) => best = rest,
+            _ => return (best, is_structured),
         }
     }
 }

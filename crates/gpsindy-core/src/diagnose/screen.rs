@@ -72,6 +72,8 @@ impl Basis {
                 }
                 let directions = orthonormal(derivative.columns(0, n).into_owned());
                 let mut free = derivative.columns(n, q).into_owned();
+                // What stands where its tolerance ends does not give way to an effect.
+                (0..q).filter(|&i| fitted.is_strained(i)).for_each(|i| free.column_mut(i).fill(0.0));
                 free -= &directions * directions.tr_mul(&free);
                 residual -= &directions * directions.tr_mul(&residual);
                 gram += free.tr_mul(&free);

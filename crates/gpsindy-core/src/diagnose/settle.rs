@@ -287,7 +287,12 @@ fn charge_tolerated(
     let count = best.count().max(2) as f64;
     let convincing =
         |squared: f64| squared > 2.0 * CONVINCING + count.ln() && squared > MATERIAL * count * best.misfit().min(1.0);
-    let charged: Vec<usize> = best.moved().into_iter().filter(|m| convincing(m.1)).map(|m| m.0).collect();
+    let mut charged: Vec<usize> = best.moved().into_iter().filter(|m| convincing(m.1)).map(|m| m.0).collect();
+    let strained =
+        (0..best.free.len()).filter(|&place| best.is_strained(place)).map(|place| best.free[place].parameter);
+    charged.extend(strained);
+    charged.sort_unstable();
+    charged.dedup();
     if charged.is_empty() {
         return Ok((nominal, best));
     }
@@ -344,8 +349,9 @@ fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(
         return Ok((nominal.clone(), best));
     }
     let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
+    let (parameters, search) = (&best.refined.parameters, super::prepare::Purpose::Search);
     let (longer, _) =
-        super::prepare::choose_windows(&best.system, best.experiment.clone(), &best.refined.parameters, &best.free)?;
+        super::prepare::choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, search)?;
     if longer.windows.len() >= best.experiment.windows.len() {
         return Ok((nominal.clone(), best));
     }

@@ -1,7 +1,7 @@
 //! Closure: how far the corrected model's held-out rollouts come from the nominal ones to the noise floor.
 
 use super::fitted::Fitted;
-use super::prepare::{noise_levels, remove_outliers};
+use super::prepare::{Purpose, choose_windows, noise_levels, remove_outliers};
 use super::report::{Closure, ClosureState, RolloutFigure, finite, thinned};
 use crate::data::Dataset;
 use crate::error::Result;
@@ -78,9 +78,17 @@ pub(crate) fn closure(
             let time = &best.experiment.logs[w.log].time;
             time[w.last] - time[w.first]
         });
-        let length = lengths.fold(0.0, f64::max);
-        experiment = experiment.with_windows_of(length);
-        notes.push(format!("held-out rollouts are restarted every {length:.3} s, as in the fit: longer ones magnify any error of the start"));
+        let fitted = lengths.fold(0.0, f64::max);
+        // The search may have looked at shorter rollouts than the corrected model can predict.
+        let (parameters, rollout) = (&best.refined.parameters, Purpose::Rollout);
+        let longest = choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, rollout);
+        let length = longest.map_or(fitted, |(_, cut)| cut.unwrap_or(f64::INFINITY).max(fitted));
+        if length.is_finite() {
+            experiment = experiment.with_windows_of(length);
+            notes.push(format!(
+                "held-out rollouts are restarted every {length:.3} s: longer ones magnify any error of the start"
+            ));
+        }
     }
     // Before: the model exactly as it was handed in, tolerated parameters included.
     let before = rollouts(nominal, &system.parameter_values(), &experiment);

@@ -4,7 +4,7 @@ use super::effect::separating_experiment;
 use super::fitted::Fitted;
 use super::hypothesis::{Hypothesis, Kind};
 use super::localise::Located;
-use super::prune::STRUCTURE;
+use super::prune::{REST, STRUCTURE};
 use super::report::{
     Cause, Closure, Diagnosis, EquationFigure, Excluded, Figures, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
 };
@@ -20,9 +20,6 @@ use std::cmp::Ordering;
 
 /// Difference in BIC below which two effects count as not told apart.
 const TWINS: f64 = 6.0;
-
-/// Share of the gap above which a rest counts.
-const REST: f64 = 0.002;
 
 /// Closure on held-out logs below which a rest above the noise counts as structure.
 const CLOSED: f64 = 0.92;
