@@ -106,7 +106,8 @@ impl Fitted {
         values: &[Vec<f64>],
         settings: &Refine,
     ) -> Result<Self> {
-        let system = System::with_simulator(&applied.model, self.system.simulator().cloned())?;
+        let system = System::with_simulator(&applied.model, self.system.simulator().cloned())?
+            .with_followers(self.nominal_states())?;
         let mut parameters = system.parameter_values();
         parameters[..self.refined.parameters.len()].copy_from_slice(&self.refined.parameters);
         let mut free = self.free.clone();

@@ -259,7 +259,8 @@ fn orthonormal(mut matrix: DMatrix<f64>) -> DMatrix<f64> {
 
 /// Gains of every start of an applied hypothesis under several bases, best start first under the first basis.
 pub(crate) fn gains(applied: &Applied, fitted: &Fitted, bases: &[&Basis]) -> Vec<Vec<Gain>> {
-    let Ok(system) = System::with_simulator(&applied.model, fitted.system.simulator().cloned()) else {
+    let system = System::with_simulator(&applied.model, fitted.system.simulator().cloned());
+    let Ok(system) = system.and_then(|s| s.with_followers(fitted.nominal_states())) else {
         return Vec::new();
     };
     let initial = with_lagging(&system, &fitted.experiment, fitted.refined.initial.clone(), fitted.system.n_states());

@@ -73,6 +73,8 @@ pub struct System {
     late_states: Vec<LateState>,
     rates: Tape,
     outputs: Tape,
+    /// States that follow the inputs alone, and their rates as a tape of the same variables.
+    followers: Vec<(usize, Tape)>,
     simulator: Option<Arc<dyn Dynamics>>,
 }
 
@@ -188,8 +190,31 @@ impl System {
             model: model.clone(),
             inputs,
             late_states,
+            followers: Vec::new(),
             simulator,
         })
+    }
+
+    /// States from number `first` on follow their inputs alone (lagging inputs): a rollout that starts within a log
+    /// takes them from the log's past, and has no start of theirs to choose.
+    pub(crate) fn with_followers(mut self, first: usize) -> Result<Self> {
+        let model = &self.model;
+        if first >= model.states.len() {
+            return Ok(self);
+        }
+        let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
+        let rates: Vec<Expression> = model.states.iter().map(|s| extraction.extract(&s.equation)).collect();
+        let names = model.states.iter().map(|s| s.name.clone()).chain(model.controls.iter().map(|c| c.name.clone()));
+        let parameters = model.parameters.iter().map(|p| p.name.clone());
+        let variables: Vec<String> = names.chain((0..self.inputs.len()).map(input_name)).chain(parameters).collect();
+        let tape = |j: usize| Ok((j, Tape::new(std::slice::from_ref(&rates[j]), &variables)?));
+        self.followers = (first..model.states.len()).map(tape).collect::<Result<_>>()?;
+        Ok(self)
+    }
+
+    /// The states that follow the inputs alone, and their rates.
+    pub(crate) fn followers(&self) -> &[(usize, Tape)] {
+        &self.followers
     }
 
     /// The model that was compiled.

@@ -107,6 +107,9 @@ pub(crate) struct Lanes<'a, const L: usize> {
     late: Vec<[f64; L]>,
     rates: Vec<[f64; L]>,
     outputs: Vec<[f64; L]>,
+    parameters: Vec<[f64; L]>,
+    /// States that follow the inputs alone, at every sample of the log; computed when first wanted.
+    followed: Option<Vec<(usize, Vec<[f64; L]>)>>,
 }
 
 /// A node of a trajectory, kept where an output is read late.
@@ -137,7 +140,50 @@ impl<'a, const L: usize> Lanes<'a, L> {
                 late.delay.output(&registers, 0)
             })
             .collect();
-        Self { system, log, hold, histories, late, rates, outputs }
+        let parameters = parameters.to_vec();
+        Self { system, log, hold, histories, late, rates, outputs, parameters, followed: None }
+    }
+
+    /// States that follow the inputs alone, at every sample: settled at the first, then exact for a constant input
+    /// over a step. A rate is a straight line in such a state.
+    fn follow(&mut self) -> Vec<(usize, Vec<[f64; L]>)> {
+        let (time, n, m) = (&self.log.time, self.system.n_states(), self.system.n_controls());
+        let mut all = Vec::new();
+        for (state, tape) in self.system.followers() {
+            let mut registers = tape.registers::<L>();
+            let first = n + m + self.histories.len();
+            registers[first..first + self.parameters.len()].copy_from_slice(&self.parameters);
+            self.histories.iter_mut().for_each(|h| h.rewind(time, time[0], self.hold));
+            let mut path: Vec<[f64; L]> = Vec::with_capacity(time.len());
+            for k in 0..time.len() - 1 {
+                let (a, b) = (time[k], time[k + 1]);
+                for (register, control) in registers[n..].iter_mut().zip(&self.log.controls) {
+                    let end = if self.hold == Hold::Linear { control[k + 1] } else { control[k] };
+                    *register = [0.5 * (control[k] + end); L];
+                }
+                for (register, history) in registers[n + m..].iter_mut().zip(&mut self.histories) {
+                    *register = history.step(time, k, a, b, self.hold)[1];
+                }
+                registers[tape.n_variables()] = [0.5 * (a + b); L];
+                let mut rate = |value: f64| {
+                    registers[*state] = [value; L];
+                    tape.evaluate(&mut registers);
+                    tape.output(&registers, 0)
+                };
+                let (at_zero, at_one) = (rate(0.0), rate(1.0));
+                let settled: [f64; L] = std::array::from_fn(|lane| at_zero[lane] / (at_zero[lane] - at_one[lane]));
+                let now = *path.last().unwrap_or(&settled);
+                if path.is_empty() {
+                    path.push(now);
+                }
+                path.push(std::array::from_fn(|lane| {
+                    let kept = ((at_one[lane] - at_zero[lane]) * (b - a)).exp();
+                    settled[lane] + kept * (now[lane] - settled[lane])
+                }));
+            }
+            all.push((*state, path));
+        }
+        all
     }
 
     /// The states themselves at the samples `first..=last`; `receive(sample, state, values)`.
@@ -176,10 +222,17 @@ impl<'a, const L: usize> Lanes<'a, L> {
         let Roll { span: (first, last), initial, substeps, columns, receive } = roll;
         let log = self.log;
         let n = self.system.n_states();
+        if first > 0 && self.followed.is_none() && !self.system.followers().is_empty() {
+            self.followed = Some(self.follow());
+        }
         for history in &mut self.histories {
             history.rewind(&log.time, log.time[first], self.hold);
         }
         let mut x = initial.to_vec();
+        // What follows the inputs has its past in the log, where there is one.
+        for (state, path) in self.followed.iter().flatten().filter(|_| first > 0) {
+            x[*state] = path[first];
+        }
         let mut sum = vec![[0.0; L]; n];
         let mut rate = vec![[0.0; L]; n];
         let mut stage = x.clone();
