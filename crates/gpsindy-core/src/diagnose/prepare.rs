@@ -129,6 +129,8 @@ pub(crate) fn choose_windows(
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
     let settings = Refine { max_iterations: 6, tolerance: 1e-3 };
     let motion = motion_time(&experiment);
+    // A free motion has only its start: cut into pieces, each with a start of its own, it no longer shows what it loses.
+    let is_driven = system.n_controls() > 0;
     let mut parts = 1usize;
     loop {
         let length = longest / parts as f64;
@@ -136,7 +138,7 @@ pub(crate) fn choose_windows(
         let smallest = samples / (2 * parts) < SHORTEST;
         match settings.fit_with_jacobian(system, &cut, parameters, free, None) {
             Ok((fit, jacobian)) => {
-                let may_shrink = purpose == Purpose::Search && 0.5 * length >= motion;
+                let may_shrink = purpose == Purpose::Search && is_driven && 0.5 * length >= motion;
                 let loud = may_shrink && !within(&cut, &fit.residuals, |c| LOUD * cut.noise[c]);
                 let fits = near(&cut, &fit.residuals) && growth(&cut, &jacobian) < GROWTH && !loud;
                 if fits || smallest {
