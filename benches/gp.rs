@@ -61,7 +61,7 @@ fn smoothing(c: &mut Criterion) {
     let mut group = c.benchmark_group("value and derivative with variances, matern52");
     group.sample_size(10);
     for (clock, shift) in [("uniform", 0.0), ("irregular", 0.03)] {
-        let fitted = fit(&[Kernel::Matern52], &[shifted(200, shift)], &FitSettings::default()).expect("a fit");
+        let Ok(fitted) = fit(&[Kernel::Matern52], &[shifted(200, shift)], &FitSettings::default()) else { continue };
         for n in [10_000usize, 100_000, 1_000_000] {
             group.throughput(Throughput::Elements(n as u64));
             let points = shifted(n, shift);

@@ -21,6 +21,15 @@ impl Failure {
         Self::Input(message.into())
     }
 
+    /// The same with a remedy behind the message.
+    pub(crate) fn with(self, remedy: &str) -> Self {
+        match self {
+            Self::Input(message) => Self::Input(message + remedy),
+            Self::Work(message) => Self::Work(message + remedy),
+            Self::ClosedPipe => self,
+        }
+    }
+
     pub(crate) fn status(&self) -> u8 {
         match self {
             Self::Input(_) => 2,

@@ -130,6 +130,24 @@ fn every_method_of_the_contract_runs() {
 }
 
 #[test]
+fn a_velocity_that_no_log_carries_is_taken_from_its_position() {
+    let folder = Folder::new();
+    // x'' = -4 x, exactly.
+    let rows: String = (0..200).map(|i| 0.05 * f64::from(i)).map(|t| format!("{t},{}\n", (2.0 * t).cos())).collect();
+    folder.write("log.csv", &format!("t,x [m]\n{rows}"));
+    for states in [vec!["--state", "x,v"], vec![]] {
+        let mut arguments = vec!["identify", "log.csv", "--fix", "x' = v", "--degree", "1", "--kernel", "se", "--json"];
+        arguments.extend(states);
+        let ran = folder.run_list(&arguments).done();
+        let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!(terms(&result, 1), ["x"], "{ran:?}");
+        assert!(result["model"]["state"][1]["equation"].as_str().unwrap().starts_with("-4"), "{ran:?}");
+        assert_eq!(result["model"]["state"][1]["unit"], "m/s");
+        assert!(result["notes"][0].as_str().unwrap().contains("`v` is not in the logs"), "{ran:?}");
+    }
+}
+
+#[test]
 fn every_mistake_is_one_line_and_nothing_is_written() {
     let folder = Folder::new();
     folder.write("log.csv", "t,x,u,word\n0,1,0,a\n1,2,0,b\n2,1,1,c\n3,0,1,d\n4,1,0,e\n5,2,0,f\n");
@@ -138,6 +156,10 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("--state x --control x", "column `x` has two roles; name it in one option"),
         ("--state x --derivative y=u", "log.csv: column `y` is not in the file"),
         ("--state x --term v", "in term `v` the name `v` is unknown; known: x"),
+        (
+            "--state x,v",
+            "log.csv: column `v` is not in the file; found: x, u, word; a velocity that is not logged needs",
+        ),
         ("--state x --fix 'x = u'", "--fix: "),
         ("--state x --forbid x", "--forbid: "),
         ("--state x --sign x:u", "--sign: "),
@@ -154,6 +176,11 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         let ran = folder.run(&format!("identify log.csv {arguments} --quiet"));
         assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");
     }
+    let ran = folder.run_with("identify -", "t,x\n0,1\n1,inf\n");
+    assert!(ran.refused().contains("stdin:3: column `x`: "), "{ran:?}");
+    let ran = folder.run_list(&["identify", "log.csv", "--state", "x", "--control", "u", "--fix", "x' = w + u"]);
+    let expected = "in the equation given for `x` the name `w` is unknown; known: x, u";
+    assert!(ran.refused().starts_with(expected), "{ran:?}");
     assert_eq!(folder.names(), ["log.csv"]);
 }
 

@@ -4,7 +4,7 @@
 
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
-use crate::gp::{Conditioned, Fit, FitSettings, Kernel, Points, Quantity, fit};
+use crate::gp::{Conditioned, Fit, FitSettings, Kernel, Points, Quantity, Weakness, fit};
 use crate::progress::{Progress, step};
 use crate::smooth::Smoothed;
 use faer::Mat;
@@ -180,7 +180,10 @@ impl SecondStage {
         let pooled = pool(&points, self.dense_limit);
         let settings =
             FitSettings { isotropic: self.isotropic, dense_limit: self.dense_limit, ..FitSettings::default() };
-        let fit = fit(&self.kernels, std::slice::from_ref(&pooled), &settings)?;
+        let mut fit = fit(&self.kernels, std::slice::from_ref(&pooled), &settings)?;
+        if pooled.len() < points.iter().map(Points::len).sum() {
+            fit.weak.push(Weakness::Thinned);
+        }
         let process = Conditioned::new(&fit, &pooled)?;
         let runs = inputs.iter().map(|columns| predict_run(&process, columns, self.covariance));
         let runs = runs.collect::<Result<Vec<_>>>()?;
@@ -371,6 +374,7 @@ mod tests {
         let out =
             Differentiation::GpState(thinned).differentiate(&data, &[0, 1], &[2], Some(&smoothed), &Silent).unwrap();
         assert!((0..120).all(|i| (out.runs[0].dx[(i, 1)] - data.runs()[0].column(2)[i]).abs() < 0.03));
+        assert!(out.fits.iter().all(|fit| fit.weak.contains(&Weakness::Thinned)));
         let stage = Differentiation::GpControl(SecondStage::default());
         let out = stage.differentiate(&data, &[1], &[2], None, &Silent).unwrap();
         assert!((out.runs[0].dx[(60, 0)] - data.runs()[0].column(2)[60]).abs() < 1e-2);

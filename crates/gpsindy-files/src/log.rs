@@ -123,10 +123,9 @@ impl Log {
         missing(&self.file, "column", name, &self.columns().cloned().collect::<Vec<_>>())
     }
 
-    /// Whether every cell of a column is a number or missing.
+    /// Whether every cell of a column is a number or missing; an infinite one is a number, if a bad one.
     pub fn is_numeric(&self, name: &str) -> bool {
-        self.position(name)
-            .is_some_and(|i| self.rows.iter().all(|row| matches!(number(cell(row, i)), Ok(v) if !v.is_infinite())))
+        self.position(name).is_some_and(|i| self.rows.iter().all(|row| number(cell(row, i)).is_ok()))
     }
 
     /// The times of all rows, s.

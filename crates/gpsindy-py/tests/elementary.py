@@ -1,8 +1,9 @@
-"""The functions of the expression language, written once more from the contract."""
+"""The operators and functions of the expression language, written once more from the contract."""
 
 from __future__ import annotations
 
 import math
+import operator
 
 
 def sign(z):
@@ -25,4 +26,13 @@ CALLS = {
     **{name: getattr(math, name) for name in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt atan2".split()},
     **{"abs": abs, "min": min, "max": max, "sign": sign, "clamp": clamp, "dead_zone": dead_zone},
     "step": lambda z: 1.0 if z > 0 else 0.0,
+}
+BINARY = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "^": power,
+    ">": operator.gt,
+    "<": operator.lt,
 }

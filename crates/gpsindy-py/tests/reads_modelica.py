@@ -2,21 +2,9 @@
 
 from __future__ import annotations
 
-import operator
-
 import elementary
 import pymoca.ast as ast
 import pymoca.parser
-
-BINARY = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "^": elementary.power,
-    ">": operator.gt,
-    "<": operator.lt,
-}
 
 
 class Reader:
@@ -55,4 +43,4 @@ class Reader:
         values = [self.value(operand, names, late) for operand in node.operands]
         if name == "-" and len(values) == 1:
             return -values[0]
-        return BINARY[name](*values) if name in BINARY else elementary.CALLS[name](*values)
+        return elementary.BINARY[name](*values) if name in elementary.BINARY else elementary.CALLS[name](*values)

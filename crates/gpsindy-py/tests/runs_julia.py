@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import bisect
 import math
-import operator
 
 import elementary
 import numpy as np
@@ -15,15 +14,6 @@ import tree_sitter
 import tree_sitter_julia
 
 PARSER = tree_sitter.Parser(tree_sitter.Language(tree_sitter_julia.language()))
-BINARY = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "^": elementary.power,
-    ">": operator.gt,
-    "<": operator.lt,
-}
 
 
 class Return(Exception):
@@ -140,7 +130,7 @@ class Program:
                 return -self.value(parts[1], names)
             case "binary_expression":
                 left, sign, right = parts
-                return BINARY[text(sign).lstrip(".")](self.value(left, names), self.value(right, names))
+                return elementary.BINARY[text(sign).lstrip(".")](self.value(left, names), self.value(right, names))
             case "juxtaposition_expression" if text(parts[1]).startswith("^("):
                 # Julia reads 2.0^(-x) as a power, this grammar as a number before a call of `^`.
                 (exponent,) = parts[1].named_children[1].named_children

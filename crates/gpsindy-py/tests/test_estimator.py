@@ -199,3 +199,15 @@ def test_wrong_input_is_one_line_that_names_the_argument(settings, arguments, me
     with pytest.raises(ValueError, match=message) as caught:
         gpsindy.GPSINDy(**settings).fit(**arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_a_velocity_that_is_not_logged_is_taken_from_its_position(runs):
+    t, x, u = runs[0]
+    estimator = gpsindy.GPSINDy(degree=1, kernel="se", fix=["x' = v"])
+    estimator.fit(x[:, :1], t, u=u, feature_names=["x", "u"])
+    assert [state.name for state in estimator.model_.states] == ["x", "v"]
+    # v' = -4 x + u, the columns being 1, x, v, u; the slope of noisy positions is worse than a logged velocity.
+    np.testing.assert_allclose(estimator.coef_[1], [0, -4, 0, 1], atol=0.1)
+    assert "`v` is not in the logs" in estimator.notes_[0]
+    assert estimator.score(x[:, :1], t, u=u, kind="rollout") > 0.99
+    assert estimator.predict(x, u=u).shape == x.shape

@@ -1,20 +1,23 @@
 //! `gpsindy identify`: logs to a model.
 
 mod author;
+mod choices;
+mod result;
+
+pub(crate) use result::{as_json, rounded, summary, summary_of};
 
 use crate::args::{AutoHold, Columns, Output, pair};
 use crate::commands::follow::{self, FollowOptions};
-use crate::commands::{check_folder_of, chosen, dataset, smooth};
+use crate::commands::{check_folder_of, chosen, chosen_with, dataset, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use crate::text::{aligned, count, short};
-use clap::{Args, ValueEnum};
+use choices::{DerivativeMethod, Preset, Regression, Select, Smoothing};
+use clap::Args;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
-use gpsindy_core::{Choice, Delay, Identification, Identify as Settings, Target};
-use gpsindy_core::{Dataset, Differentiation, Hold, Score, Scoring, SecondStage, Simulate, Smoother, score};
+use gpsindy_core::{Choice, Delay, Identify as Settings, Target};
+use gpsindy_core::{Dataset, Differentiation, Expression, Scoring, SecondStage, Simulate, Smoother, score};
 use gpsindy_files::{Logs, model_to_toml, write_model};
-use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -79,7 +82,7 @@ pub(crate) struct LibraryOptions {
     /// A further term, such as 'v*abs(v)'
     #[arg(long, value_name = "EXPR")]
     term: Vec<String>,
-    /// An equation that is known, such as "x' = v"
+    /// An equation that is known, such as "x' = v"; v need not be in the logs then
     #[arg(long, value_name = "EQUATION")]
     fix: Vec<String>,
     /// A term that an equation must not have, such as v:x^2
@@ -138,71 +141,9 @@ struct MethodOptions {
     /// Fit once more through the integrator, on the raw measurements [default: unless the preset is paper]
     #[arg(long, overrides_with = "no_refine")]
     refine: bool,
-    /// Leave the second fit out
+    /// Leave the second fit out: terms may then stand for errors of the smoother
     #[arg(long)]
     no_refine: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-enum Preset {
-    /// Our best
-    Default,
-    /// Algorithm 1 of the paper as it is stated, without a second fit
-    Paper,
-    /// The pipeline behind the paper's tables as its authors ran it, slips included, on one log; --smoother none is their SINDy
-    Author,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-enum Smoothing {
-    /// Gaussian process over time
-    Gp,
-    /// Samples as they are
-    None,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum DerivativeMethod {
-    /// Derivative of a Gaussian process over the smoothed states (the paper's second stage)
-    GpState,
-    /// The same over the controls
-    GpControl,
-    /// Derivative of the Gaussian process over time, with its covariance
-    GpTime,
-    /// Integrals of the terms; nothing is differentiated
-    Weak,
-    /// Central differences, any grid
-    Difference,
-    /// The columns of --derivative alone
-    Given,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Regression {
-    /// Best subset with exchanges
-    Subset,
-    /// LASSO by ADMM
-    Lasso,
-    /// LASSO with the unsquared norm that the paper prints
-    SqrtLasso,
-    /// Sequentially thresholded least squares (SINDy)
-    Stlsq,
-    /// Stepwise sparse regression, smallest coefficient first
-    SsrCoefficient,
-    /// Stepwise sparse regression, smallest increase of the residual first
-    SsrResidual,
-    /// Least squares with all terms
-    LeastSquares,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-enum Select {
-    /// Cross-validation with the one-standard-error rule
-    Cv,
-    /// Bayesian information criterion
-    Bic,
-    /// Error of rollouts
-    Rollout,
 }
 
 pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
@@ -224,11 +165,14 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();
     if settings.states.is_empty() {
         settings.states = all_states(&logs, &[&settings.controls[..], &rates[..]].concat(), screen);
+        settings.states.extend(unlogged(&settings.constraints, &logs));
     }
     let needed: Vec<String> = [&settings.states[..], &settings.controls[..], &rates[..]].concat();
     if let Some(twice) = needed.iter().enumerate().find(|(i, name)| needed[..*i].contains(name)) {
         return Err(Failure::input(format!("column `{}` has two roles; name it in one option", twice.1)));
     }
+    let unlogged = unlogged(&settings.constraints, &logs);
+    let needed: Vec<String> = needed.into_iter().filter(|name| !unlogged.contains(name)).collect();
     let data = dataset(&logs, &needed, &[], &command.columns, screen)?;
     settings.delays = delays(command, &logs, sensible_delay(&data))?;
     let progress = screen.progress();
@@ -252,6 +196,18 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
             screen.out(&model_to_toml(&found.model)?)
         }
     }
+}
+
+const UNLOGGED_VELOCITY: &str =
+    "; a velocity that is not logged needs the equation that says whose it is, such as --fix \"x' = v\"";
+
+/// Right sides of the equations like `x' = v` whose name no log carries.
+fn unlogged(constraints: &Constraints, logs: &Logs) -> Vec<String> {
+    let velocities = constraints.fixed.iter().filter_map(|fixed| match &fixed.equation {
+        Expression::Variable(velocity) => Some(velocity.clone()),
+        _ => None,
+    });
+    velocities.filter(|name| logs.files().iter().all(|log| log.column(name).is_none())).collect()
 }
 
 /// Every column of numbers but those `taken`.
@@ -296,12 +252,13 @@ pub(super) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
         Preset::Default | Preset::Author => Settings::default(),
     };
     let mut settings = Settings { seed, hold: method.hold.into(), ..start };
-    settings.states = chosen(logs, &command.state)?;
+    (settings.library, settings.constraints) = library.settings()?;
+    settings.states = chosen_with(logs, &command.state, &unlogged(&settings.constraints, logs))
+        .map_err(|failure| failure.with(UNLOGGED_VELOCITY))?;
     settings.controls = chosen(logs, &command.control)?;
     for (state, column) in &command.derivative {
         settings.derivatives.push((logs.resolve(state)?, logs.resolve(column)?));
     }
-    (settings.library, settings.constraints) = library.settings()?;
     match method.smoother {
         Some(Smoothing::None) => settings.smoother = None,
         Some(Smoothing::Gp) => settings.smoother = Some(Smoother::default()),
@@ -389,100 +346,4 @@ pub(super) fn delays(command: &Identify, logs: &Logs, sensible: f64) -> Outcome<
         delays.push((logs.resolve(control)?, delay));
     }
     Ok(delays)
-}
-
-/// The equations, how sure each coefficient is, and how well rollouts follow the logs.
-pub(crate) fn summary(data: &Dataset, found: &Identification, fit: Option<&Score>) -> String {
-    let runs = format!("{}, {}", count(data.runs().len(), "run"), count(data.n_samples(), "sample"));
-    summary_of(&runs, found, fit)
-}
-
-/// The same of `logs`, told in words.
-pub(super) fn summary_of(logs: &str, found: &Identification, fit: Option<&Score>) -> String {
-    let mut text = format!("equations from {logs}:\n\n");
-    for state in &found.model.states {
-        text += &format!("  {}' = {}\n", state.name, rounded(found, state));
-    }
-    let Some(record) = &found.model.identification else { return text };
-    let with_inclusion = !record.inclusion_probabilities.is_empty();
-    let mut rows = vec![vec!["  coefficient".to_string(), "value".into(), "std error".into()]];
-    if with_inclusion {
-        rows[0].push("inclusion".into());
-    }
-    for (s, state) in found.model.states.iter().enumerate() {
-        for (j, term) in record.terms.iter().enumerate() {
-            let value = record.coefficients[s][j];
-            if value == 0.0 {
-                continue;
-            }
-            let error = record.standard_errors.get(s).and_then(|row| row.get(j)).copied().unwrap_or(f64::NAN);
-            let mut row = vec![format!("  {}': {term}", state.name), short(value), short(error)];
-            if with_inclusion {
-                row.push(format!("{:.2}", record.inclusion_probabilities[s][j]));
-            }
-            rows.push(row);
-        }
-    }
-    if rows.len() > 1 {
-        text += &format!("\n{}", aligned(&rows));
-    }
-    for (control, delay, error) in &found.delays {
-        text += &format!("  delay of {control}: {} s, std error {}\n", short(*delay), short(*error));
-    }
-    let mut rows = vec![vec!["  state".to_string(), "noise".into(), "rollout rmse".into(), "relative".into()]];
-    for (s, state) in found.states.iter().enumerate() {
-        let error = fit.and_then(|f| f.rollout.by_state.iter().find(|e| e.state == state.state));
-        let unit = &found.model.states[s].unit;
-        let with_unit = |v: f64| if unit.is_empty() { short(v) } else { format!("{} {unit}", short(v)) };
-        rows.push(vec![
-            format!("  {}", state.state),
-            with_unit(state.noise),
-            error.map_or("-".into(), |e| with_unit(e.rmse)),
-            error.map_or("-".into(), |e| short(e.normalised)),
-        ]);
-    }
-    text += &format!("\n{}", aligned(&rows));
-    if let Some(fit) = fit.filter(|f| f.rollout.n_diverged > 0) {
-        text += &format!("  {} of {} rollouts diverged\n", fit.rollout.n_diverged, fit.rollout.n_started);
-    }
-    text
-}
-
-/// The right side of an equation with four significant digits.
-pub(super) fn rounded(found: &Identification, state: &gpsindy_core::State) -> String {
-    let Some(record) = &found.model.identification else { return state.equation.to_string() };
-    let s = found.model.state_index(&state.name).unwrap_or(0);
-    let kept = record.terms.iter().zip(&record.coefficients[s]).filter(|(_, value)| **value != 0.0);
-    let mut text = String::new();
-    for (term, value) in kept {
-        text += match (text.is_empty(), *value < 0.0) {
-            (true, false) => "",
-            (true, true) => "-",
-            (false, false) => " + ",
-            (false, true) => " - ",
-        };
-        text += &short(value.abs());
-        if term != "1" {
-            text += &format!("*{term}");
-        }
-    }
-    // An equation that was given, or one without a term.
-    if text.is_empty() { state.equation.to_string() } else { text }
-}
-
-pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json::Value {
-    let states = found.states.iter().map(|s| {
-        json!({"state": s.state, "terms": s.terms, "level": s.level, "score": s.score, "residual": s.residual, "noise": s.noise, "kernel": s.kernel})
-    });
-    let delays =
-        found.delays.iter().map(|(c, value, error)| json!({"control": c, "value": value, "standard_error": error}));
-    let rollout = fit.map(|fit| super::score::as_json(&fit.rollout));
-    json!({
-        "model": found.model,
-        "states": states.collect::<Vec<_>>(),
-        "delays": delays.collect::<Vec<_>>(),
-        "hold": if found.hold == Hold::Zero { "zero" } else { "linear" },
-        "rollout": rollout,
-        "notes": found.notes,
-    })
 }

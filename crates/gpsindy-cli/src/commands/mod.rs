@@ -45,14 +45,20 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
 ///
 /// A whole header may hold commas itself, so that is looked for first.
 fn chosen(logs: &Logs, options: &[String]) -> Outcome<Vec<String>> {
+    chosen_with(logs, options, &[])
+}
+
+/// The same where some names stand for no column.
+fn chosen_with(logs: &Logs, options: &[String], others: &[String]) -> Outcome<Vec<String>> {
     let mut names = Vec::new();
     for option in options {
         if let Ok(name) = logs.resolve(option) {
             names.push(name);
             continue;
         }
-        for part in option.split(',') {
-            names.push(logs.resolve(part.trim())?);
+        for part in option.split(',').map(str::trim) {
+            let other = others.iter().find(|other| *other == part);
+            names.push(other.map_or_else(|| logs.resolve(part), |other| Ok(other.clone()))?);
         }
     }
     for (i, name) in names.iter().enumerate() {

@@ -64,6 +64,8 @@ pub enum Weakness {
     Jitter,
     /// There were more points than the wanted kernels can take; a Matern kernel stands in.
     KernelReplaced,
+    /// There were more points than the fit can take; an even part of them stands for all.
+    Thinned,
 }
 
 impl fmt::Display for Weakness {
@@ -79,6 +81,7 @@ impl fmt::Display for Weakness {
             Self::NotConverged => "the optimiser ran out of iterations",
             Self::Jitter => "the covariance needed jitter",
             Self::KernelReplaced => "too many points for the kernels asked for; a Matern kernel stands in",
+            Self::Thinned => "fitted to an even part of its points, all being too many",
         })
     }
 }

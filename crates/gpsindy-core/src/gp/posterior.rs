@@ -149,7 +149,9 @@ impl Conditioned {
             Prepared::Prior => prior(),
             Prepared::Smoother { points, jitter } => {
                 let hyper = &self.evaluation.hyper;
-                let law = state_smoother::posterior(kernel, hyper, points, *jitter, &at[0], quantities, joint);
+                let asked = (at[0].as_slice(), quantities, joint);
+                let unit = (self.offset, self.scale);
+                let law = state_smoother::posterior(kernel, hyper, points, *jitter, asked, unit);
                 law.ok_or_else(|| Error::NotPositiveDefinite {
                     what: "covariance".into(),
                     size: points.len(),
@@ -175,11 +177,13 @@ impl Conditioned {
             }
         };
         let scale2 = self.scale * self.scale;
-        for (j, mean) in mean.chunks_mut(m.max(1)).enumerate() {
-            let offset = if quantities[j] == Quantity::Value { self.offset } else { 0.0 };
-            mean.iter_mut().for_each(|mean| *mean = offset + self.scale * *mean);
+        if !matches!(self.engine, Prepared::Smoother { .. }) {
+            for (j, mean) in mean.chunks_mut(m.max(1)).enumerate() {
+                let offset = if quantities[j] == Quantity::Value { self.offset } else { 0.0 };
+                mean.iter_mut().for_each(|mean| *mean = offset + self.scale * *mean);
+            }
+            variance.iter_mut().for_each(|variance| *variance *= scale2);
         }
-        variance.iter_mut().for_each(|variance| *variance *= scale2);
         if let Some(c) = &mut covariance {
             *c = Mat::from_fn(size, size, |i, j| {
                 scale2 * if i == j { c[(i, i)].max(0.0) } else { 0.5 * (c[(i, j)] + c[(j, i)]) }

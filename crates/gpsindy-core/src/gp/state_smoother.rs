@@ -6,6 +6,8 @@
 // Indices of small matrices read as in the formulas.
 #![allow(clippy::needless_range_loop)]
 
+use super::events::{Column, Events, Unit};
+use super::joint::Remembered;
 use super::kernel::Kernel;
 use super::likelihood::LeaveOneOut;
 use super::matern::{FiveHalves, Form, Half, Matrix, ThreeHalves, Vector};
@@ -15,7 +17,6 @@ use super::state_space::{Scaled, sandwich, times};
 use super::steps::Steps;
 use super::stretches::{self, Wanted};
 use faer::Mat;
-use std::borrow::Cow;
 use std::ops::Range;
 
 /// `K^-1 y` and the diagonal of `K^-1`; `None` where the kernel has no such form or a number overflows.
@@ -28,21 +29,21 @@ pub(crate) fn leave_one_out(kernel: &Kernel, hyper: &[f64], points: &Points, jit
     }
 }
 
-/// Mean, variance and (where asked for) joint covariance of `quantities` at the times `at`, in any
-/// order, all of standardised targets.
+/// Mean, variance and (where asked for) joint covariance of quantities at times, in any order: means and variances of the
+/// targets as they were before `offset` was taken from them and they were divided by `scale`, the joint covariance of the
+/// standardised ones.
 pub(super) fn posterior(
     kernel: &Kernel,
     hyper: &[f64],
     points: &Points,
     jitter: f64,
-    at: &[f64],
-    quantities: &[Quantity],
-    joint: bool,
+    asked: (&[f64], &[Quantity], bool),
+    unit: (f64, f64),
 ) -> Option<Law> {
     match kernel {
-        Kernel::Matern12 => predict::<1, Half>(hyper, points, jitter, at, quantities, joint),
-        Kernel::Matern32 => predict::<2, ThreeHalves>(hyper, points, jitter, at, quantities, joint),
-        Kernel::Matern52 => predict::<3, FiveHalves>(hyper, points, jitter, at, quantities, joint),
+        Kernel::Matern12 => predict::<1, Half>(hyper, points, jitter, asked, unit),
+        Kernel::Matern32 => predict::<2, ThreeHalves>(hyper, points, jitter, asked, unit),
+        Kernel::Matern52 => predict::<3, FiveHalves>(hyper, points, jitter, asked, unit),
         _ => None,
     }
 }
@@ -50,85 +51,13 @@ pub(super) fn posterior(
 /// Means, variances and (where asked for) joint covariance.
 pub(super) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
 
-/// Times in order, each with a measurement or without.
-pub(super) struct Events<'a> {
-    pub(super) time: Cow<'a, [f64]>,
-    /// NaN where there is no measurement.
-    pub(super) target: Cow<'a, [f64]>,
-    /// Empty where all are 1.
-    noise_weights: Cow<'a, [f64]>,
-    /// Step of a uniform clock, all of it measured.
-    clock: Option<f64>,
-}
-
-impl<'a> Events<'a> {
-    /// Measurements and the times `at` without one.
-    pub(super) fn new(points: &'a Points, at: &[f64]) -> Self {
-        let measured = &points.inputs[0];
-        if at.is_empty() || at == measured {
-            return Self {
-                time: Cow::Borrowed(measured),
-                target: Cow::Borrowed(&points.targets),
-                noise_weights: Cow::Borrowed(&points.noise_weights),
-                clock: points.uniform_step(),
-            };
-        }
-        let mut extra: Vec<f64> = at.to_vec();
-        extra.sort_by(f64::total_cmp);
-        extra.dedup();
-        let size = points.len() + extra.len();
-        let weighted = !points.noise_weights.is_empty();
-        let (mut time, mut target) = (Vec::with_capacity(size), Vec::with_capacity(size));
-        let mut noise_weights = Vec::with_capacity(if weighted { size } else { 0 });
-        let mut push = |t: f64, y: f64, weight: f64| {
-            time.push(t);
-            target.push(y);
-            if weighted {
-                noise_weights.push(weight);
-            }
-        };
-        let mut next = 0;
-        for (i, &now) in measured.iter().enumerate() {
-            while next < extra.len() && extra[next] < now {
-                push(extra[next], f64::NAN, 1.0);
-                next += 1;
-            }
-            if next < extra.len() && extra[next] == now {
-                next += 1;
-            }
-            push(now, points.targets[i], points.noise_weight(i));
-        }
-        extra[next..].iter().for_each(|&now| push(now, f64::NAN, 1.0));
-        let clock = if time.len() == points.len() { points.uniform_step() } else { None };
-        Self { time: Cow::Owned(time), target: Cow::Owned(target), noise_weights: Cow::Owned(noise_weights), clock }
-    }
-
-    /// Factor on the noise variance of event i.
-    #[inline(always)]
-    pub(super) fn noise_weight(&self, i: usize) -> f64 {
-        self.noise_weights.get(i).copied().unwrap_or(1.0)
-    }
-
-    /// Where each of `at` stands; neighbours are looked for near each other.
-    fn places(&self, at: &[f64]) -> Vec<usize> {
-        let mut last = 0;
-        let find = |&t: &f64| {
-            let near = |i: usize| self.time[i] >= t && (i == 0 || self.time[i - 1] < t);
-            let ahead = last..(last + 3).min(self.time.len());
-            last = ahead.into_iter().find(|&i| near(i)).unwrap_or_else(|| self.time.partition_point(|e| *e < t));
-            last
-        };
-        at.iter().map(find).collect()
-    }
-}
-
 /// What the filter leaves at an event, for unit amplitude.
 #[derive(Clone, Copy)]
-struct Filtered<const M: usize> {
+pub(super) struct Filtered<const M: usize> {
     /// Before the measurement.
     mean: Vector<M>,
-    covariance: Matrix<M>,
-    gain: Vector<M>,
+    pub(super) covariance: Matrix<M>,
+    pub(super) gain: Vector<M>,
     /// Innovation over its variance, and one over its variance; 0 without measurement.
     innovation: f64,
     precision: f64,
@@ -306,13 +235,14 @@ fn left_out<const M: usize, S: Form<M>>(hyper: &[f64], points: &Points, jitter: 
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = Events::new(points, &[]);
     let (mut weights, mut diagonal) = (vec![0.0; points.len()], vec![0.0; points.len()]);
-    let mut columns: [&mut [f64]; 4] = [&mut weights, &mut diagonal, &mut [], &mut []];
+    let unit = Unit { factor: 1.0 / scaled.s2, offset: 0.0, lowest: f64::NEG_INFINITY };
+    let mut columns = [Column::new(&mut weights, unit), Column::new(&mut diagonal, unit)];
     if !stretches::smooth::<M, S>(&scaled, &events, Wanted::LeftOut, &mut columns) {
         sweep::<M, S>(&scaled, &events, BLOCK, |i, _, at| {
-            (weights[i], diagonal[i]) = (at.weight, at.diagonal);
+            columns[0].put(i, at.weight);
+            columns[1].put(i, at.diagonal);
         })?;
     }
-    weights.iter_mut().chain(&mut diagonal).for_each(|w| *w /= scaled.s2);
     Some(LeaveOneOut { weights, diagonal })
 }
 
@@ -320,18 +250,24 @@ fn predict<const M: usize, S: Form<M>>(
     hyper: &[f64],
     points: &Points,
     jitter: f64,
-    at: &[f64],
-    quantities: &[Quantity],
-    joint: bool,
+    (at, quantities, joint): (&[f64], &[Quantity], bool),
+    (offset, scale): (f64, f64),
 ) -> Option<Law> {
     let scaled = Scaled::new(hyper, S::RATE, jitter)?;
     let events = Events::new(points, at);
     let n = events.time.len();
-    // Value and then derivative (without the factor to the unit of time) at all events.
+    // Value and then derivative at all events.
     let (mut mean, mut variance) = (vec![0.0; 2 * n], vec![0.0; 2 * n]);
     let (value, derivative) = mean.split_at_mut(n);
     let (value_variance, derivative_variance) = variance.split_at_mut(n);
-    let mut columns: [&mut [f64]; 4] = [value, derivative, value_variance, derivative_variance];
+    let signed = |factor, offset| Unit { factor, offset, lowest: f64::NEG_INFINITY };
+    let square = |factor: f64| Unit { factor: factor * factor * scaled.s2, offset: 0.0, lowest: 0.0 };
+    let mut columns = [
+        Column::new(value, signed(scale, offset)),
+        Column::new(derivative, signed(scale * scaled.lambda, 0.0)),
+        Column::new(value_variance, square(scale)),
+        Column::new(derivative_variance, square(scale * scaled.lambda)),
+    ];
     let mut remembered = None;
     if joint || !stretches::smooth::<M, S>(&scaled, &events, Wanted::Law, &mut columns) {
         // What the later measurements leave of the error.
@@ -343,8 +279,8 @@ fn predict<const M: usize, S: Form<M>>(
                 let p = &f.covariance;
                 let after = remaining(p, &adjoint.information, c);
                 let shift: f64 = (0..M).map(|k| p[c][k] * adjoint.mean[k]).sum();
-                columns[c][i] = f.mean[c] + shift;
-                columns[2 + c][i] = (0..M).map(|k| p[c][k] * after[k]).sum();
+                columns[c].put(i, f.mean[c] + shift);
+                columns[2 + c].put(i, (0..M).map(|k| p[c][k] * after[k]).sum());
                 if joint {
                     left[i][c] = after;
                 }
@@ -352,9 +288,7 @@ fn predict<const M: usize, S: Form<M>>(
         })?;
         remembered = joint.then_some(Remembered { filtered, left });
     }
-    let scale = |q: Quantity| if q == Quantity::Value { 1.0 } else { scaled.lambda };
-    let everywhere = at == points.inputs[0] && *quantities == [Quantity::Value, Quantity::Derivative];
-    if !everywhere {
+    if at != points.inputs[0] || *quantities != [Quantity::Value, Quantity::Derivative] {
         let place = events.places(at);
         let pick = |column: &[f64]| -> Vec<f64> {
             let of = |q: &Quantity| if *q == Quantity::Value { &column[..n] } else { &column[n..] };
@@ -362,77 +296,9 @@ fn predict<const M: usize, S: Form<M>>(
         };
         (mean, variance) = (pick(&mean), pick(&variance));
     }
-    for ((mean, variance), &q) in
-        mean.chunks_mut(at.len().max(1)).zip(variance.chunks_mut(at.len().max(1))).zip(quantities)
-    {
-        let (factor, square) = (scale(q), scaled.s2 * scale(q) * scale(q));
-        mean.iter_mut().for_each(|m| *m *= factor);
-        variance.iter_mut().for_each(|v| *v = (square * *v).max(0.0));
-    }
     let finite = all_finite(&mean) && all_finite(&variance);
     let covariance = remembered.map(|r| r.covariance::<S>(&scaled, &events, at, quantities));
     finite.then_some((mean, variance, covariance))
-}
-
-/// What the filter left of every event, and what the later measurements leave of the error.
-struct Remembered<const M: usize> {
-    filtered: Vec<Filtered<M>>,
-    left: Vec<[Vector<M>; 2]>,
-}
-
-impl<const M: usize> Remembered<M> {
-    /// Joint covariance of the quantities at the times `at`.
-    fn covariance<S: Form<M>>(
-        &self,
-        scaled: &Scaled,
-        events: &Events,
-        at: &[f64],
-        quantities: &[Quantity],
-    ) -> Mat<f64> {
-        // Component of the state and the factor to the unit of time.
-        let component = |q: Quantity| if q == Quantity::Value { (0, 1.0) } else { (1, scaled.lambda) };
-        let place = events.places(at);
-        let size = at.len() * quantities.len();
-        let mut out = Mat::zeros(size, size);
-        let mut order: Vec<usize> = (0..at.len()).collect();
-        order.sort_by_key(|&k| place[k]);
-        let mut steps = Steps::<M>::new();
-        let transitions: Vec<Matrix<M>> = (0..events.time.len())
-            .map(|i| match i {
-                0 => [[0.0; M]; M],
-                _ => {
-                    let place = steps.reach::<S>(scaled.lambda, &events.time, i);
-                    steps.at(place).0
-                }
-            })
-            .collect();
-        for (qa, &quantity_a) in quantities.iter().enumerate() {
-            let (ca, factor_a) = component(quantity_a);
-            for (rank, &ka) in order.iter().enumerate() {
-                // The row of the covariance carried along the filter's error.
-                let mut row = self.filtered[place[ka]].covariance[ca];
-                let mut here = place[ka];
-                for &kb in &order[rank..] {
-                    while here < place[kb] {
-                        let f = &self.filtered[here];
-                        let first = row[0];
-                        let updated: Vector<M> = std::array::from_fn(|k| row[k] - f.gain[k] * first);
-                        here += 1;
-                        row = times::<M, false>(&transitions[here], &updated);
-                    }
-                    for (qb, &quantity_b) in quantities.iter().enumerate() {
-                        let (cb, factor_b) = component(quantity_b);
-                        let left = &self.left[place[kb]][cb];
-                        let value: f64 = (0..M).map(|k| row[k] * left[k]).sum();
-                        let value = scaled.s2 * factor_a * factor_b * value;
-                        let (r, c) = (qa * at.len() + ka, qb * at.len() + kb);
-                        (out[(r, c)], out[(c, r)]) = (value, value);
-                    }
-                }
-            }
-        }
-        out
-    }
 }
 
 /// Column c of `1 - information P`: what the later measurements leave of the error.

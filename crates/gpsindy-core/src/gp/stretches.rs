@@ -4,29 +4,17 @@
 //! nothing known of what follows; how early follows from the memory of the filter on a clock of the same mean step.
 //! Where two stretches meet they must agree to rounding; where they do not, the caller goes the serial way. What the
 //! filter leaves of four stretches stays near the processor, so no point is filtered twice but those of the overlaps.
-//! Source: as the serial one; the forgetting of the filter: Anderson & Moore 1979, Optimal Filtering, section 4.4.
+//! Source: as the serial one.
 // Indices of small matrices read as in the formulas.
 #![allow(clippy::needless_range_loop)]
 
+use super::events::{Column, Events};
 use super::lanes::{Lanes, Portable};
-use super::matern::{Form, Matrix, Vector};
-use super::state_smoother::Events;
-use super::state_space::{Scaled, sandwich};
-use super::steps::{Step, Table};
-
-/// Stretches side by side.
-const LANES: usize = 4;
-/// Points of one stretch that are prepared at once.
-const TILE: usize = 16;
-/// Points of a stretch, where its overlaps do not ask for more: the records of four stay near the processor.
-const LENGTH: usize = 1024;
-/// Series of fewer points are left to the serial way.
-const FEWEST: usize = 512;
-/// Steps in which the filter must have forgotten its start.
-const LONGEST_MEMORY: usize = 4096;
-/// Relative difference that is rounding: of covariances eight steps apart, and of two stretches where they meet.
-const STEADY: f64 = 1e-13;
-const AGREE: f64 = 1e-11;
+use super::matern::Form;
+use super::overlap::{Border, LANES, Plan};
+use super::state_space::Scaled;
+use super::steps::Table;
+use super::tile::{TILE, Tile};
 
 /// What is asked for at every point.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -37,13 +25,13 @@ pub(super) enum Wanted {
     Law,
 }
 
-/// Fills what is wanted, all for unit amplitude, into columns of one number an event.
+/// Fills what is wanted into columns of one number an event.
 /// `false` where the series is too short or the memory of the filter too long: then the columns hold nothing of use.
 pub(super) fn smooth<const M: usize, S: Form<M>>(
     scaled: &Scaled,
     events: &Events,
     wanted: Wanted,
-    out: &mut [&mut [f64]; 4],
+    out: &mut [Column<'_>],
 ) -> bool {
     let Some(plan) = Plan::new::<M, S>(scaled, events) else { return false };
     let form = std::marker::PhantomData::<S>;
@@ -52,68 +40,6 @@ pub(super) fn smooth<const M: usize, S: Form<M>>(
         return pulp::Simd::vectorize(lanes, Sweep { scaled, events, plan, wanted, out, lanes, form });
     }
     Sweep { scaled, events, plan, wanted, out, lanes: Portable, form }.run()
-}
-
-/// Where stretches begin, and how far they overlap.
-struct Plan {
-    /// Points of a stretch.
-    length: usize,
-    /// Points that a stretch is entered early, at least ...
-    early: usize,
-    /// ... and the same in time.
-    span: f64,
-}
-
-impl Plan {
-    fn new<const M: usize, S: Form<M>>(scaled: &Scaled, events: &Events) -> Option<Self> {
-        let n = events.time.len();
-        if n < FEWEST {
-            return None;
-        }
-        let step = (events.time[n - 1] - events.time[0]) / (n - 1) as f64;
-        // Covariances forget with the square of what means do.
-        let early = 2 * memory::<M, S>(scaled, step)?;
-        let rows = n.div_ceil(LANES * LENGTH.max(6 * early));
-        let length = n.div_ceil(LANES * rows);
-        (length >= 2 * early).then_some(Self { length, early, span: early as f64 * step })
-    }
-
-    /// Points by which the four stretches from `first` on are entered early and left late.
-    fn overlap(&self, time: &[f64], first: usize) -> usize {
-        let mut overlap = self.early;
-        for border in (0..=LANES).map(|l| first + l * self.length).filter(|b| *b < time.len()) {
-            let before = time.partition_point(|t| *t < time[border] - self.span);
-            let after = time.partition_point(|t| *t <= time[border] + self.span);
-            overlap = overlap.max(border - before).max(after - border);
-        }
-        overlap
-    }
-}
-
-/// Steps after which the covariance of a filter on a clock no longer changes.
-fn memory<const M: usize, S: Form<M>>(scaled: &Scaled, step: f64) -> Option<usize> {
-    let mut one = Step::<M>::new();
-    one.set::<S>(scaled.lambda, step);
-    let own = scaled.rho + scaled.jitter;
-    let (mut p, mut before) = (S::STATIONARY, S::STATIONARY);
-    for k in 1..=LONGEST_MEMORY {
-        let inverse = 1.0 / (p[0][0] + own);
-        let column: Vector<M> = std::array::from_fn(|i| p[i][0]);
-        for i in 0..M {
-            for j in 0..M {
-                p[i][j] = if i * j == 0 { p[i][j] * own * inverse } else { p[i][j] - column[i] * column[j] * inverse };
-            }
-        }
-        p = sandwich::<M, false>(&one.transition, &p);
-        p.iter_mut().flatten().zip(one.noise.iter().flatten()).for_each(|(p, q)| *p += q);
-        if k % 8 == 0 {
-            if (0..M).all(|i| (p[i][i] - before[i][i]).abs() <= STEADY * p[i][i]) {
-                return Some(k);
-            }
-            before = p;
-        }
-    }
-    None
 }
 
 /// What the filter leaves at a point of each stretch.
@@ -134,30 +60,12 @@ struct Adjoint<const M: usize, V> {
     information: [[V; M]; M],
 }
 
-/// All that two stretches must agree on where they meet.
-struct Border<const M: usize> {
-    mean: Vector<M>,
-    covariance: Matrix<M>,
-    adjoint: Vector<M>,
-    information: Matrix<M>,
-}
-
-/// Points of the four stretches, those of one time side by side.
-struct Tile<const M: usize> {
-    table: Table<M, { TILE * LANES }>,
-    target: [f64; TILE * LANES],
-    /// Noise variance of the point.
-    own: [f64; TILE * LANES],
-    /// 1 where there is no measurement, else 0.
-    absent: [f64; TILE * LANES],
-}
-
 struct Sweep<'a, 'b, const M: usize, S, N> {
     scaled: &'a Scaled,
     events: &'a Events<'a>,
     plan: Plan,
     wanted: Wanted,
-    out: &'a mut [&'b mut [f64]; 4],
+    out: &'a mut [Column<'b>],
     lanes: N,
     form: std::marker::PhantomData<S>,
 }
@@ -211,43 +119,6 @@ impl<const M: usize, S: Form<M>, N: Lanes> Sweep<'_, '_, M, S, N> {
             covariance: record.covariance.map(|row| row.map(one)),
             adjoint: at.mean.map(one),
             information: at.information.map(|row| row.map(one)),
-        }
-    }
-
-    /// Takes points `k..k + TILE` of every stretch, counted from where the first is entered.
-    #[inline(always)]
-    fn take(&self, tile: &mut Tile<M>, first: usize, overlap: usize, k: usize) {
-        let (time, target) = (&*self.events.time, &*self.events.target);
-        let (n, lambda) = (time.len(), self.scaled.lambda);
-        for l in 0..LANES {
-            let begin = (first + l * self.plan.length + k) as isize - overlap as isize;
-            if begin >= 1 && begin as usize + TILE <= n {
-                let begin = begin as usize;
-                let now = &time[begin..begin + TILE];
-                let past = &time[begin - 1..begin - 1 + TILE];
-                let target = &target[begin..begin + TILE];
-                for s in 0..TILE {
-                    let place = s * LANES + l;
-                    tile.table.a[place] = (lambda * (now[s] - past[s])).min(300.0);
-                    let absent = target[s].is_nan();
-                    tile.target[place] = if absent { 0.0 } else { target[s] };
-                    tile.absent[place] = if absent { 1.0 } else { 0.0 };
-                    tile.own[place] = self.scaled.rho * self.events.noise_weight(begin + s) + self.scaled.jitter;
-                }
-                continue;
-            }
-            for s in 0..TILE {
-                // Beyond the ends there is no step and no measurement.
-                let (place, i) = (s * LANES + l, begin + s as isize);
-                let inside = i >= 0 && (i as usize) < n;
-                let i = i.max(0) as usize;
-                let measured = inside && !target[i].is_nan();
-                tile.table.a[place] = if inside && i > 0 { (lambda * (time[i] - time[i - 1])).min(300.0) } else { 0.0 };
-                tile.target[place] = if measured { target[i] } else { 0.0 };
-                tile.absent[place] = if measured { 0.0 } else { 1.0 };
-                let weight = if measured { self.events.noise_weight(i) } else { 1.0 };
-                tile.own[place] = self.scaled.rho * weight + self.scaled.jitter;
-            }
         }
     }
 
@@ -322,14 +193,15 @@ impl<const M: usize, S: Form<M>, N: Lanes> Sweep<'_, '_, M, S, N> {
     ) -> bool {
         let n = self.lanes;
         let zero = [0.0; TILE * LANES];
-        let mut tile = Tile::<M> { table: Table::new(), target: zero, own: zero, absent: zero };
+        let mut tile = Tile::<M>::new();
         let mut known = [f64::NAN; TILE * LANES];
         let mut mean = [n.splat(0.0); M];
         let mut p = S::STATIONARY.map(|row| row.map(|x| n.splat(x)));
         records.clear();
         clock.clear();
         for k in (0..self.plan.length + 2 * overlap).step_by(TILE) {
-            self.take(&mut tile, first, overlap, k);
+            let begin = |l: usize| (first + l * self.plan.length + k) as isize - overlap as isize;
+            tile.take(self.scaled, self.events, [begin(0), begin(1), begin(2), begin(3)]);
             if tile.table.a != known {
                 tile.table.decay();
                 tile.table.turn::<S>();
@@ -459,35 +331,18 @@ impl<const M: usize, S: Form<M>, N: Lanes> Sweep<'_, '_, M, S, N> {
     fn write(&mut self, first: usize, k: usize, overlap: usize, found: &[[[f64; LANES]; TILE]; 4]) {
         let n = self.events.time.len();
         let (from, to) = (k.max(overlap), (k + TILE).min(overlap + self.plan.length));
-        for (column, found) in self.out.iter_mut().zip(found).filter(|(column, _)| !column.is_empty()) {
+        for (Column { values, unit }, found) in self.out.iter_mut().zip(found) {
             for l in 0..LANES {
                 let begin = first + l * self.plan.length;
                 let to = to.min(overlap + n.saturating_sub(begin));
                 if from < to {
                     let place = begin + from - overlap;
-                    let column = &mut column[place..place + to - from];
-                    column.iter_mut().zip(&found[from - k..]).for_each(|(out, found)| *out = found[l]);
+                    for (out, found) in values[place..place + to - from].iter_mut().zip(&found[from - k..]) {
+                        *out = (unit.offset + unit.factor * found[l]).max(unit.lowest);
+                    }
                 }
             }
         }
-    }
-}
-
-impl<const M: usize> Border<M> {
-    fn agrees(&self, other: &Self) -> bool {
-        let scale: Vector<M> = std::array::from_fn(|i| self.covariance[i][i].sqrt());
-        (0..M).all(|i| {
-            let moved = (self.mean[i] - other.mean[i]).abs();
-            let pulled = (self.adjoint[i] - other.adjoint[i]).abs() * scale[i];
-            moved <= AGREE * (scale[i] + self.mean[i].abs())
-                && pulled <= AGREE * (1.0 + self.adjoint[i].abs() * scale[i])
-                && (0..M).all(|j| {
-                    let spread = (self.covariance[i][j] - other.covariance[i][j]).abs();
-                    let told = (self.information[i][j] - other.information[i][j]).abs();
-                    let each = scale[i] * scale[j];
-                    spread <= AGREE * each && told * each <= AGREE * (1.0 + self.information[i][j].abs() * each)
-                })
-        })
     }
 }
 
@@ -503,7 +358,9 @@ impl<const M: usize, S: Form<M>> pulp::WithSimd for Sweep<'_, '_, M, S, pulp::x8
 
 #[cfg(test)]
 mod tests {
+    use super::super::events::Unit;
     use super::super::matern::FiveHalves;
+    use super::super::overlap::AGREE;
     use super::super::points::Points;
     use super::*;
 
@@ -519,7 +376,8 @@ mod tests {
         let events = Events::new(points, &[]);
         let mut columns = vec![vec![0.0; points.len()]; 4];
         let mut parts = columns.iter_mut();
-        let mut out: [&mut [f64]; 4] = std::array::from_fn(|_| parts.next().unwrap().as_mut_slice());
+        let unit = Unit { factor: 1.0, offset: 0.0, lowest: f64::NEG_INFINITY };
+        let mut out: [Column<'_>; 4] = std::array::from_fn(|_| Column::new(parts.next().unwrap(), unit));
         let (plan, form) = (plan(&scaled, &events)?, std::marker::PhantomData::<FiveHalves>);
         let sweep =
             Sweep { scaled: &scaled, events: &events, plan, wanted: Wanted::Law, out: &mut out, lanes: Portable, form };

@@ -11,6 +11,7 @@ mod plan;
 mod rows;
 mod structure;
 mod track;
+mod unlogged;
 
 pub use author::{Author, AuthorResult};
 pub use online::{Estimate, Online, OnlineSettings};
@@ -199,10 +200,13 @@ impl Identify {
 
     /// Learns the equations of `data`.
     ///
+    /// A state that the data lack is allowed where an equation that is given, `x' = v`, says whose velocity it is.
+    ///
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
-        let mut plan = Plan::new(self, data, progress)?;
+        let (data, unlogged) = self.with_velocities(data, progress)?;
+        let mut plan = Plan::new(self, &data, progress)?;
         let mut equations = plan.equations(self)?;
         let timings = plan.find_timings(self, &mut equations, progress)?;
         let rows = plan.rows(self, &equations)?;
@@ -212,7 +216,7 @@ impl Identify {
                 equations.coefficients[s].clone_from(&chosen.coefficients);
             }
         }
-        let mut notes = plan.notes.clone();
+        let mut notes = [plan.notes.clone(), unlogged].concat();
         let starts = starts(&equations, &chosen);
         let refined = if self.refine { self.refined(&plan, &timings, &starts, progress, &mut notes)? } else { None };
         let hold = refined.as_ref().map_or(timings[0].hold, |refined| refined.hold);

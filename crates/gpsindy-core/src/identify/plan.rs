@@ -9,6 +9,7 @@ use super::{Delay, Identify, Target};
 use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
 use crate::error::{Error, Result};
+use crate::gp::Weakness;
 use crate::library::Library;
 use crate::progress::{Progress, step};
 use crate::refine::Hold;
@@ -71,7 +72,13 @@ impl Plan {
             Some(method) => {
                 let smoothed = runs.1.as_ref();
                 let method = with_logged(method, &logged, n);
-                Some(method.differentiate(&data, &states, &controls, smoothed, progress)?)
+                let derived = method.differentiate(&data, &states, &controls, smoothed, progress)?;
+                for (state, fit) in settings.states.iter().zip(&derived.fits) {
+                    if fit.weak.contains(&Weakness::Thinned) {
+                        notes.push(format!("second Gaussian process of `{state}`: {}", Weakness::Thinned));
+                    }
+                }
+                Some(derived)
             }
         };
         let tracks = data

@@ -162,7 +162,7 @@ impl Constraints {
     /// Checks that every constraint speaks of one of `states` and of a term of `library`.
     ///
     /// # Errors
-    /// An unknown state or term, an equation given twice, a term that is kept and forbidden or kept in an equation that is given.
+    /// An unknown state, term or name in a given equation, an equation given twice, a term that is kept and forbidden or kept in an equation that is given.
     pub fn check<S: AsRef<str>>(&self, states: &[S], library: &Library) -> Result<()> {
         let known = |name: &str| {
             if states.iter().any(|s| s.as_ref() == name) { Ok(()) } else { Err(Error::unknown("state", name, states)) }
@@ -171,6 +171,11 @@ impl Constraints {
             known(&fixed.state)?;
             if self.fixed[..i].iter().any(|other| other.state == fixed.state) {
                 return Err(Error::Duplicate { kind: "equation given for state".into(), name: fixed.state.clone() });
+            }
+            let names = library.variables();
+            if let Some(name) = fixed.equation.variables().iter().find(|name| !names.contains(name)) {
+                let kind = format!("in the equation given for `{}` the name", fixed.state);
+                return Err(Error::unknown(&kind, name, names));
             }
         }
         for forbidden in &self.forbidden {

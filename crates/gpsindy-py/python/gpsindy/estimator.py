@@ -21,6 +21,7 @@ from gpsindy.scoring import score
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_VELOCITY = re.compile(r"\s*\w+\s*'\s*=\s*([A-Za-z]\w*)\s*")
 _NUMBER = re.compile(r"(?<![A-Za-z_0-9.])(\d+\.?\d*(?:[eE][-+]?\d+)?)")
 
 
@@ -43,7 +44,8 @@ class GPSINDy:
     control_terms : bool
         Whether controls are variables of the library.
     fix : sequence of str
-        Equations taken as given, such as ``"x' = v"``.
+        Equations taken as given, such as ``"x' = v"``. Where no column is called ``v``, its samples are the slope of the
+        smoothed ``x``.
     forbid : sequence of str
         Terms that stay out, ``"STATE:TERM"``; the state ``*`` is every state.
     keep : sequence of str
@@ -241,13 +243,19 @@ class GPSINDy:
         self._terms = record.terms
         return self
 
+    def _unlogged(self, layout: Layout) -> list[str]:
+        """Velocities that an equation taken as given speaks of and no column carries."""
+        matches = (_VELOCITY.fullmatch(equation) for equation in names_of(self.fix))
+        names = dict.fromkeys(match[1] for match in matches if match)
+        return [name for name in names if name not in layout.states and name not in layout.controls]
+
     def _settings(self, layout: Layout) -> dict[str, Any]:
         seed = 0 if self.random_state is None else self.random_state
         if not isinstance(seed, (int, np.integer)) or seed < 0:
             raise ValueError(f"random_state: expected None or an integer of at least 0, found {self.random_state!r}")
         delays = [(name, None if value == "auto" else float(value)) for name, value in dict(self.delays or {}).items()]
         return {
-            "states": layout.states,
+            "states": [*layout.states, *self._unlogged(layout)],
             "controls": layout.controls,
             "derivatives": layout.derivatives,
             "degree": _count(self.degree, "degree"),
@@ -294,7 +302,7 @@ class GPSINDy:
     def print(self, lhs: Sequence[str] | None = None, precision: int = 3) -> None:
         """Prints the equations; ``lhs`` replaces the left sides."""
         right = self.equations(precision)
-        left = [f"({name})'" for name in self.feature_names_in_] if lhs is None else list(lhs)
+        left = [f"({state.name})'" for state in self.model_.states] if lhs is None else list(lhs)
         if len(left) != len(right):
             raise ValueError(f"lhs: expected {len(right)} left sides, found {len(left)}")
         for one, other in zip(left, right):
@@ -363,7 +371,7 @@ class GPSINDy:
 
     def _features(self, x: Any, u: Any) -> tuple[list[Array], list[Array | None]]:
         found = runs_of(x)
-        wanted = list(self.feature_names_in_)
+        wanted = [state.name for state in self.model_.states]
         states = [chosen(table, wanted, "x") for table in found]
         names = list(self.control_names_in_)
         if not names:
