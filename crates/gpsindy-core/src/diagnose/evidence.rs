@@ -180,6 +180,16 @@ mod tests {
     }
 
     #[test]
+    fn a_large_smooth_rest_far_above_the_noise_does_not_beat_a_small_rough_one() {
+        let rest = |variance: f64, innovation: f64| {
+            log_likelihood(&[Colour { coefficients: vec![0.9], innovation, variance, count: 1000 }])
+        };
+        assert!(rest(1e4, 5e2) > rest(1e6, 1e2));
+        // Slow noise of a sensor keeps its innovations, which differences of samples see.
+        assert!(rest(60.0, 1.0) > rest(30.0, 2.0));
+    }
+
+    #[test]
     fn missing_values_are_left_out() {
         let mut series = noise(3, 2000);
         series.iter_mut().step_by(7).for_each(|v| *v = f64::NAN);

@@ -317,3 +317,30 @@ impl Fitted {
         (self.refined.covariance[place][place] * self.inflation()).sqrt()
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::expression::Expression;
+    use crate::model::{Parameter, State};
+
+    #[test]
+    fn a_tolerance_ends_at_three_standard_deviations_and_at_a_change_of_sign() {
+        let parameter = |name: &str, value: f64, tolerance: f64| Parameter {
+            tolerance: Some(tolerance),
+            ..Parameter::new(name, value)
+        };
+        let model = Model {
+            states: vec![State::new("v", Expression::parse("-b*v - d*v + c").unwrap())],
+            parameters: vec![parameter("b", 2.0, 0.1), parameter("d", 1.0, 0.5), parameter("c", -4.0, 0.5)],
+            ..Model::default()
+        };
+        let bounds: Vec<(f64, f64)> = tolerated(&model).iter().map(|f| (f.lower, f.upper)).collect();
+        // A damping stays one, however wide its tolerance; a constant may turn around.
+        let expected = [(1.4, 2.6), (0.0, 2.5), (-10.0, 2.0)];
+        for (found, expected) in bounds.iter().zip(expected) {
+            assert!((found.0 - expected.0).abs() < 1e-12 && (found.1 - expected.1).abs() < 1e-12, "{bounds:?}");
+        }
+    }
+}
