@@ -9,6 +9,7 @@ mod equations;
 mod online;
 mod plan;
 mod rows;
+mod sensitivity;
 mod structure;
 mod track;
 mod unlogged;

@@ -11,6 +11,7 @@
 //! Source: Bock 1983 (fit through the integrator); Chen and Chen 2008, Extended Bayesian information criteria.
 
 use super::equations::Equations;
+use super::sensitivity::Course;
 use super::track::Track;
 use crate::data::Dataset;
 use crate::error::{Error, Result};
@@ -282,16 +283,18 @@ impl Search<'_> {
     /// Trajectories around `trial` as a linear function of every candidate coefficient, initial states projected out.
     fn linearise(&self, trial: &Trial, window: f64) -> Result<Linear> {
         let equations = &trial.equations;
-        let all = equations.allowed.clone();
-        let model = equations.model(&all, true);
-        let system = model.compile()?;
+        let system = equations.model(&equations.support(), true).compile()?;
         let experiment = self.experiment(equations, window, &trial.noise)?;
-        let free = self.free(equations, &all);
+        let delays =
+            self.free(equations, &equations.support()).split_off(equations.support().iter().map(Vec::len).sum());
         let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
-        let jacobian = Jacobian::new(&system, &experiment, &point, &free)?;
-        let (n, q) = (system.n_states(), free.len());
+        let jacobian = Jacobian::new(&system, &experiment, &point, &delays)?;
+        let course = Course { equations, system: &system, experiment: &experiment, tracks: self.tracks };
+        let sensitivities = course.sensitivities(&point)?;
+        let all = &equations.allowed;
         let candidates: Vec<(usize, usize)> =
             all.iter().enumerate().flat_map(|(s, terms)| terms.iter().map(move |&j| (s, j))).collect();
+        let (n, q) = (system.n_states(), candidates.len() + delays.len());
         let now: Vec<f64> = candidates.iter().map(|&(s, j)| equations.coefficients[s][j]).collect();
         let kept = (0..candidates.len()).filter(|&k| equations.kept[candidates[k].0].contains(&candidates[k].1));
         let kept: Vec<usize> = kept.collect();
@@ -300,8 +303,15 @@ impl Search<'_> {
         let mut target = Vec::with_capacity(rows);
         let mut top = 0;
         let mut blocks = Vec::with_capacity(jacobian.blocks.len());
-        for block in jacobian.blocks {
-            let mut derivative = block.derivative.columns(n, q).into_owned();
+        for (block, sensitivity) in jacobian.blocks.into_iter().zip(sensitivities) {
+            let mut derivative = DMatrix::zeros(block.residual.len(), q);
+            derivative.columns_mut(0, candidates.len()).copy_from(&sensitivity);
+            derivative
+                .columns_mut(candidates.len(), delays.len())
+                .copy_from(&block.derivative.columns(n, delays.len()));
+            for (i, _) in block.present.iter().enumerate().filter(|(_, present)| !**present) {
+                derivative.row_mut(i).fill(0.0);
+            }
             let mut residual = block.residual.clone();
             for (k, value) in now.iter().enumerate() {
                 residual.axpy(*value, &derivative.column(k), 1.0);

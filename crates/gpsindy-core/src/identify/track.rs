@@ -100,6 +100,14 @@ impl Track {
         values[after - 1] + part * (values[after] - values[after - 1])
     }
 
+    /// Control `control` at time `t` within a step over `span`, `delay` seconds late: held, its mean over the step.
+    pub(super) fn control(&self, control: usize, delay: f64, hold: Hold, span: (f64, f64), t: f64) -> f64 {
+        match hold {
+            Hold::Zero => self.control_mean(control, delay, span.0, span.1),
+            Hold::Linear => self.control_between(control, delay, t),
+        }
+    }
+
     /// States and controls at the start, middle and end of every step between samples, one matrix each ((r - 1) x (n + m)).
     ///
     /// The middle follows the cubic through values and slopes of both ends; a held control enters by its mean over the step.

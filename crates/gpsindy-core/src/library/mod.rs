@@ -160,6 +160,17 @@ impl Library {
     /// # Errors
     /// Sizes that differ, or a term that has no finite value at a sample.
     pub fn evaluate(&self, values: MatRef<'_, f64>, time: &[f64]) -> Result<Mat<f64>> {
+        let theta = self.values(values, time)?;
+        for (i, t) in time.iter().enumerate() {
+            if let Some(j) = (0..self.terms.len()).find(|&j| !theta[(i, j)].is_finite()) {
+                return Err(Error::NotFinite { what: format!("term `{}` at t = {t} s", self.terms[j].name()) });
+            }
+        }
+        Ok(theta)
+    }
+
+    /// As [`Library::evaluate`], finite or not.
+    pub(crate) fn values(&self, values: MatRef<'_, f64>, time: &[f64]) -> Result<Mat<f64>> {
         const LANES: usize = 8;
         let (r, v) = (values.nrows(), self.variables.len());
         if values.ncols() != v || time.len() != r {
@@ -176,13 +187,9 @@ impl Library {
             }
             registers[v] = std::array::from_fn(|lane| time[row(lane)]);
             self.tape.evaluate(&mut registers);
-            for (j, term) in self.terms.iter().enumerate() {
+            for j in 0..self.terms.len() {
                 let results = self.tape.output(&registers, j);
                 for (lane, &value) in results.iter().enumerate().take(r - first) {
-                    if !value.is_finite() {
-                        let what = format!("term `{}` at t = {} s", term.name(), time[first + lane]);
-                        return Err(Error::NotFinite { what });
-                    }
                     theta[(first + lane, j)] = value;
                 }
             }

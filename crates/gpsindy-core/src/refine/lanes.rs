@@ -49,7 +49,8 @@ impl<const L: usize> History<L> {
 
     /// Goes back to the time `t`.
     fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
-        self.cursor = [0; L];
+        let before = |shift: f64| time.partition_point(|&other| other <= t - shift).saturating_sub(1);
+        self.cursor = self.shift.map(before);
         if hold == Hold::Zero && self.shifted {
             self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t - self.shift[lane]));
         }
