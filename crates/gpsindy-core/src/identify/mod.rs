@@ -9,6 +9,7 @@ mod equations;
 mod online;
 mod plan;
 mod rows;
+mod second_look;
 mod sensitivity;
 mod structure;
 mod track;
@@ -19,7 +20,7 @@ pub use online::{Estimate, Online, OnlineSettings};
 
 use crate::data::Dataset;
 use crate::differentiate::{Differentiation, SecondStage};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::library::{Constraints, LibrarySettings};
 use crate::model::{IdentificationRecord, Model};
 use crate::progress::{Progress, step};
@@ -28,11 +29,11 @@ use crate::regress::{Ensemble, Lasso, Regressor, Selection, Subset};
 use crate::smooth::Smoother;
 use choose::{Chosen, Task};
 use equations::Equations;
-use plan::{Plan, Timing};
+use plan::Plan;
 use rayon::prelude::*;
 use rows::Rows;
+use second_look::{Refinement, SecondLook, starts};
 use std::sync::Arc;
-use structure::{Search, Trial};
 
 /// What the regression compares.
 #[derive(Debug, Clone)]
@@ -179,13 +180,6 @@ pub struct StateReport {
     pub kernel: String,
 }
 
-/// What the second look found.
-struct Refinement {
-    trial: Trial,
-    window: f64,
-    hold: Hold,
-}
-
 impl Identify {
     /// Algorithm 1 as the paper states it, done right: kernels by evidence, derivatives by a second Gaussian process from the
     /// smoothed states, LASSO to its optimum on scaled columns, refitted, lambda by blocked cross-validation; no second look.
@@ -218,8 +212,8 @@ impl Identify {
             }
         }
         let mut notes = [plan.notes.clone(), unlogged].concat();
-        let starts = starts(&equations, &chosen);
-        let refined = if self.refine { self.refined(&plan, &timings, &starts, progress, &mut notes)? } else { None };
+        let look = SecondLook { window: self.window, plan: &plan, timings: &timings, progress };
+        let refined = if self.refine { look.refine(&starts(&equations, &chosen), &mut notes)? } else { None };
         let hold = refined.as_ref().map_or(timings[0].hold, |refined| refined.hold);
         if self.hold.is_none() && hold == Hold::Linear {
             notes
@@ -286,96 +280,6 @@ impl Identify {
             (chosen.score, chosen.coefficients) = best;
         }
         Ok(())
-    }
-
-    /// The second look: short windows first, since a wrong equation stays near the logs in them; then as long as the
-    /// rollouts stay on course, because long ones tell more.
-    fn refined(
-        &self,
-        plan: &Plan,
-        timings: &[Timing],
-        starts: &[Equations],
-        progress: &dyn Progress,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<Refinement>> {
-        let keep_going = || step(progress, "refine", 0, 1);
-        let mut window = self.window.unwrap_or_else(|| plan.shortest_window());
-        let Some((mut best, hold)) = self.first_look(plan, timings, starts, window, &keep_going, notes)? else {
-            return Ok(None);
-        };
-        let search: Search<'_> = plan.search(hold);
-        if self.window.is_none() {
-            // Whether the terms were looked at since the rollouts last grew.
-            let mut fresh = true;
-            while window < plan.longest_run() {
-                keep_going()?;
-                let longer = (2.0 * window).min(plan.longest_run());
-                match search.fit(&best.equations, longer, Some(&best)) {
-                    Ok(trial) if growth(&best, &trial) <= ON_COURSE => {
-                        fresh = false;
-                        let unchanged = growth(&best, &trial) <= UNCHANGED;
-                        (best, window) = (trial, longer);
-                        if unchanged {
-                            continue;
-                        }
-                    }
-                    _ if fresh => break,
-                    // The terms of shorter rollouts may be too few for longer ones.
-                    _ => {}
-                }
-                best = search.improve(best, window, &keep_going)?;
-                fresh = true;
-            }
-            if !fresh {
-                best = search.improve(best, window, &keep_going)?;
-            }
-        }
-        if !best.converged {
-            notes.push("the refinement stopped before it came to rest".into());
-        }
-        Ok(Some(Refinement { trial: best, window, hold }))
-    }
-
-    /// The first fits and their better supports, from every start, with held and with interpolated controls where the rows
-    /// left that open; the one of the best evidence.
-    fn first_look(
-        &self,
-        plan: &Plan,
-        timings: &[Timing],
-        starts: &[Equations],
-        window: f64,
-        keep_going: &dyn Fn() -> Result<()>,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<(Trial, Hold)>> {
-        let pairs: Vec<(&Timing, &Equations)> =
-            timings.iter().flat_map(|timing| starts.iter().map(move |start| (timing, start))).collect();
-        let fit = |&(timing, start): &(&Timing, &Equations)| {
-            let equations = Equations { delays: timing.delays.clone(), ..start.clone() };
-            (timing.hold, plan.search(timing.hold).fit(&equations, window, None))
-        };
-        let (mut fitted, mut failure) = (Vec::new(), None);
-        for (hold, fit) in pairs.par_iter().map(fit).collect::<Vec<_>>() {
-            match fit {
-                Ok(trial) => fitted.push((trial, hold)),
-                Err(Error::Cancelled) => return Err(Error::Cancelled),
-                Err(error) => failure = Some(error),
-            }
-        }
-        keep_going()?;
-        let rank = plan.search(Hold::Zero).ranked(fitted.iter().map(|(trial, _)| trial));
-        let mut best: Option<(Trial, Hold)> = None;
-        for (trial, hold) in rank.into_iter().take(LOOKS).map(|k| fitted[k].clone()) {
-            let search = plan.search(hold);
-            let trial = search.improve(trial, window, keep_going)?;
-            // A tie keeps what led before.
-            if best.as_ref().is_none_or(|(other, _)| search.lead(&trial, other) > 2.0) {
-                best = Some((trial, hold));
-            }
-        }
-        if let (None, Some(error)) = (&best, failure) {
-            notes.push(format!("no refinement through the integrator: {error}"));
-        }
-        Ok(best)
     }
 
     /// Inclusion probabilities by block bootstraps of the regression, one row a state.
@@ -449,53 +353,6 @@ impl Identify {
         });
         Identification { model, states, delays, window, hold, notes }
     }
-}
-
-/// Starts whose supports are improved, those of the best evidence after their first fit.
-const LOOKS: usize = 2;
-
-/// Largest number of terms of an equation in the sparser starts.
-const SPARSE: usize = 5;
-
-/// Where the search starts: the equations as chosen; what the rows' evidence takes; and sparser ones of the same path. A
-/// search that starts too sparse may find no way, one that starts too dense may find no rollout or no way back.
-fn starts(equations: &Equations, chosen: &[Option<Chosen>]) -> Vec<Equations> {
-    let from_path = |pick: &dyn Fn(&Chosen) -> Option<usize>| {
-        let mut other = equations.clone();
-        for (own, chosen) in other.coefficients.iter_mut().zip(chosen) {
-            if let Some(found) = chosen.as_ref().and_then(|c| pick(c).map(|k| &c.path[k])) {
-                own.clone_from(found);
-            }
-        }
-        other
-    };
-    let count = |coefficients: &[f64]| coefficients.iter().filter(|c| **c != 0.0).count();
-    let largest = equations.coefficients.iter().map(|own| count(own)).max().unwrap_or(0);
-    let mut starts = vec![equations.clone(), from_path(&|c| c.best)];
-    for most in 1..largest.min(SPARSE + 1) {
-        starts.push(from_path(&|c| {
-            let sparser = (0..c.path.len()).filter(|&k| count(&c.path[k]) <= most.min(count(&c.coefficients)));
-            sparser.max_by_key(|&k| count(&c.path[k]))
-        }));
-    }
-    let mut kept: Vec<Equations> = Vec::new();
-    for start in starts {
-        if kept.iter().all(|other| other.support() != start.support()) {
-            kept.push(start);
-        }
-    }
-    kept
-}
-
-/// Growth of the residual up to which longer rollouts count as being on course.
-const ON_COURSE: f64 = 1.3;
-
-/// Growth of the residual up to which longer rollouts tell nothing new about the terms.
-const UNCHANGED: f64 = 1.01;
-
-/// By how much the residual of a column grows with longer rollouts, at most.
-fn growth(short: &Trial, long: &Trial) -> f64 {
-    short.noise.iter().zip(&long.noise).map(|(short, long)| long / short).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

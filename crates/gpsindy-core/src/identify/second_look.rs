@@ -1,0 +1,164 @@
+//! The second look at the equations, through the integrator: short rollouts first, since a wrong equation stays near the logs
+//! in them; then as long as they stay on course, because long ones tell more.
+
+use super::choose::Chosen;
+use super::equations::Equations;
+use super::plan::{Plan, Timing};
+use super::structure::{Search, Trial};
+use crate::error::{Error, Result};
+use crate::progress::{Progress, step};
+use crate::refine::Hold;
+use rayon::prelude::*;
+
+/// Starts whose supports are improved, those of the best evidence after their first fit.
+const LOOKS: usize = 2;
+
+/// Largest number of terms of an equation in the sparser starts.
+const SPARSE: usize = 5;
+
+/// Growth of the residual up to which longer rollouts count as being on course.
+const ON_COURSE: f64 = 1.3;
+
+/// Growth of the residual up to which longer rollouts tell nothing new about the terms.
+const UNCHANGED: f64 = 1.01;
+
+/// What the second look found.
+pub(super) struct Refinement {
+    pub(super) trial: Trial,
+    /// Length of the last rollouts, s.
+    pub(super) window: f64,
+    pub(super) hold: Hold,
+}
+
+/// What the second look looks at.
+pub(super) struct SecondLook<'a> {
+    /// Length of the rollouts where it is given, s.
+    pub(super) window: Option<f64>,
+    pub(super) plan: &'a Plan,
+    pub(super) timings: &'a [Timing],
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl SecondLook<'_> {
+    pub(super) fn refine(&self, starts: &[Equations], notes: &mut Vec<String>) -> Result<Option<Refinement>> {
+        let shortest = self.window.unwrap_or_else(|| self.plan.shortest_window());
+        let (trial, hold) = match self.first_look(starts, shortest)? {
+            Ok(found) => found,
+            Err(error) => {
+                notes.push(format!("no refinement through the integrator: {error}"));
+                return Ok(None);
+            }
+        };
+        let (trial, window) = self.lengthened(&self.plan.search(hold), trial, shortest)?;
+        if !trial.converged {
+            notes.push("the refinement stopped before it came to rest".into());
+        }
+        Ok(Some(Refinement { trial, window, hold }))
+    }
+
+    fn keep_going(&self) -> impl Fn() -> Result<()> {
+        || step(self.progress, "refine", 0, 1)
+    }
+
+    /// The first fits and their better supports, from every start, with held and with interpolated controls where the rows
+    /// left that open; the one of the best evidence, or why there is none.
+    fn first_look(&self, starts: &[Equations], window: f64) -> Result<std::result::Result<(Trial, Hold), Error>> {
+        let pairs: Vec<(&Timing, &Equations)> =
+            self.timings.iter().flat_map(|timing| starts.iter().map(move |start| (timing, start))).collect();
+        let fit = |&(timing, start): &(&Timing, &Equations)| {
+            let equations = Equations { delays: timing.delays.clone(), ..start.clone() };
+            (timing.hold, self.plan.search(timing.hold).fit(&equations, window, None))
+        };
+        let (mut fitted, mut failure) = (Vec::new(), None);
+        for (hold, fit) in pairs.par_iter().map(fit).collect::<Vec<_>>() {
+            match fit {
+                Ok(trial) => fitted.push((trial, hold)),
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Err(error) => failure = Some(error),
+            }
+        }
+        self.keep_going()()?;
+        let rank = self.plan.search(Hold::Zero).ranked(fitted.iter().map(|(trial, _)| trial));
+        let mut best: Option<(Trial, Hold)> = None;
+        for (trial, hold) in rank.into_iter().take(LOOKS).map(|k| fitted[k].clone()) {
+            let search = self.plan.search(hold);
+            let trial = search.improve(trial, window, &self.keep_going())?;
+            // A tie keeps what led before.
+            if best.as_ref().is_none_or(|(other, _)| search.lead(&trial, other) > 2.0) {
+                best = Some((trial, hold));
+            }
+        }
+        let nothing = || Error::invalid("no start of the search");
+        Ok(best.ok_or_else(|| failure.unwrap_or_else(nothing)))
+    }
+
+    /// Longer and longer rollouts while they stay on course, the terms looked at again wherever they tell something new.
+    fn lengthened(&self, search: &Search<'_>, trial: Trial, window: f64) -> Result<(Trial, f64)> {
+        let (mut best, mut window) = (trial, window);
+        if self.window.is_some() {
+            return Ok((best, window));
+        }
+        let keep_going = self.keep_going();
+        let whole = self.plan.longest_run();
+        // Whether the terms were looked at since the rollouts last grew.
+        let mut fresh = true;
+        while window < whole {
+            keep_going()?;
+            let longer = (2.0 * window).min(whole);
+            match search.fit(&best.equations, longer, Some(&best)) {
+                Ok(trial) if growth(&best, &trial) <= ON_COURSE => {
+                    fresh = false;
+                    let unchanged = growth(&best, &trial) <= UNCHANGED;
+                    (best, window) = (trial, longer);
+                    if unchanged {
+                        continue;
+                    }
+                }
+                _ if fresh => break,
+                // The terms of shorter rollouts may be too few for longer ones.
+                _ => {}
+            }
+            best = search.improve(best, window, &keep_going)?;
+            fresh = true;
+        }
+        if !fresh {
+            best = search.improve(best, window, &keep_going)?;
+        }
+        Ok((best, window))
+    }
+}
+
+/// Where the search starts: the equations as chosen; what the rows' evidence takes; and sparser ones of the same path. A
+/// search that starts too sparse may find no way, one that starts too dense may find no rollout or no way back.
+pub(super) fn starts(equations: &Equations, chosen: &[Option<Chosen>]) -> Vec<Equations> {
+    let from_path = |pick: &dyn Fn(&Chosen) -> Option<usize>| {
+        let mut other = equations.clone();
+        for (own, chosen) in other.coefficients.iter_mut().zip(chosen) {
+            if let Some(found) = chosen.as_ref().and_then(|c| pick(c).map(|k| &c.path[k])) {
+                own.clone_from(found);
+            }
+        }
+        other
+    };
+    let count = |coefficients: &[f64]| coefficients.iter().filter(|c| **c != 0.0).count();
+    let largest = equations.coefficients.iter().map(|own| count(own)).max().unwrap_or(0);
+    let mut starts = vec![equations.clone(), from_path(&|c| c.best)];
+    for most in 1..largest.min(SPARSE + 1) {
+        starts.push(from_path(&|c| {
+            let sparser = (0..c.path.len()).filter(|&k| count(&c.path[k]) <= most.min(count(&c.coefficients)));
+            sparser.max_by_key(|&k| count(&c.path[k]))
+        }));
+    }
+    let mut kept: Vec<Equations> = Vec::new();
+    for start in starts {
+        if kept.iter().all(|other| other.support() != start.support()) {
+            kept.push(start);
+        }
+    }
+    kept
+}
+
+/// By how much the residual of a column grows with longer rollouts, at most.
+fn growth(short: &Trial, long: &Trial) -> f64 {
+    short.noise.iter().zip(&long.noise).map(|(short, long)| long / short).fold(0.0, f64::max)
+}
