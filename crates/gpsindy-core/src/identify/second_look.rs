@@ -22,6 +22,9 @@ const ON_COURSE: f64 = 1.3;
 /// Growth of the residual up to which longer rollouts tell nothing new about the terms.
 const UNCHANGED: f64 = 1.01;
 
+/// Evidence by which interpolated controls must lead: odds of 20. A computer that steers holds what it has sent.
+const INTERPOLATED: f64 = 6.0;
+
 /// What the second look found.
 pub(super) struct Refinement {
     pub(super) trial: Trial,
@@ -50,10 +53,37 @@ impl SecondLook<'_> {
             }
         };
         let (trial, window) = self.lengthened(&self.plan.search(hold), trial, shortest)?;
-        if !trial.converged {
+        let (mut found, rival) = self.other_hold(Refinement { trial, window, hold })?;
+        if !found.trial.converged {
             notes.push("the refinement stopped before it came to rest".into());
         }
-        Ok(Some(Refinement { trial, window, hold }))
+        found.trial.errors = self.plan.search(found.hold).errors_of_choice(&found.trial, found.window)?;
+        if let Some((rival, lead)) = rival {
+            found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
+        }
+        Ok(Some(found))
+    }
+
+    /// The hold that explains the long rollouts, since short ones hardly tell one from the other; and the equations under the
+    /// other one, with their lead.
+    fn other_hold(&self, found: Refinement) -> Result<(Refinement, Option<(Trial, f64)>)> {
+        let Some(other) = self.timings.iter().find(|timing| timing.hold != found.hold) else {
+            return Ok((found, None));
+        };
+        let search = self.plan.search(other.hold);
+        let equations = Equations { delays: other.delays.clone(), ..found.trial.equations.clone() };
+        let rival = match search.fit(&equations, found.window, Some(&found.trial)) {
+            Ok(rival) => rival,
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            Err(_) => return Ok((found, None)),
+        };
+        let lead = search.lead(&rival, &found.trial);
+        if lead < if other.hold == Hold::Linear { INTERPOLATED } else { -INTERPOLATED } {
+            return Ok((found, Some((rival, lead))));
+        }
+        let rival = search.improve(rival, found.window, &self.keep_going())?;
+        let (trial, window) = self.lengthened(&search, rival, found.window)?;
+        Ok((Refinement { trial, window, hold: other.hold }, Some((found.trial, -lead))))
     }
 
     fn keep_going(&self) -> impl Fn() -> Result<()> {

@@ -36,6 +36,9 @@ const LEAST_LEAD: f64 = 0.01;
 /// Residuals below this share of a column's spread count as none: what is left is the integrator's.
 const FLOOR: f64 = 1e-7;
 
+/// Evidence by which equations must be worse to have no weight in the errors: odds of 1000.
+const NEGLIGIBLE: f64 = 14.0;
+
 /// How the search looks at the data.
 pub(super) struct Search<'a> {
     pub(super) data: &'a Dataset,
@@ -72,6 +75,22 @@ pub(super) struct Trial {
     /// Share of the values that count as independent.
     share: f64,
     pub(super) converged: bool,
+}
+
+impl Trial {
+    /// Lets the errors allow for `rival`, the same equations under another assumption, of weight `weight` beside 1.
+    pub(super) fn allow_for(&mut self, rival: &Self, weight: f64) {
+        for s in 0..self.errors.len() {
+            for j in 0..self.errors[s].len() {
+                let (own, other) = (self.errors[s][j], rival.errors[s][j]);
+                if own > 0.0 && other > 0.0 && other.is_finite() {
+                    let apart = self.equations.coefficients[s][j] - rival.equations.coefficients[s][j];
+                    let square = own.powi(2) + weight * (other.powi(2) + apart.powi(2));
+                    self.errors[s][j] = (square / (1.0 + weight)).sqrt();
+                }
+            }
+        }
+    }
 }
 
 impl Search<'_> {
@@ -278,6 +297,41 @@ impl Search<'_> {
             (Some(far), Some(close)) => Some(if self.lead(&far, &close) >= 0.0 { far } else { close }),
             (far, close) => far.or(close),
         }
+    }
+
+    /// Standard errors (n x p) that allow for the choice of the terms: over the equations one move away that hold the term,
+    /// weighted by their evidence, `sqrt(sum_m w_m (error_m^2 + (value_m - value)^2))`.
+    ///
+    /// Source: Buckland, Burnham and Augustin 1997, Model selection: an integral part of inference.
+    pub(super) fn errors_of_choice(&self, trial: &Trial, window: f64) -> Result<Vec<Vec<f64>>> {
+        let linear = self.linearise(trial, window)?;
+        let told = |support: &[usize]| {
+            let terms = linear.with_always(support);
+            let errors = linear.problem.standard_errors(&terms, 1.0);
+            (linear.problem.refit(&terms).coefficients, terms.into_iter().zip(errors).collect::<Vec<_>>())
+        };
+        let (best, _) = told(&linear.active);
+        let mut sums: Vec<(f64, f64)> = linear
+            .candidates
+            .iter()
+            .map(|&(s, j)| if trial.errors[s][j] > 0.0 { (1.0, trial.errors[s][j].powi(2)) } else { (0.0, 0.0) })
+            .collect();
+        let rivals = linear.moves(&linear.active).into_iter().map(|(change, support)| (trial.share * change, support));
+        for (change, support) in rivals.take_while(|(change, _)| *change < NEGLIGIBLE) {
+            let weight = (-0.5 * change).exp().min(1.0);
+            let (values, errors) = told(&support);
+            let known = |k: usize, error: f64| error.is_finite() && sums.get(k).is_some_and(|sum| sum.0 > 0.0);
+            let known: Vec<(usize, f64)> = errors.into_iter().filter(|&(k, error)| known(k, error)).collect();
+            for (k, error) in known {
+                sums[k].0 += weight;
+                sums[k].1 += weight * (error.powi(2) + (values[k] - best[k]).powi(2));
+            }
+        }
+        let mut errors = trial.errors.clone();
+        for (&(s, j), (weight, square)) in linear.candidates.iter().zip(sums).filter(|(_, sum)| sum.0 > 0.0) {
+            errors[s][j] = (square / weight).sqrt();
+        }
+        Ok(errors)
     }
 
     /// Trajectories around `trial` as a linear function of every candidate coefficient, initial states projected out.
