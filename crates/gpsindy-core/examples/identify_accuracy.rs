@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use gpsindy_core::library::LibrarySettings;
+use gpsindy_core::systems::LORENZ_TERMS;
 use gpsindy_core::{Channel, Dataset, Identify, Run, Silent};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
@@ -45,15 +46,7 @@ fn truth(name: &str) -> Truth {
             rate: |_, x, _| vec![10.0 * (x[1] - x[0]), x[0] * (28.0 - x[2]) - x[1], x[0] * x[1] - 8.0 / 3.0 * x[2]],
             control: |_| vec![],
             library: LibrarySettings { degree: 2, ..LibrarySettings::default() },
-            terms: vec![
-                (0, "x", -10.0),
-                (0, "y", 10.0),
-                (1, "x", 28.0),
-                (1, "x*z", -1.0),
-                (1, "y", -1.0),
-                (2, "x*y", 1.0),
-                (2, "z", -8.0 / 3.0),
-            ],
+            terms: LORENZ_TERMS.to_vec(),
             train: 1.0,
         },
         _ => Truth {

@@ -54,21 +54,7 @@ fn cases() -> Vec<(&'static str, TestSystem, LibrarySettings, Vec<&'static str>,
             vec!["phi' = om"],
             vec![(1, "u", 12.5), (1, "sin(phi)", -24.525), (1, "om", -0.125), (1, "tanh(om/0.02)", -0.25)],
         ),
-        (
-            "lorenz",
-            short,
-            degree(2),
-            vec![],
-            vec![
-                (0, "x", -10.0),
-                (0, "y", 10.0),
-                (1, "x", 28.0),
-                (1, "x*z", -1.0),
-                (1, "y", -1.0),
-                (2, "x*y", 1.0),
-                (2, "z", -8.0 / 3.0),
-            ],
-        ),
+        ("lorenz", short, degree(2), vec![], systems::LORENZ_TERMS.to_vec()),
     ]
 }
 

@@ -225,6 +225,17 @@ pub fn lorenz() -> TestSystem {
     )
 }
 
+/// The terms of [`lorenz`] multiplied out: number of the equation, term of a library of degree 2, coefficient.
+pub const LORENZ_TERMS: [(usize, &str, f64); 7] = [
+    (0, "x", -10.0),
+    (0, "y", 10.0),
+    (1, "x", 28.0),
+    (1, "x*z", -1.0),
+    (1, "y", -1.0),
+    (2, "x*y", 1.0),
+    (2, "z", -8.0 / 3.0),
+];
+
 /// A driven beam between two magnets: linear stiffness `k` below 0, cubic stiffness `c`.
 pub fn duffing() -> TestSystem {
     build(
@@ -356,6 +367,21 @@ mod tests {
         assert!(spread((0..run.n_samples()).map(integral)) < 1e-6);
         let run = clean(&epidemic());
         assert!(spread((0..run.n_samples()).map(|i| (0..3).map(|j| run.values[(i, j)]).sum())) < 1e-12);
+    }
+
+    #[test]
+    fn the_terms_of_the_convection_are_its_equations() {
+        let settings = crate::library::LibrarySettings { degree: 2, ..Default::default() };
+        let library = crate::library::Library::new(&["x", "y", "z"], &[], &settings).unwrap();
+        let state = [1.5, -2.0, 20.0];
+        let theta = library.evaluate(Mat::from_fn(1, 3, |_, j| state[j]).as_ref(), &[0.0]).unwrap();
+        let (mut rates, mut sums) = ([0.0; 3], [0.0; 3]);
+        lorenz().model.compile().unwrap().derivative(0.0, &state, &[], &mut rates).unwrap();
+        for (equation, term, value) in LORENZ_TERMS {
+            sums[equation] += value * theta[(0, library.index_of(term).unwrap())];
+        }
+        // Sums of four numbers of size 50.
+        assert!((0..3).all(|s| (rates[s] - sums[s]).abs() < 1e-13 * 50.0), "{rates:?} {sums:?}");
     }
 
     #[test]

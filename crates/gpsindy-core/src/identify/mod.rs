@@ -6,12 +6,15 @@
 mod author;
 mod choose;
 mod equations;
+mod linear;
 mod online;
+mod path;
 mod plan;
 mod rows;
 mod second_look;
 mod sensitivity;
 mod structure;
+mod timing;
 mod track;
 mod unlogged;
 

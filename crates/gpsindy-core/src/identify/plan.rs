@@ -1,30 +1,27 @@
 //! What an identification looks at: columns found, training part cut, states smoothed, rows of regression made.
 
 use super::equations::{DelayValue, Equations, rate_name};
+use super::path::{roughness, smooth, unsmoothed};
 use super::rows::{Builder, Rows, integrals, stretches};
 use super::structure::Search;
-use super::structure::independent_share;
 use super::track::Track;
 use super::{Delay, Identify, Target};
 use crate::data::{Channel, Dataset, Run};
-use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
+use crate::differentiate::{Derivatives, Differentiation, SecondStage};
 use crate::error::{Error, Result};
 use crate::gp::Weakness;
 use crate::library::Library;
-use crate::progress::{Progress, step};
+use crate::progress::Progress;
 use crate::refine::Hold;
-use crate::regress::{Reduced, Whitening};
-use crate::smooth::{Noise, SmoothedRun, Smoother};
+use crate::regress::Whitening;
+use crate::smooth::{Noise, Smoother};
 use faer::Mat;
 use std::sync::Arc;
-
-/// Rows at most in the regression that compares delays.
-const DELAY_ROWS: usize = 3000;
 
 pub(super) struct Plan {
     /// Training part: states, controls, then logged derivatives under their own names.
     data: Dataset,
-    tracks: Vec<Track>,
+    pub(super) tracks: Vec<Track>,
     library: Arc<Library>,
     /// Pointwise derivatives, where the regression compares those.
     derivatives: Option<Derivatives>,
@@ -36,7 +33,8 @@ pub(super) struct Plan {
     scales: Vec<Vec<f64>>,
     /// Time in which the fastest state changes by its own spread, s.
     pace: f64,
-    period: f64,
+    /// Shortest mean sampling period of a run, s.
+    pub(super) period: f64,
 }
 
 impl Plan {
@@ -215,100 +213,7 @@ impl Plan {
             })
             .collect()
     }
-
-    /// What the controls may do between samples, with the delays that belong to it, best first: what leaves the smallest
-    /// residual of the whole library. Whatever is decidedly worse is left out. The first is what the rows then take.
-    pub(super) fn find_timings(
-        &mut self,
-        settings: &Identify,
-        equations: &mut Equations,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Timing>> {
-        let holds = match settings.hold {
-            Some(hold) => vec![hold],
-            None if settings.controls.is_empty() => vec![Hold::Zero],
-            None => vec![Hold::Zero, Hold::Linear],
-        };
-        let open = holds.len() > 1;
-        let mut timings = Vec::with_capacity(holds.len());
-        for hold in holds {
-            self.tracks.iter_mut().for_each(|track| track.hold = hold);
-            self.find_delays(settings, equations, progress)?;
-            let misfit = if open { self.misfit(settings, equations)? } else { Misfit { value: 0.0, share: 1.0 } };
-            timings.push(Timing { hold, delays: equations.delays.clone(), misfit });
-        }
-        timings.sort_by(|x, y| x.misfit.value.total_cmp(&y.misfit.value));
-        let best = timings[0].misfit;
-        timings.retain(|other| best.share * (other.misfit.value - best.value) <= DECIDED);
-        self.tracks.iter_mut().for_each(|track| track.hold = timings[0].hold);
-        equations.delays.clone_from(&timings[0].delays);
-        Ok(timings)
-    }
-
-    /// Delays at which the whole library leaves the smallest residual, one control after the other, twice.
-    fn find_delays(&self, settings: &Identify, equations: &mut Equations, progress: &dyn Progress) -> Result<()> {
-        let free: Vec<(usize, f64)> = equations.free_delays().map(|(k, delay)| (k, delay.most)).collect();
-        let rounds = if free.len() > 1 { 2 } else { 1 };
-        for round in 0..rounds {
-            for &(k, most) in &free {
-                step(progress, "find delays", round, rounds)?;
-                let count = ((most / self.period).round() as usize).clamp(4, 40);
-                let grid: Vec<f64> = (0..=count).map(|i| most * i as f64 / count as f64).collect();
-                let mut misfit_at = |value: f64| {
-                    equations.delays[k].value = value;
-                    self.misfit(settings, equations).map(|misfit| misfit.value)
-                };
-                let misfits = grid.iter().map(|&value| misfit_at(value)).collect::<Result<Vec<_>>>()?;
-                let best = (0..grid.len()).min_by(|&a, &b| misfits[a].total_cmp(&misfits[b])).unwrap_or(0);
-                equations.delays[k].value = vertex(&grid, &misfits, best);
-            }
-        }
-        Ok(())
-    }
-
-    /// What all allowed terms leave: the sum over the states of `n ln(rss)`.
-    fn misfit(&self, settings: &Identify, equations: &Equations) -> Result<Misfit> {
-        let (mut sum, mut left) = (0.0, Vec::new());
-        for (s, rows) in self.rows(settings, equations)?.iter().enumerate() {
-            let Some(rows) = rows else { continue };
-            let step = rows.target.len().div_ceil(DELAY_ROWS);
-            let kept: Vec<usize> = (0..rows.target.len()).step_by(step).collect();
-            let allowed = &equations.allowed[s];
-            let theta = Mat::from_fn(kept.len(), allowed.len(), |i, j| rows.theta[(kept[i], allowed[j])]);
-            let target: Vec<f64> = kept.iter().map(|&i| rows.target[i]).collect();
-            let problem = Reduced::new(theta.as_ref(), &target)?;
-            let all: Vec<usize> = (0..allowed.len()).collect();
-            let fit = problem.refit(&all);
-            sum += kept.len() as f64 * fit.residual.max(f64::MIN_POSITIVE).ln();
-            let explained = |i: usize| (0..allowed.len()).map(|j| theta[(i, j)] * fit.coefficients[j]).sum::<f64>();
-            let size = (fit.residual / kept.len() as f64).sqrt().max(f64::MIN_POSITIVE);
-            left.push((0..kept.len()).map(|i| (target[i] - explained(i)) / size).collect());
-        }
-        Ok(Misfit { value: sum, share: independent_share(&left, 1) })
-    }
 }
-
-/// What the controls do between samples, and when they act.
-#[derive(Debug, Clone)]
-pub(super) struct Timing {
-    pub(super) hold: Hold,
-    /// One a control.
-    pub(super) delays: Vec<DelayValue>,
-    misfit: Misfit,
-}
-
-/// What a regression leaves.
-#[derive(Debug, Clone, Copy)]
-struct Misfit {
-    /// Twice the negative logarithm of the likelihood, but for a constant.
-    value: f64,
-    /// Share of the values that count as independent.
-    share: f64,
-}
-
-/// Twice the logarithm of a likelihood ratio that decides between held and interpolated controls before any term is chosen:
-/// odds of 20,000.
-const DECIDED: f64 = 20.0;
 
 /// The method, with logged derivatives as the targets of a second stage where every state has one.
 fn with_logged(method: &Differentiation, logged: &[usize], n_states: usize) -> Differentiation {
@@ -318,17 +223,6 @@ fn with_logged(method: &Differentiation, logged: &[usize], n_states: usize) -> D
         Differentiation::GpControl(stage) => Differentiation::GpControl(SecondStage { given, ..stage.clone() }),
         other => other.clone(),
     }
-}
-
-/// The minimum of the parabola through the best point and its neighbours.
-fn vertex(grid: &[f64], values: &[f64], best: usize) -> f64 {
-    if best == 0 || best + 1 == grid.len() {
-        return grid[best];
-    }
-    let (left, middle, right) = (values[best - 1], values[best], values[best + 1]);
-    let bend = left - 2.0 * middle + right;
-    let shift = if bend > 0.0 { 0.5 * (left - right) / bend } else { 0.0 };
-    grid[best] + shift.clamp(-1.0, 1.0) * (grid[best + 1] - grid[best])
 }
 
 /// The columns in use, under the names of the model, of the first part of every run.
@@ -374,100 +268,6 @@ fn training(settings: &Identify, data: &Dataset) -> Result<Dataset> {
         });
     }
     Dataset::new(channels, runs)
-}
-
-type SmoothedRuns = ((Vec<SmoothedRun>, Option<crate::smooth::Smoothed>), Vec<f64>, Vec<String>);
-
-fn smooth(
-    smoother: &Smoother,
-    settings: &Identify,
-    data: &Dataset,
-    states: &[usize],
-    notes: &mut Vec<String>,
-    progress: &dyn Progress,
-) -> Result<SmoothedRuns> {
-    let wants_covariance = matches!(settings.target, Target::Derivative(Differentiation::GpTime));
-    let smoother = Smoother { covariance: wants_covariance, ..smoother.clone() };
-    let smoothed = smoother.smooth(data, states, progress)?;
-    let mut kernels = Vec::new();
-    for (fit, channel) in smoothed.fits.iter().zip(&smoothed.channels) {
-        let weak: Vec<String> = fit.weak.iter().map(ToString::to_string).collect();
-        if !weak.is_empty() {
-            notes.push(format!("smoothing of `{}`: {}", channel.name, weak.join("; ")));
-        }
-        kernels.push(format!("{:?}", fit.kernel));
-    }
-    let noise = smoothed.fits.iter().map(|f| f.noise).collect();
-    Ok(((smoothed.runs.clone(), Some(smoothed)), noise, kernels))
-}
-
-/// The samples as they are: gaps closed by straight lines, slopes by parabolas.
-fn unsmoothed(data: &Dataset, states: &[usize]) -> Result<SmoothedRuns> {
-    let mut runs = Vec::with_capacity(data.runs().len());
-    for run in data.runs() {
-        let r = run.n_samples();
-        let mut mean = Mat::zeros(r, states.len());
-        let mut derivative = Mat::zeros(r, states.len());
-        for (j, &c) in states.iter().enumerate() {
-            let filled = fill(&run.time, run.column(c)).ok_or_else(|| Error::TooFewSamples {
-                what: format!("channel `{}` in run `{}`", data.channels()[c].name, run.name),
-                needed: 1,
-                found: 0,
-            })?;
-            derivative.col_as_slice_mut(j).copy_from_slice(&central(&run.time, &filled));
-            mean.col_as_slice_mut(j).copy_from_slice(&filled);
-        }
-        let zeros = Mat::zeros(r, states.len());
-        runs.push(SmoothedRun {
-            name: run.name.clone(),
-            time: run.time.clone(),
-            mean,
-            std: zeros.clone(),
-            derivative,
-            derivative_std: zeros,
-            derivative_covariance: Vec::new(),
-        });
-    }
-    Ok(((runs, None), roughness(data, states), vec![String::new(); states.len()]))
-}
-
-fn fill(time: &[f64], values: &[f64]) -> Option<Vec<f64>> {
-    let there: Vec<usize> = (0..values.len()).filter(|&i| values[i].is_finite()).collect();
-    let (&first, &last) = (there.first()?, there.last()?);
-    let between = |i: usize| {
-        if values[i].is_finite() {
-            return values[i];
-        }
-        let after = there.partition_point(|&k| k < i);
-        if i < first || i > last {
-            return values[if i < first { first } else { last }];
-        }
-        let (a, b) = (there[after - 1], there[after]);
-        values[a] + (values[b] - values[a]) * (time[i] - time[a]) / (time[b] - time[a])
-    };
-    Some((0..values.len()).map(between).collect())
-}
-
-/// Noise of channels from their second differences (of variance 6 for white noise of variance 1), at least 1e-4 of the spread.
-fn roughness(data: &Dataset, channels: &[usize]) -> Vec<f64> {
-    let of = |c: usize| {
-        let mut bends: Vec<f64> = Vec::new();
-        let (mut sum, mut square, mut count) = (0.0, 0.0, 0.0);
-        for run in data.runs() {
-            let values: Vec<f64> = run.column(c).iter().copied().filter(|v| v.is_finite()).collect();
-            bends.extend(values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()));
-            for v in values {
-                sum += v;
-                square += v * v;
-                count += 1.0;
-            }
-        }
-        bends.sort_by(f64::total_cmp);
-        let middle = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
-        let spread = if count > 0.0 { (square / count - (sum / count).powi(2)).max(0.0).sqrt() } else { 0.0 };
-        (middle / (0.6745 * 6f64.sqrt())).max(1e-4 * spread).max(f64::MIN_POSITIVE.sqrt())
-    };
-    channels.iter().map(|&c| of(c)).collect()
 }
 
 /// Rows from derivatives at the samples; whitened by their covariance where there is one.

@@ -3,8 +3,9 @@
 
 use super::choose::Chosen;
 use super::equations::Equations;
-use super::plan::{Plan, Timing};
+use super::plan::Plan;
 use super::structure::{Search, Trial};
+use super::timing::Timing;
 use crate::error::{Error, Result};
 use crate::progress::{Progress, step};
 use crate::refine::Hold;
@@ -93,8 +94,9 @@ impl SecondLook<'_> {
     /// The first fits and their better supports, from every start, with held and with interpolated controls where the rows
     /// left that open; the one of the best evidence, or why there is none.
     fn first_look(&self, starts: &[Equations], window: f64) -> Result<std::result::Result<(Trial, Hold), Error>> {
+        let likely = self.timings.iter().filter(|timing| !timing.unlikely);
         let pairs: Vec<(&Timing, &Equations)> =
-            self.timings.iter().flat_map(|timing| starts.iter().map(move |start| (timing, start))).collect();
+            likely.flat_map(|timing| starts.iter().map(move |start| (timing, start))).collect();
         let fit = |&(timing, start): &(&Timing, &Equations)| {
             let equations = Equations { delays: timing.delays.clone(), ..start.clone() };
             (timing.hold, self.plan.search(timing.hold).fit(&equations, window, None))
