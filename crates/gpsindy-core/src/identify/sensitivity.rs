@@ -256,7 +256,7 @@ mod tests {
             (0, t) => (1.3 * t).sin(),
             (1, _) if i % 3 == 1 => f64::NAN,
             (1, t) => 1.3 * (1.3 * t).cos(),
-            (2, t) => (0.7 * t).cos() + if i / 7 % 2 == 0 { 0.5 } else { -0.5 },
+            (2, t) => (0.7 * t).cos() + if (i / 7).is_multiple_of(2) { 0.5 } else { -0.5 },
             (_, t) => -1.69 * (1.3 * t).sin(),
         };
         let time = (0..40).map(|i| 0.1 * i as f64).collect();

@@ -1,7 +1,9 @@
 use super::*;
 use crate::Run;
 use crate::expression::Expression;
+use crate::gp::Kernel;
 use crate::library::Fixed;
+use crate::library::LibrarySettings;
 use crate::model::{Control, Model, State};
 use crate::systems::{SensorNoise, TestSystem, lotka_volterra, pendulum};
 use faer::Mat;
