@@ -54,7 +54,7 @@ impl SecondLook<'_> {
             }
         };
         let (trial, window) = self.lengthened(&self.plan.search(hold), trial, shortest)?;
-        let (mut found, rival) = self.other_hold(Refinement { trial, window, hold })?;
+        let (mut found, rival) = self.other_hold(Refinement { trial, window, hold }, shortest)?;
         if !found.trial.converged {
             notes.push("the refinement stopped before it came to rest".into());
         }
@@ -65,26 +65,32 @@ impl SecondLook<'_> {
         Ok(Some(found))
     }
 
-    /// The hold that explains the long rollouts, since short ones hardly tell one from the other; and the equations under the
-    /// other one, with their lead.
-    fn other_hold(&self, found: Refinement) -> Result<(Refinement, Option<(Trial, f64)>)> {
+    /// The hold that explains long rollouts, since short ones hardly tell one from the other; and the equations under the other
+    /// one, with their lead.
+    ///
+    /// The rival starts from the short rollouts as well: where motions are chaotic, no fit finds from the long ones of one hold
+    /// to those of the other.
+    fn other_hold(&self, found: Refinement, shortest: f64) -> Result<(Refinement, Option<(Trial, f64)>)> {
         let Some(other) = self.timings.iter().find(|timing| timing.hold != found.hold) else {
             return Ok((found, None));
         };
         let search = self.plan.search(other.hold);
         let equations = Equations { delays: other.delays.clone(), ..found.trial.equations.clone() };
-        let rival = match search.fit(&equations, found.window, Some(&found.trial)) {
+        let rival = match search.fit(&equations, shortest, None) {
             Ok(rival) => rival,
             Err(Error::Cancelled) => return Err(Error::Cancelled),
             Err(_) => return Ok((found, None)),
         };
+        let (rival, window) = self.lengthened(&search, rival, shortest)?;
+        // Longer rollouts leave more, so that only equal ones compare.
+        if window != found.window {
+            return Ok((found, None));
+        }
         let lead = search.lead(&rival, &found.trial);
         if lead < if other.hold == Hold::Linear { INTERPOLATED } else { -INTERPOLATED } {
             return Ok((found, Some((rival, lead))));
         }
-        let rival = search.improve(rival, found.window, &self.keep_going())?;
-        let (trial, window) = self.lengthened(&search, rival, found.window)?;
-        Ok((Refinement { trial, window, hold: other.hold }, Some((found.trial, -lead))))
+        Ok((Refinement { trial: rival, window, hold: other.hold }, Some((found.trial, -lead))))
     }
 
     fn keep_going(&self) -> impl Fn() -> Result<()> {
