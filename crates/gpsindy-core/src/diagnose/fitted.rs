@@ -6,7 +6,7 @@ use super::joint::dissipative_bounds;
 use super::settle::with_lagging;
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Free, Jacobian, Point, Refine, Refined, costs};
+use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, costs};
 
 /// A contestant: the nominal model with some hypotheses, and what its fit left over.
 #[derive(Clone)]
@@ -32,6 +32,19 @@ pub(crate) struct Fitted {
 /// A belief's tails would not hold it: thousands of residuals that are structure and not noise outweigh any of them, and
 /// a viscous friction of twice its value then hides a dry one before that has a name.
 const BELIEVED: f64 = 3.0;
+
+/// Tolerances within which a parameter's move is what the user expects.
+const EXPECTED: f64 = 2.0;
+
+/// A tolerated parameter that the logs move.
+pub(crate) struct Moved {
+    /// Its index in the model.
+    pub(crate) parameter: usize,
+    /// Squared distance from its nominal value, in standard deviations of what the logs tell of it.
+    pub(crate) squared: f64,
+    /// Whether the move stays within what the user believes.
+    pub(crate) is_believed: bool,
+}
 
 /// The parameters that the user believes in up to a tolerance, free with that belief.
 pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
@@ -135,8 +148,22 @@ impl Fitted {
         let mut starts: Vec<Vec<f64>> = starts.collect();
         let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
         let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
-        let (refined, jacobian) =
-            settings.fit_with_jacobian(&system, &experiment, &parameters, &free, Some(&initial))?;
+        let fit = |experiment: &Experiment| {
+            settings.fit_with_jacobian(&system, experiment, &parameters, &free, Some(&initial))
+        };
+        let mut fitted = fit(&experiment)?;
+        if more.iter().any(|h| h.id() == "sensor_delay") {
+            // What the late sensor saw before the log is as the logs have it.
+            let other = match experiment.past {
+                Past::Still => Past::Moving,
+                Past::Moving => Past::Still,
+            };
+            let moved = Experiment { past: other, ..experiment.clone() };
+            if let Some(better) = fit(&moved).ok().filter(|f| f.0.cost < fitted.0.cost) {
+                (fitted, experiment) = (better, moved);
+            }
+        }
+        let (refined, jacobian) = fitted;
         let colours = colours(&refined.residuals, experiment.columns.len());
         let mut hypotheses = self.hypotheses.clone();
         hypotheses.extend(more.iter().map(|h| (*h).clone()));
@@ -216,6 +243,15 @@ impl Fitted {
         Ok(Self { refined, jacobian, ..moved })
     }
 
+    /// The experiment with the shorter integration steps that this contestant needs, if it needs any.
+    pub(crate) fn finer(&self) -> Option<Experiment> {
+        let (parameters, initial) = (&self.refined.parameters, &self.refined.initial);
+        let allowed = super::prepare::ROUNDING * self.misfit().max(1.0).sqrt();
+        let finer =
+            super::prepare::choose_substeps(&self.system, self.experiment.clone(), parameters, initial, allowed);
+        (finer.substeps > self.experiment.substeps).then_some(finer)
+    }
+
     /// Number of states without those that hypotheses added (lagging inputs).
     pub(crate) fn nominal_states(&self) -> usize {
         self.system.n_states() - self.hypotheses.iter().filter(|h| h.id() == "input_lag").count()
@@ -282,8 +318,8 @@ impl Fitted {
     }
 
     /// How far the logs alone move each tolerated parameter from its nominal value, in standard deviations
-    /// of what the logs tell of it: (index in the model, squared distance).
-    pub(crate) fn moved(&self) -> Vec<(usize, f64)> {
+    /// of what the logs tell of it.
+    pub(crate) fn moved(&self) -> Vec<Moved> {
         self.free
             .iter()
             .enumerate()
@@ -292,7 +328,12 @@ impl Fitted {
                 let information = 1.0 / self.refined.covariance[place][place] - 1.0 / (sd * sd);
                 let distance = self.refined.parameters[f.parameter] - mean;
                 let squared = distance * distance * information / self.inflation();
-                (information > 0.0 && squared.is_finite()).then_some((f.parameter, squared))
+                let is_believed = distance.abs() <= EXPECTED * sd;
+                (information > 0.0 && squared.is_finite()).then_some(Moved {
+                    parameter: f.parameter,
+                    squared,
+                    is_believed,
+                })
             })
             .collect()
     }

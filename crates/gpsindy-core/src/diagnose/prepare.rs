@@ -218,12 +218,13 @@ fn growth(experiment: &Experiment, jacobian: &crate::refine::Jacobian) -> f64 {
     largest
 }
 
-/// Doubles the integration steps until the outputs no longer change by a tenth of the noise.
+/// Doubles the integration steps until the outputs no longer change by `allowed` times the noise.
 pub(crate) fn choose_substeps(
     system: &System,
     mut experiment: Experiment,
     parameters: &[f64],
     initial: &[Vec<f64>],
+    allowed: f64,
 ) -> Experiment {
     const MOST: usize = 32;
     let outputs = |e: &Experiment| super::screen::outputs(system, e, parameters, initial);
@@ -233,7 +234,7 @@ pub(crate) fn choose_substeps(
         let fine = outputs(&finer);
         let count = fine.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         let change: f64 = coarse.iter().flatten().zip(fine.iter().flatten()).map(|(a, b)| (a - b) * (a - b)).sum();
-        if (change / count).sqrt() < 0.1 {
+        if (change / count).sqrt() < allowed {
             return experiment;
         }
         experiment = finer;
@@ -281,7 +282,7 @@ pub(crate) fn experiment(
     let free = super::fitted::tolerated(system.model());
     let parameters = system.parameter_values();
     let start = crate::refine::guess_initial(system, &experiment);
-    experiment = choose_substeps(system, experiment, &parameters, &start);
+    experiment = choose_substeps(system, experiment, &parameters, &start, ROUNDING);
     let (experiment, cut) = choose_windows(system, experiment, &parameters, &free, Purpose::Search)?;
     let mut experiment = thin(experiment, notes);
     experiment.hold = hold.unwrap_or_default();
@@ -292,6 +293,9 @@ pub(crate) fn experiment(
     }
     Ok(experiment)
 }
+
+/// Share of the noise, or of the residual, that the integration may add.
+pub(crate) const ROUNDING: f64 = 0.1;
 
 /// Most samples that a contest looks at; more would not change its answer, only its time.
 const MOST_SAMPLES: usize = 12_000;

@@ -115,7 +115,7 @@ pub(crate) fn trajectories(
         .zip(initial)
         .map(|(window, start)| {
             let log = &experiment.logs[window.log];
-            let mut lanes = Lanes::<1>::new(system, log, experiment.hold, &parameters);
+            let mut lanes = Lanes::<1>::new(system, log, (experiment.hold, experiment.past), &parameters);
             let start: Vec<[f64; 1]> = start.iter().map(|&v| [v]).collect();
             let mut path = vec![Vec::with_capacity(window.last - window.first + 1); n];
             lanes.roll_states((window.first, window.last), &start, experiment.substeps, |_, j, v| path[j].push(v[0]));

@@ -311,7 +311,11 @@ fn responses(
         let log = &experiment.logs[window.log];
         let lanes = match &mut lanes {
             Some((index, lanes)) if *index == window.log => lanes,
-            other => &mut other.insert((window.log, Lanes::new(system, log, experiment.hold, &parameters))).1,
+            other => {
+                &mut other
+                    .insert((window.log, Lanes::new(system, log, (experiment.hold, experiment.past), &parameters)))
+                    .1
+            }
         };
         let block = &fitted.jacobian.blocks[w];
         let rows = block.residual.len();
@@ -345,7 +349,7 @@ pub(crate) fn outputs(
     windows
         .map(|(window, start)| {
             let log = &experiment.logs[window.log];
-            let mut lanes = Lanes::<1>::new(system, log, experiment.hold, &parameters);
+            let mut lanes = Lanes::<1>::new(system, log, (experiment.hold, experiment.past), &parameters);
             let start: Vec<[f64; 1]> = start.iter().map(|&v| [v]).collect();
             let mut values = Vec::new();
             lanes.roll((window.first, window.last), &start, &experiment.columns, experiment.substeps, |_, c, v| {

@@ -2,8 +2,9 @@
 
 use super::Diagnose;
 use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
-use super::fitted::Fitted;
+use super::fitted::{Fitted, Moved};
 use super::hypothesis::Hypothesis;
+use super::merge::merged;
 use super::prune::{NAMED, gap_size, pruned, strongest};
 use super::rival::Rival;
 use super::search::{
@@ -69,6 +70,11 @@ impl Outcome {
 /// log a test of exactly nothing would find them.
 pub(crate) const NEGLIGIBLE: f64 = 0.005;
 
+/// Mean squared change of the outputs (noise units) that a parameter may make within its tolerance and be no cause.
+///
+/// Half the noise's standard deviation: the user expects the parameter to be off by as much, and does not see it.
+const TOLERABLE: f64 = 0.25;
+
 /// A nominal model, whether it has a gap, and what causes it.
 pub(crate) struct Judged {
     pub(crate) nominal: Fitted,
@@ -86,7 +92,7 @@ pub(crate) fn judge(
     settings: &Diagnose,
     notes: &mut Vec<String>,
 ) -> Result<Judged> {
-    let first = contest.expand(&nominal, "suspects")?;
+    let (nominal, first) = suspects(contest, nominal)?;
     let free_gains = contest.rivals(&nominal, rivals);
     let detected = detect(&first, &free_gains, settings.confidence, &nominal);
     let outcome = match detected.gap {
@@ -94,6 +100,17 @@ pub(crate) fn judge(
         false => Outcome::no_gap(&nominal, &first),
     };
     Ok(Judged { nominal, detected, free_gains, outcome })
+}
+
+/// Every hypothesis tried at the nominal model, with integration steps short enough for the best of them.
+///
+/// Ripples and edges need shorter ones than the nominal model does, and lose the contest without.
+fn suspects(contest: &Contest<'_>, mut nominal: Fitted) -> Result<(Fitted, Expansion)> {
+    loop {
+        let first = contest.expand(&nominal, "suspects")?;
+        let Some(finer) = first.fits.first().and_then(Fitted::finer) else { return Ok((nominal, first)) };
+        nominal = nominal.on(&finer, &contest.settings)?;
+    }
 }
 
 /// The verdict under interpolated controls, where that is clearly the better account of the logs.
@@ -145,10 +162,11 @@ pub(super) fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
 }
 
 fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
-    let moved = nominal.moved().into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
-    let strained = (chi_squared_tail(moved - nominal.negligible() * nominal.count() as f64, 1)
-        * nominal.free.len().max(1) as f64)
-        .min(1.0);
+    let strain = |moved: Moved| {
+        let allowed = if moved.is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
+        chi_squared_tail(moved.squared - allowed * nominal.count() as f64, 1)
+    };
+    let strained = nominal.moved().into_iter().map(strain).fold(1.0, f64::min) * nominal.free.len().max(1) as f64;
     // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
     let count = nominal.count();
     let allowed = nominal.negligible() * count as f64;
@@ -157,7 +175,7 @@ fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: 
         gain_tail(gain - allowed, fit.complexity(), count, nominal.spent())
     });
     let refitted = (refitted.fold(1.0, f64::min) * first.tried as f64).min(1.0);
-    let smallest = refitted.min(first.p_value(nominal)).min(rival_p_value(rivals, nominal)).min(strained);
+    let smallest = refitted.min(first.p_value(nominal)).min(rival_p_value(rivals, nominal)).min(strained.min(1.0));
     // Four searches, each paid for.
     let p_value = (4.0 * smallest).min(1.0);
     Detected { gap: p_value <= 1.0 - confidence, p_value }
@@ -185,13 +203,22 @@ fn attribute(
     if !unchanged {
         known.clear();
     }
-    let thorough = Refine { max_iterations: 20, tolerance: 1e-6 };
+    let thorough = Refine { max_iterations: 60, tolerance: 1e-6 };
     let mut alternatives: Vec<Vec<Fitted>> = Vec::new();
     let mut removed: Vec<f64> = Vec::new();
     // Swap: leave each effect out in turn, and let all others apply for its place.
     let mut swaps = 0;
     let mut place = 0;
-    while place < best.hypotheses.len() {
+    loop {
+        if place == best.hypotheses.len() {
+            match merged(contest, &nominal, &best, &mut known)? {
+                Some(simpler) => best = simpler,
+                None => break,
+            }
+            alternatives.clear();
+            removed.clear();
+            place = 0;
+        }
         let Ok(rest) = without(contest, &nominal, &best, place) else {
             // Without this one the others can't even be simulated: it has no alternative.
             alternatives.push(vec![best.clone()]);
@@ -285,9 +312,11 @@ fn charge_tolerated(
     notes: &mut Vec<String>,
 ) -> Result<(Fitted, Fitted)> {
     let count = best.count().max(2) as f64;
-    let convincing =
-        |squared: f64| squared > 2.0 * CONVINCING + count.ln() && squared > MATERIAL * count * best.misfit().min(1.0);
-    let mut charged: Vec<usize> = best.moved().into_iter().filter(|m| convincing(m.1)).map(|m| m.0).collect();
+    let convincing = |moved: &Moved| {
+        let material = if moved.is_believed { TOLERABLE } else { MATERIAL };
+        moved.squared > 2.0 * CONVINCING + count.ln() && moved.squared > material * count * best.misfit().min(1.0)
+    };
+    let mut charged: Vec<usize> = best.moved().into_iter().filter(convincing).map(|m| m.parameter).collect();
     let strained =
         (0..best.free.len()).filter(|&place| best.is_strained(place)).map(|place| best.free[place].parameter);
     charged.extend(strained);
@@ -348,7 +377,7 @@ fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(
     if is_whole || best.hypotheses.is_empty() {
         return Ok((nominal.clone(), best));
     }
-    let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
+    let settings = Refine { max_iterations: 60, tolerance: 1e-5 };
     let (parameters, search) = (&best.refined.parameters, super::prepare::Purpose::Search);
     let (longer, _) =
         super::prepare::choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, search)?;

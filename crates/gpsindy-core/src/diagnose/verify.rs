@@ -72,6 +72,7 @@ pub(crate) fn closure(
     let noise = experiment.noise.clone();
     remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &noise);
     experiment.hold = best.experiment.hold;
+    experiment.past = best.experiment.past;
     experiment.substeps = best.experiment.substeps;
     if best.experiment.windows.len() > best.experiment.logs.len() {
         let lengths = best.experiment.windows.iter().map(|w| {

@@ -15,6 +15,16 @@ pub enum Hold {
     Linear,
 }
 
+/// What a sensor that answers late shows until its delay has passed since the log began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Past {
+    /// The first state: the machine stood still, or the simulator fills its buffer with it.
+    #[default]
+    Still,
+    /// The state on its tangent: the machine was moving already.
+    Moving,
+}
+
 /// One run as a fit sees it.
 #[derive(Debug, Clone)]
 pub struct Log {
@@ -52,6 +62,8 @@ pub struct Experiment {
     pub windows: Vec<Window>,
     /// Control between the samples.
     pub hold: Hold,
+    /// States before a log's first sample, as a late sensor sees them.
+    pub past: Past,
     /// Integration steps between two samples.
     pub substeps: usize,
     /// Typical size of every state, in its unit: sets the steps of finite differences.
@@ -93,7 +105,7 @@ impl Experiment {
             None => spread.clone(),
         };
         let scale = state_scales(system, &logs, &columns, &spread);
-        Ok(Self { logs: logs.into(), columns, noise, windows, hold: Hold::Zero, substeps: 1, scale })
+        Ok(Self { logs: logs.into(), columns, noise, windows, hold: Hold::Zero, past: Past::Still, substeps: 1, scale })
     }
 
     /// Position among the logged columns of state `state`, where it is logged.

@@ -121,7 +121,7 @@ fn pass<const L: usize>(
     }
     let mut diverged = None;
     for (log_index, log) in experiment.logs.iter().enumerate() {
-        let mut lanes = Lanes::<L>::new(system, log, experiment.hold, &parameters);
+        let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
         for (w, window) in experiment.windows.iter().enumerate().filter(|(_, w)| w.log == log_index) {
             let mut initial: Vec<[f64; L]> = point.initial[w].iter().map(|&v| [v; L]).collect();
             for (lane, column) in lanes_of.iter().enumerate() {
@@ -176,7 +176,7 @@ pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], 
             (0..system.n_parameters()).map(|p| std::array::from_fn(|lane| lane_point(lane).parameters[p])).collect();
         let mut sums = [0.0; L];
         for (log_index, log) in experiment.logs.iter().enumerate() {
-            let mut lanes = Lanes::<L>::new(system, log, experiment.hold, &parameters);
+            let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
             for (w, window) in experiment.windows.iter().enumerate().filter(|(_, w)| w.log == log_index) {
                 let initial: Vec<[f64; L]> = (0..system.n_states())
                     .map(|j| std::array::from_fn(|lane| lane_point(lane).initial[w][j]))

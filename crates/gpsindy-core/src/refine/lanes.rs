@@ -3,7 +3,7 @@
 //! A lane is one set of parameters and initial states. Classical Runge-Kutta of order 4; a held
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
-use super::experiment::{Hold, Log};
+use super::experiment::{Hold, Log, Past};
 use crate::model::{InputKind, System};
 
 /// An input with a history, sampled, for every lane.
@@ -104,6 +104,7 @@ pub(crate) struct Lanes<'a, const L: usize> {
     system: &'a System,
     log: &'a Log,
     hold: Hold,
+    past: Past,
     histories: Vec<History<L>>,
     late: Vec<[f64; L]>,
     rates: Vec<[f64; L]>,
@@ -124,7 +125,7 @@ struct Node<const L: usize> {
 
 impl<'a, const L: usize> Lanes<'a, L> {
     /// `parameters`: all of the system's, one value a lane.
-    pub(crate) fn new(system: &'a System, log: &'a Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
+    pub(crate) fn new(system: &'a System, log: &'a Log, (hold, past): (Hold, Past), parameters: &[[f64; L]]) -> Self {
         let histories = histories(system, log, parameters);
         let first = system.n_states() + system.n_controls() + histories.len();
         let mut rates = system.rates().registers::<L>();
@@ -142,7 +143,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
             })
             .collect();
         let parameters = parameters.to_vec();
-        Self { system, log, hold, histories, late, rates, outputs, parameters, followed: None }
+        Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None }
     }
 
     /// States that follow the inputs alone, at every sample: settled at the first, then exact for a constant input
@@ -364,20 +365,26 @@ impl<'a, const L: usize> Lanes<'a, L> {
             *register = stages[0];
         }
         let n_variables = self.system.outputs().n_variables();
+        // Before a window in the middle of a log the machine was moving in any case.
+        let is_still = self.past == Past::Still && nodes.first().is_some_and(|node| node.t == self.log.time[0]);
         for (i, late) in self.system.late_states().iter().enumerate() {
             let place = n_variables - self.late.len() + i;
-            self.outputs[place] = std::array::from_fn(|lane| state_at(nodes, late.state, lane, t - self.late[i][lane]));
+            self.outputs[place] =
+                std::array::from_fn(|lane| state_at(nodes, late.state, lane, t - self.late[i][lane], is_still));
         }
         self.outputs[n_variables] = [t; L];
         self.system.evaluate(simd, self.system.outputs(), &mut self.outputs);
     }
 }
 
-/// Cubic Hermite value of a state at time `t`; before the first node its tangent is followed.
-fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64) -> f64 {
+/// Cubic Hermite value of a state at time `t`; before the first node its value where it stood still, else its tangent.
+fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64, is_still: bool) -> f64 {
     let after = nodes.partition_point(|node| node.t < t).max(1);
     let a = &nodes[after - 1];
     let (true, Some(b)) = (t > a.t, nodes.get(after)) else {
+        if is_still && t <= a.t {
+            return a.x[state][lane];
+        }
         return a.x[state][lane] + a.dx[state][lane] * (t - a.t);
     };
     let h = b.t - a.t;

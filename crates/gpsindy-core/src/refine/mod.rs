@@ -9,7 +9,7 @@ mod experiment;
 mod jacobian;
 pub(crate) mod lanes;
 
-pub use experiment::{Experiment, Hold, Log, Window};
+pub use experiment::{Experiment, Hold, Log, Past, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs};
 
 use crate::error::{Error, Result};
@@ -249,7 +249,7 @@ mod tests {
                     measured: vec![vec![0.0; 200]],
                 };
                 let parameters: Vec<[f64; 1]> = values.iter().map(|&v| [v]).collect();
-                let mut lanes = lanes::Lanes::<1>::new(&system, &log, Hold::Zero, &parameters);
+                let mut lanes = lanes::Lanes::<1>::new(&system, &log, (Hold::Zero, Past::Still), &parameters);
                 let mut values = Mat::zeros(200, 2);
                 lanes.roll((0, 199), &[[0.5], [0.0]], &[0], fine, |i, _, v| values[(i, 0)] = v[0]);
                 for i in 0..200 {
