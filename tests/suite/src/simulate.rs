@@ -230,7 +230,8 @@ impl<'a> Machine<'a> {
                 }
             }
             for (state, tau, next, values) in &mut late {
-                while *next <= k && times[*next] - *tau <= times[0] {
+                // Until the delay has passed the sensor shows the start.
+                while times.get(*next).is_some_and(|s| s - *tau <= times[0]) {
                     values.push(setup.start[*state]);
                     *next += 1;
                 }

@@ -6,7 +6,8 @@ use super::joint::dissipative_bounds;
 use super::settle::with_lagging;
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, costs};
+use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, Window, costs};
+use nalgebra::{DMatrix, DVector};
 
 /// A contestant: the nominal model with some hypotheses, and what its fit left over.
 #[derive(Clone)]
@@ -209,6 +210,35 @@ impl Fitted {
         }
     }
 
+    /// The same contestant, fitted once more from the initial states that the logs show, where that is better.
+    ///
+    /// A poor model pulls the initial states of its windows off, and a better one that starts there may stay there.
+    pub(crate) fn restarted(self, settings: &Refine) -> Self {
+        const POOR: f64 = 2.0;
+        if self.misfit() < POOR {
+            return self;
+        }
+        let Ok(other) = self.on(&self.experiment, settings) else { return self };
+        let worse = |w: usize| {
+            let cost =
+                |fit: &Self| fit.refined.residuals[w].iter().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>();
+            cost(&other) < cost(&self)
+        };
+        // Each window from the better of its two starts.
+        let moved: Vec<usize> = (0..self.experiment.windows.len()).filter(|&w| worse(w)).collect();
+        if moved.is_empty() {
+            return self;
+        }
+        let mut mixed = if other.refined.cost < self.refined.cost { other.clone() } else { self.clone() };
+        for w in 0..mixed.refined.initial.len() {
+            let from = if moved.contains(&w) { &other } else { &self };
+            mixed.refined.initial[w].clone_from(&from.refined.initial[w]);
+        }
+        let mixed = mixed.again(settings);
+        let best = if other.refined.cost < self.refined.cost { other } else { self };
+        if mixed.refined.cost < best.refined.cost { mixed } else { best }
+    }
+
     /// The same contestant without its derivatives, which take most of its memory; [`Fitted::again`] restores them.
     pub(crate) fn slim(&self) -> Self {
         Self {
@@ -230,7 +260,17 @@ impl Fitted {
         let mut experiment = experiment.clone();
         experiment.scale.clone_from(&self.experiment.scale);
         let mut moved = Self { experiment, ..self.clone() };
-        let guess = crate::refine::guess_initial(&moved.system, &moved.experiment);
+        let mut guess = crate::refine::guess_initial(&moved.system, &moved.experiment);
+        if moved.experiment.windows != self.experiment.windows {
+            // A window that starts where an earlier one did starts as that one was fitted.
+            for (window, start) in moved.experiment.windows.iter().zip(&mut guess) {
+                let same = |w: &Window| w.log == window.log && w.first == window.first;
+                if let Some(place) = self.experiment.windows.iter().position(same) {
+                    let count = start.len();
+                    start.copy_from_slice(&self.refined.initial[place][..count]);
+                }
+            }
+        }
         moved.refined.initial = with_lagging(&moved.system, &moved.experiment, guess, moved.nominal_states());
         let (refined, jacobian) = settings.fit_with_jacobian(
             &moved.system,
@@ -273,15 +313,20 @@ impl Fitted {
         self.added.iter().map(Vec::len).sum()
     }
 
-    /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
-    pub(crate) fn score(&self) -> f64 {
+    /// Log likelihood with beliefs.
+    pub(crate) fn evidence(&self) -> f64 {
         let beliefs: f64 = self
             .free
             .iter()
             .filter_map(|f| f.prior.map(|(mean, sd)| ((self.refined.parameters[f.parameter] - mean) / sd).powi(2)))
             .sum();
+        log_likelihood(&self.colours) - 0.5 * beliefs
+    }
+
+    /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
+    pub(crate) fn score(&self) -> f64 {
         let count = self.count().max(2) as f64;
-        log_likelihood(&self.colours) - 0.5 * beliefs - 0.5 * self.complexity() as f64 * count.ln()
+        self.evidence() - 0.5 * self.complexity() as f64 * count.ln()
     }
 
     /// Mean squared difference of the outputs from another contestant's, in noise units; infinite on other windows.
@@ -345,8 +390,26 @@ impl Fitted {
         free.prior.is_some_and(|(mean, sd)| (value - mean).abs() >= 0.999 * BELIEVED * sd)
     }
 
+    /// Mean squared change of the outputs (noise units) that the tolerated parameters make together by their move from
+    /// the nominal values.
+    pub(crate) fn strain(&self) -> f64 {
+        let tolerated: Vec<(usize, f64, f64)> = self
+            .free
+            .iter()
+            .enumerate()
+            .filter_map(|(place, f)| f.prior.map(|(mean, sd)| (place, self.refined.parameters[f.parameter] - mean, sd)))
+            .collect();
+        let count = tolerated.len();
+        let covariance = |i: usize, j: usize| self.refined.covariance[tolerated[i].0][tolerated[j].0];
+        let Some(mut information) = DMatrix::from_fn(count, count, covariance).try_inverse() else { return 0.0 };
+        tolerated.iter().enumerate().for_each(|(i, t)| information[(i, i)] -= t.2.powi(-2));
+        let moved = DVector::from_fn(count, |i, _| tolerated[i].1);
+        let strain = moved.dot(&(&information * &moved)) / self.count().max(1) as f64;
+        if strain.is_finite() { strain.max(0.0) } else { 0.0 }
+    }
+
     /// By how much coloured or large residuals carry less than their number.
-    fn inflation(&self) -> f64 {
+    pub(crate) fn inflation(&self) -> f64 {
         // A slow quantity averages the noise, so the spectrum at zero frequency counts.
         let spectrum = |c: &Colour| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3);
         self.colours.iter().map(spectrum).fold(0.0, f64::max).max(self.misfit())

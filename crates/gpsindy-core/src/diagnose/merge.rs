@@ -5,7 +5,8 @@ use super::search::{Contest, Known};
 use super::settle::without;
 use crate::error::Result;
 
-/// The winner with one effect in the place of two, where the two say nothing that convinces beyond it.
+/// The winner with one effect in the place of two, where the two say nothing that convinces beyond it. One of the two is
+/// the effect that removes least (`removed`, by effect).
 ///
 /// A search that adds one effect at a time, beside tolerated parameters that give way, can come to several where one
 /// alone would do: taking one out at a time does not lead back.
@@ -13,28 +14,28 @@ pub(super) fn merged(
     contest: &Contest<'_>,
     nominal: &Fitted,
     best: &Fitted,
+    removed: &[f64],
     known: &mut Vec<Known>,
 ) -> Result<Option<Fitted>> {
     let count = best.hypotheses.len();
     let mut simplest: Option<Fitted> = None;
-    for first in 0..count {
-        for second in first + 1..count {
-            let Ok(one_less) = without(contest, nominal, best, second) else { continue };
-            let Ok(rest) = without(contest, nominal, &one_less, first) else { continue };
-            let place = match known.iter().position(|k| k.is_of(&rest)) {
-                Some(place) => place,
-                None => {
-                    let fits = contest.expand(&rest, "one for two")?.fits;
-                    known.push(Known::new(&rest, &fits));
-                    known.len() - 1
-                }
-            };
-            let fits = known[place].fits.iter().filter(|f| f.hypotheses.len() == count - 1);
-            if let Some(fit) = fits.max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
-                && simplest.as_ref().is_none_or(|s| contest.score(fit) > contest.score(s))
-            {
-                simplest = Some(fit.clone());
+    let Some(weakest) = (0..removed.len()).min_by(|&a, &b| removed[a].total_cmp(&removed[b])) else { return Ok(None) };
+    for other in (0..count).filter(|&o| o != weakest) {
+        let Ok(one_less) = without(contest, nominal, best, weakest.max(other)) else { continue };
+        let Ok(rest) = without(contest, nominal, &one_less, weakest.min(other)) else { continue };
+        let place = match known.iter().position(|k| k.is_of(&rest)) {
+            Some(place) => place,
+            None => {
+                let fits = contest.expand(&rest, "one for two")?.fits;
+                known.push(Known::new(&rest, &fits));
+                known.len() - 1
             }
+        };
+        let fits = known[place].fits.iter().filter(|f| f.hypotheses.len() == count - 1);
+        if let Some(fit) = fits.max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
+            && simplest.as_ref().is_none_or(|s| contest.score(fit) > contest.score(s))
+        {
+            simplest = Some(fit.clone());
         }
     }
     Ok(simplest.map(|s| s.again(&contest.settings)).filter(|s| !contest.is_convincing(best, s)))

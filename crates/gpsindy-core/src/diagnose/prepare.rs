@@ -128,9 +128,6 @@ pub(crate) fn choose_windows(
     let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
     let settings = Refine { max_iterations: 6, tolerance: 1e-3 };
-    let motion = motion_time(&experiment);
-    // A free motion has only its start: cut into pieces, each with a start of its own, it no longer shows what it loses.
-    let is_driven = system.n_controls() > 0;
     let mut parts = 1usize;
     loop {
         let length = longest / parts as f64;
@@ -138,9 +135,8 @@ pub(crate) fn choose_windows(
         let smallest = samples / (2 * parts) < SHORTEST;
         match settings.fit_with_jacobian(system, &cut, parameters, free, None) {
             Ok((fit, jacobian)) => {
-                let may_shrink = purpose == Purpose::Search && is_driven && 0.5 * length >= motion;
-                let loud = may_shrink && !within(&cut, &fit.residuals, |c| LOUD * cut.noise[c]);
-                let fits = near(&cut, &fit.residuals) && growth(&cut, &jacobian) < GROWTH && !loud;
+                let loud = purpose == Purpose::Search && is_loud(system, &cut, &fit.residuals);
+                let fits = stays_near(&cut, &fit.residuals, &jacobian) && !loud;
                 if fits || smallest {
                     return Ok((cut, (parts > 1).then_some(length)));
                 }
@@ -150,6 +146,34 @@ pub(crate) fn choose_windows(
         }
         parts *= 2;
     }
+}
+
+/// Whether rollouts stay near the logs, and errors of their starts do not explode.
+pub(crate) fn stays_near(experiment: &Experiment, residuals: &[Vec<f64>], jacobian: &crate::refine::Jacobian) -> bool {
+    near(experiment, residuals) && growth(experiment, jacobian) < GROWTH
+}
+
+/// Whether rollouts are so far above the noise that shorter ones would tell effects apart better.
+///
+/// A free motion has only its start: cut into pieces, each with a start of its own, it no longer shows what it loses.
+pub(crate) fn is_loud(system: &System, experiment: &Experiment, residuals: &[Vec<f64>]) -> bool {
+    let may_shrink = system.n_controls() > 0 && 0.5 * longest_window(experiment) >= motion_time(experiment);
+    may_shrink && !within(experiment, residuals, |c| LOUD * experiment.noise[c])
+}
+
+fn longest_window(experiment: &Experiment) -> f64 {
+    let length = |w: &crate::refine::Window| {
+        let time = &experiment.logs[w.log].time;
+        time[w.last] - time[w.first]
+    };
+    experiment.windows.iter().map(length).fold(0.0, f64::max)
+}
+
+/// The experiment with windows twice as long; none where every run is whole already.
+pub(crate) fn doubled(experiment: &Experiment) -> Option<Experiment> {
+    let length = 2.0 * longest_window(experiment);
+    let longer = experiment.clone().with_windows_of(length);
+    (longer.windows.len() < experiment.windows.len()).then_some(longer)
 }
 
 pub(crate) fn whole_runs(mut experiment: Experiment) -> Experiment {

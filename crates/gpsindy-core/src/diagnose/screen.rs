@@ -53,8 +53,10 @@ impl Basis {
         let mut gram = DMatrix::zeros(q, q);
         let mut slope = DVector::zeros(q);
         for (i, free) in fitted.free.iter().enumerate() {
-            if let Some((_, sd)) = free.prior {
+            if let Some((mean, sd)) = free.prior {
+                // A belief is one more measurement, of the parameter itself.
                 gram[(i, i)] += 1.0 / (sd * sd);
+                slope[i] += (mean - fitted.refined.parameters[free.parameter]) / (sd * sd);
             }
         }
         let windows = fitted

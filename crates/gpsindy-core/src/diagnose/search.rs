@@ -1,6 +1,6 @@
 //! The contest: screen every hypothesis at a contestant, refit the promising ones, go on from the best.
 
-use super::evidence::{gain_tail, log_likelihood, with_fitted_level};
+use super::evidence::{gain_tail, with_fitted_level};
 use super::fitted::Fitted;
 use super::hypothesis::{Applied, Hypothesis, Start};
 use super::rival::Rival;
@@ -215,7 +215,7 @@ impl Contest<'_> {
         fits = fits
             .into_par_iter()
             .map(|fit| match self.score(&fit) >= last.min(near) && !fit.refined.converged {
-                true => fit.again(&self.settings),
+                true => fit.again(&self.settings).restarted(&self.settings),
                 false => fit,
             })
             .collect();
@@ -227,7 +227,9 @@ impl Contest<'_> {
     ///
     /// Half of what would be needed, because a straight line underrates a curved effect.
     fn is_promising(&self, base: &Fitted, gain: f64) -> bool {
-        gain > CONVINCING && gain > 0.5 * MATERIAL * base.count() as f64 * base.misfit().min(1.0)
+        // What tolerated parameters have taken up may be this effect's.
+        let hidden = base.strain() > MATERIAL;
+        gain > CONVINCING && (hidden || gain > 0.5 * MATERIAL * base.count() as f64 * base.misfit().min(1.0))
     }
 
     /// Which hypotheses are refitted, and from which values: the best by either noise model, the best of each family,
@@ -303,7 +305,9 @@ impl Contest<'_> {
     /// Whether `richer` says enough more than `simpler` to be preferred.
     pub(crate) fn is_convincing(&self, richer: &Fitted, simpler: &Fitted) -> bool {
         let evidence = self.score(richer) - self.score(simpler);
-        let removed = simpler.misfit() - richer.misfit();
+        // An effect also removes what tolerated parameters had to take up without it.
+        let released = (simpler.strain() - richer.strain()).max(0.0);
+        let removed = simpler.misfit() - richer.misfit() + released;
         let material = removed > MATERIAL * richer.misfit().min(1.0) + simpler.model_error;
         evidence > CONVINCING && material && self.is_significant(richer, simpler)
     }
@@ -311,7 +315,7 @@ impl Contest<'_> {
     /// Whether noise would rarely give such a gain anywhere in the search; BIC alone is lenient in short logs.
     fn is_significant(&self, richer: &Fitted, simpler: &Fitted) -> bool {
         const CHANCE: f64 = 0.05;
-        let gain = 2.0 * (log_likelihood(&richer.colours) - log_likelihood(&simpler.colours));
+        let gain = 2.0 * (richer.evidence() - simpler.evidence());
         let degrees = richer.complexity().saturating_sub(simpler.complexity());
         gain_tail(gain, degrees, richer.count(), simpler.spent()) * richer.tried as f64 <= CHANCE
     }

@@ -5,6 +5,7 @@ use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_l
 use super::fitted::{Fitted, Moved};
 use super::hypothesis::Hypothesis;
 use super::merge::merged;
+use super::prepare;
 use super::prune::{NAMED, gap_size, pruned, strongest};
 use super::rival::Rival;
 use super::search::{
@@ -166,7 +167,14 @@ fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: 
         let allowed = if moved.is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
         chi_squared_tail(moved.squared - allowed * nominal.count() as f64, 1)
     };
-    let strained = nominal.moved().into_iter().map(strain).fold(1.0, f64::min) * nominal.free.len().max(1) as f64;
+    let moved = nominal.moved();
+    // Several tolerated parameters may stand for each other: then none is told by itself, but all together are.
+    let is_believed = moved.iter().all(|m| m.is_believed);
+    let allowed = if is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
+    let together = (nominal.strain() - allowed) * nominal.count() as f64 / nominal.inflation();
+    let together = chi_squared_tail(together, nominal.free.len());
+    let alone = moved.into_iter().map(strain).fold(1.0, f64::min) * nominal.free.len().max(1) as f64;
+    let strained = alone.min(together);
     // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
     let count = nominal.count();
     let allowed = nominal.negligible() * count as f64;
@@ -211,7 +219,9 @@ fn attribute(
     let mut place = 0;
     loop {
         if place == best.hypotheses.len() {
-            match merged(contest, &nominal, &best, &mut known)? {
+            // Where a rest is left anyhow, fewer effects explain it no better.
+            let simpler = if is_structured { None } else { merged(contest, &nominal, &best, &removed, &mut known)? };
+            match simpler {
                 Some(simpler) => best = simpler,
                 None => break,
             }
@@ -377,16 +387,25 @@ fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(
     if is_whole || best.hypotheses.is_empty() {
         return Ok((nominal.clone(), best));
     }
+    // A constant error of a force makes four times the error of a place in twice the time.
+    const STEADY: f64 = 16.0;
     let settings = Refine { max_iterations: 60, tolerance: 1e-5 };
-    let (parameters, search) = (&best.refined.parameters, super::prepare::Purpose::Search);
-    let (longer, _) =
-        super::prepare::choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, search)?;
-    if longer.windows.len() >= best.experiment.windows.len() {
+    let mut moved = best.clone();
+    // From one length to the next, so that each fit starts near its end.
+    while let Some(longer) = prepare::doubled(&moved.experiment) {
+        let Ok(next) = moved.on(&longer, &settings) else { break };
+        let is_steady = next.misfit() <= STEADY * moved.misfit().max(1.0);
+        let residuals = &next.refined.residuals;
+        let is_near = prepare::stays_near(&next.experiment, residuals, &next.jacobian);
+        if !is_steady || !is_near || prepare::is_loud(&next.system, &next.experiment, residuals) {
+            break;
+        }
+        moved = next;
+    }
+    if moved.experiment.windows.len() == best.experiment.windows.len() {
         return Ok((nominal.clone(), best));
     }
-    let (Ok(moved), Ok(base)) = (best.on(&longer, &settings), nominal.on(&longer, &settings)) else {
-        return Ok((nominal.clone(), best));
-    };
+    let Ok(base) = nominal.on(&moved.experiment, &settings) else { return Ok((nominal.clone(), best)) };
     notes.push("the corrected model stays near the logs for longer, so its fit uses longer rollouts".into());
     Ok((base, moved))
 }
