@@ -183,7 +183,7 @@ impl Diagnose {
         // Detect and attribute: does any suspect, or any smooth function, explain more than noise would; and which?
         let logged = nominal.experiment.columns.clone();
         let hypotheses = self.suspects(hypothesis::enumerate(model, &scene, &logged, &self.custom)?)?;
-        let settings = Refine { max_iterations: 60, tolerance: 1e-5 };
+        let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
         let joint = joint::frictions(model, &hypotheses);
         let most = self.most_effects;
         let contest = Contest { hypotheses, joint, most, scene, settings, progress };

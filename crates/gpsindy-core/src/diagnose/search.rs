@@ -215,11 +215,17 @@ impl Contest<'_> {
         fits = fits
             .into_par_iter()
             .map(|fit| match self.score(&fit) >= last.min(near) && !fit.refined.converged {
-                true => fit.again(&self.settings).restarted(&self.settings),
+                true => fit.again(&self.settings),
                 false => fit,
             })
             .collect();
         sort_by_score(&mut fits, |f| self.score(f));
+        // The next round goes on from the leader, so its fit is worth every step.
+        if let Some(leader) = fits.first_mut() {
+            let to_the_end = Refine { max_iterations: 60, ..self.settings.clone() };
+            let carried_on = if leader.refined.converged { leader.clone() } else { leader.clone().again(&to_the_end) };
+            *leader = carried_on.restarted(&self.settings);
+        }
         fits
     }
 

@@ -109,7 +109,8 @@ pub(crate) fn judge(
 fn suspects(contest: &Contest<'_>, mut nominal: Fitted) -> Result<(Fitted, Expansion)> {
     loop {
         let first = contest.expand(&nominal, "suspects")?;
-        let Some(finer) = first.fits.first().and_then(Fitted::finer) else { return Ok((nominal, first)) };
+        let finer = first.fits.first().and_then(Fitted::finer);
+        let Some(finer) = finer else { return Ok((nominal, first)) };
         nominal = nominal.on(&finer, &contest.settings)?;
     }
 }

@@ -51,7 +51,8 @@ impl Course<'_> {
         let mut all = vec![DMatrix::zeros(0, 0); self.experiment.windows.len()];
         for (number, log) in self.experiment.logs.iter().enumerate() {
             let fine = self.fine(log);
-            let mut lanes = Lanes::<LANES>::new(self.system, &fine.log, self.experiment.hold, &parameters);
+            let mut lanes =
+                Lanes::<LANES>::new(self.system, &fine.log, (self.experiment.hold, self.experiment.past), &parameters);
             for (w, window) in self.experiment.windows.iter().enumerate().filter(|(_, w)| w.log == number) {
                 all[w] = self.of_window(window, &point.initial[w], &fine, &mut lanes)?;
             }
