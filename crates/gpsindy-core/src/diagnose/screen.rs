@@ -361,3 +361,53 @@ pub(crate) fn outputs(
         })
         .collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::hypothesis::enumerate;
+    use super::super::scene::Scene;
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fitted::tolerated;
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, Parameter, State};
+    use crate::refine::Refine;
+    use faer::Mat;
+
+    #[test]
+    fn an_effect_gains_the_strain_of_a_tolerated_parameter_that_it_relieves() {
+        let model = Model {
+            states: vec![State::new("x", Expression::parse("u - k*x").unwrap())],
+            controls: vec![Control::new("u")],
+            parameters: vec![Parameter { tolerance: Some(0.02), ..Parameter::new("k", 1.0) }],
+            ..Model::default()
+        };
+        // A relaxation at 1.04 per second under a square wave, exactly: two tolerances from the nominal rate.
+        let (rate, step) = (1.04_f64, 0.05);
+        let input = |i: usize| if i / 40 % 2 == 0 { 1.0 } else { -1.0 };
+        let mut x = vec![0.0];
+        for i in 0..399 {
+            let rest = input(i) / rate;
+            x.push(rest + (x[i] - rest) * (-rate * step).exp());
+        }
+        let run = Run {
+            name: "run".into(),
+            time: (0..400).map(|i| step * f64::from(i)).collect(),
+            values: Mat::from_fn(400, 2, |i, c| if c == 0 { x[i] } else { input(i) }),
+        };
+        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![run]).unwrap();
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[1e-3])).unwrap();
+        let fitted = Fitted::nominal(system.clone(), experiment, tolerated(&model), &Refine::default()).unwrap();
+        let (values, initial) = (&fitted.refined.parameters, &fitted.refined.initial);
+        let scene = Scene::new(&system, &fitted.experiment, values, initial);
+        let all = enumerate(&model, &scene, &[0], &[]).unwrap();
+        let friction = all.iter().find(|h| h.id() == "viscous_friction").unwrap();
+        let applied = friction.apply(&model, &scene).unwrap();
+        let gain = gains(&applied, &fitted, &[&Basis::new(&fitted, true)])[0][0].gain;
+        // The rate is two tolerances off and the friction is the same term: the belief's square of two comes free.
+        assert!((gain - 4.0).abs() < 0.05, "{gain}");
+        assert!(fitted.strain() > 1.0, "{}", fitted.strain());
+    }
+}
