@@ -385,7 +385,7 @@ mod tests {
         };
         // A relaxation at 1.04 per second under a square wave, exactly: two tolerances from the nominal rate.
         let (rate, step) = (1.04_f64, 0.05);
-        let input = |i: usize| if i / 40 % 2 == 0 { 1.0 } else { -1.0 };
+        let input = |i: usize| if (i / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut x = vec![0.0];
         for i in 0..399 {
             let rest = input(i) / rate;

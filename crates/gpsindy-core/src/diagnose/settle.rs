@@ -444,7 +444,7 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut normal = || (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0;
         let runs = (0..4).map(|run| {
-            let input = |i: usize| if (i + 9 * run) / 40 % 2 == 0 { 1.0 } else { -1.0 };
+            let input = |i: usize| if ((i + 9 * run) / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
             let mut x = vec![0.0];
             for i in 0..299 {
                 let rest = input(i) / rate;
