@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import signal
 import threading
 import time
 
@@ -129,6 +130,15 @@ def test_wrong_use_is_one_line_that_names_the_argument(cart, use, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.fixture
+def heard():
+    """Ctrl-C as Python hears it, also where the tests were started in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_control_c_ends_a_long_simulation():
     import _thread
 
@@ -145,6 +155,7 @@ def test_control_c_ends_a_long_simulation():
     assert time.monotonic() - begin < 10
 
 
+@pytest.mark.usefixtures("heard")
 def test_control_c_does_not_wait_for_a_long_step():
     import _thread
 
