@@ -219,13 +219,13 @@ impl Fitted {
             return self;
         }
         let Ok(other) = self.on(&self.experiment, settings) else { return self };
-        let worse = |w: usize| {
+        let is_better_in = |w: usize| {
             let cost =
                 |fit: &Self| fit.refined.residuals[w].iter().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>();
             cost(&other) < cost(&self)
         };
         // Each window from the better of its two starts.
-        let moved: Vec<usize> = (0..self.experiment.windows.len()).filter(|&w| worse(w)).collect();
+        let moved: Vec<usize> = (0..self.experiment.windows.len()).filter(|&w| is_better_in(w)).collect();
         if moved.is_empty() {
             return self;
         }

@@ -23,15 +23,8 @@ pub(super) fn merged(
     for other in (0..count).filter(|&o| o != weakest) {
         let Ok(one_less) = without(contest, nominal, best, weakest.max(other)) else { continue };
         let Ok(rest) = without(contest, nominal, &one_less, weakest.min(other)) else { continue };
-        let place = match known.iter().position(|k| k.is_of(&rest)) {
-            Some(place) => place,
-            None => {
-                let fits = contest.expand(&rest, "one for two")?.fits;
-                known.push(Known::new(&rest, &fits));
-                known.len() - 1
-            }
-        };
-        let fits = known[place].fits.iter().filter(|f| f.hypotheses.len() == count - 1);
+        let fits = contest.expand_once(&rest, "one for two", known)?;
+        let fits = fits.iter().filter(|f| f.hypotheses.len() == count - 1);
         if let Some(fit) = fits.max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
             && simplest.as_ref().is_none_or(|s| contest.score(fit) > contest.score(s))
         {

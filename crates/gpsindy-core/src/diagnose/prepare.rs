@@ -157,21 +157,13 @@ pub(crate) fn stays_near(experiment: &Experiment, residuals: &[Vec<f64>], jacobi
 ///
 /// A free motion has only its start: cut into pieces, each with a start of its own, it no longer shows what it loses.
 pub(crate) fn is_loud(system: &System, experiment: &Experiment, residuals: &[Vec<f64>]) -> bool {
-    let may_shrink = system.n_controls() > 0 && 0.5 * longest_window(experiment) >= motion_time(experiment);
+    let may_shrink = system.n_controls() > 0 && 0.5 * experiment.longest_window() >= motion_time(experiment);
     may_shrink && !within(experiment, residuals, |c| LOUD * experiment.noise[c])
-}
-
-fn longest_window(experiment: &Experiment) -> f64 {
-    let length = |w: &crate::refine::Window| {
-        let time = &experiment.logs[w.log].time;
-        time[w.last] - time[w.first]
-    };
-    experiment.windows.iter().map(length).fold(0.0, f64::max)
 }
 
 /// The experiment with windows twice as long; none where every run is whole already.
 pub(crate) fn doubled(experiment: &Experiment) -> Option<Experiment> {
-    let length = 2.0 * longest_window(experiment);
+    let length = 2.0 * experiment.longest_window();
     let longer = experiment.clone().with_windows_of(length);
     (longer.windows.len() < experiment.windows.len()).then_some(longer)
 }

@@ -229,6 +229,16 @@ impl Contest<'_> {
         fits
     }
 
+    /// Contestants one step on from `base`, tried now where they are not `known` yet.
+    pub(crate) fn expand_once(&self, base: &Fitted, stage: &str, known: &mut Vec<Known>) -> Result<Vec<Fitted>> {
+        if let Some(known) = known.iter().find(|k| k.is_of(base)) {
+            return Ok(known.fits.clone());
+        }
+        let fits = self.expand(base, stage)?.fits;
+        known.push(Known::new(base, &fits));
+        Ok(fits)
+    }
+
     /// Whether a straight-line gain is large enough for one more effect to be convincing and material.
     ///
     /// Half of what would be needed, because a straight line underrates a curved effect.
@@ -391,11 +401,7 @@ fn peaks(fitted: &Fitted) -> Vec<f64> {
     const LINES: usize = 5;
     let experiment = &fitted.experiment;
     let n_columns = experiment.columns.len();
-    let window_time = |w: &crate::refine::Window| {
-        let time = &experiment.logs[w.log].time;
-        time[w.last] - time[w.first]
-    };
-    let longest = experiment.windows.iter().map(window_time).fold(0.0, f64::max);
+    let longest = experiment.longest_window();
     let total = experiment
         .logs
         .iter()

@@ -8,9 +8,7 @@ use super::merge::merged;
 use super::prepare;
 use super::prune::{NAMED, gap_size, pruned, strongest};
 use super::rival::Rival;
-use super::search::{
-    CONVINCING, Contest, Expansion, Known, MATERIAL, NEAR, Summary, keep_first_of_each, sort_by_score,
-};
+use super::search::{CONVINCING, Contest, Expansion, MATERIAL, NEAR, Summary, keep_first_of_each, sort_by_score};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Hold, Refine};
@@ -237,15 +235,7 @@ fn attribute(
             place += 1;
             continue;
         };
-        let mut fits = match known.iter().find(|k| k.is_of(&rest)) {
-            // An earlier round has already tried everything in this one's place.
-            Some(known) => known.fits.clone(),
-            None => {
-                let fits = contest.expand(&rest, "alternatives")?.fits;
-                known.push(Known::new(&rest, &fits));
-                fits
-            }
-        };
+        let mut fits = contest.expand_once(&rest, "alternatives", &mut known)?;
         // Several that apply together for the place of one must convince; they are no alternatives to one.
         let several = fits.iter().find(|f| f.hypotheses.len() > best.hypotheses.len());
         if let Some(richer) = several.filter(|f| swaps < 4 && contest.is_convincing(f, &best)) {

@@ -75,11 +75,7 @@ pub(crate) fn closure(
     experiment.past = best.experiment.past;
     experiment.substeps = best.experiment.substeps;
     if best.experiment.windows.len() > best.experiment.logs.len() {
-        let lengths = best.experiment.windows.iter().map(|w| {
-            let time = &best.experiment.logs[w.log].time;
-            time[w.last] - time[w.first]
-        });
-        let fitted = lengths.fold(0.0, f64::max);
+        let fitted = best.experiment.longest_window();
         // The search may have looked at shorter rollouts than the corrected model can predict.
         let (parameters, rollout) = (&best.refined.parameters, Purpose::Rollout);
         let longest = choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, rollout);

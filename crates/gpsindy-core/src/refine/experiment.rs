@@ -113,6 +113,12 @@ impl Experiment {
         self.columns.iter().position(|&c| c == state)
     }
 
+    /// Duration of the longest window, s.
+    pub(crate) fn longest_window(&self) -> f64 {
+        let duration = |w: &Window| self.logs[w.log].time[w.last] - self.logs[w.log].time[w.first];
+        self.windows.iter().map(duration).fold(0.0, f64::max)
+    }
+
     /// Cuts every log into windows of about `length` seconds that share their end samples with nobody.
     #[must_use]
     pub fn with_windows_of(mut self, length: f64) -> Self {
