@@ -224,14 +224,14 @@ impl Bench {
     }
 
     fn is_noise(&self, c: usize) -> bool {
-        self.colours[c].variance < NOISE
+        self.colours[c].variance() < NOISE
     }
 
     /// The noise of the copies, for the report.
     pub(crate) fn noise_levels(&self) -> Vec<PowerNoise> {
         let states = &self.nominal.model().states;
         let one = |(c, &(_, state)): (usize, &(usize, usize))| {
-            let variance = if self.is_noise(c) { self.colours[c].variance } else { 1.0 };
+            let variance = if self.is_noise(c) { self.colours[c].variance() } else { 1.0 };
             PowerNoise {
                 state: states[state].name.clone(),
                 rms: self.noise[c] * variance.sqrt(),

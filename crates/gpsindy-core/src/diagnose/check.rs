@@ -41,7 +41,7 @@ pub(crate) fn moves(model: &Model, data: &Dataset) -> bool {
 pub(crate) fn nominal(fitted: &Fitted) -> Result<()> {
     let experiment = &fitted.experiment;
     for (c, colour) in fitted.colours.iter().enumerate() {
-        let missed = experiment.noise[c] * colour.variance.sqrt();
+        let missed = experiment.noise[c] * colour.variance().sqrt();
         let state = experiment.columns[c];
         let spread = experiment.scale[state];
         if !(missed <= ASTRAY * spread) {

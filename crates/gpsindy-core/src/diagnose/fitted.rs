@@ -341,7 +341,7 @@ impl Fitted {
 
     /// Mean squared residual in noise units.
     pub(crate) fn misfit(&self) -> f64 {
-        let sum: f64 = self.colours.iter().map(|c| c.variance * c.count as f64).sum();
+        let sum: f64 = self.colours.iter().map(|c| c.variance() * c.count as f64).sum();
         sum / self.count().max(1) as f64
     }
 

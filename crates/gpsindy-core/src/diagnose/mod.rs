@@ -28,6 +28,7 @@ mod search;
 mod settle;
 mod verify;
 mod weigh;
+mod whitening;
 
 pub use effect::{CustomEffect, CustomParameter, Effect, Family};
 pub use power::Power;

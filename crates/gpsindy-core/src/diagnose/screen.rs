@@ -4,10 +4,11 @@
 //! Initial states and free parameters are eliminated first (Frisch and Waugh 1933), so that an effect
 //! which a retuned parameter or another start could imitate gains nothing.
 
-use super::evidence::{Colour, whiten};
+use super::evidence::Colour;
 use super::fitted::Fitted;
 use super::hypothesis::{Added, Applied, Combine, Start};
 use super::settle::with_lagging;
+use super::whitening::Whitener;
 use crate::model::System;
 use crate::refine::{Experiment, lanes::Lanes};
 use nalgebra::{DMatrix, DVector};
@@ -16,12 +17,20 @@ const LANES: usize = 8;
 
 /// Residuals of a fit after whitening and projection, and what is needed to treat columns alike.
 pub(crate) struct Basis {
-    colours: Vec<Colour>,
-    /// Per window: orthonormal directions of the initial state, residual, free parameters' directions.
-    windows: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)>,
+    windows: Vec<Projected>,
     /// Inverse of the free parameters' Gram matrix, and their product with the residual.
     inverse: DMatrix<f64>,
     slope: DVector<f64>,
+}
+
+/// One window.
+struct Projected {
+    whitener: Whitener,
+    /// Orthonormal directions of the initial state.
+    directions: DMatrix<f64>,
+    residual: DVector<f64>,
+    /// Directions of the free parameters.
+    free: DMatrix<f64>,
 }
 
 /// What a start of a hypothesis would gain.
@@ -44,7 +53,7 @@ impl Basis {
             .colours
             .iter()
             .map(|c| match white {
-                true => Colour { coefficients: Vec::new(), innovation: 1.0, variance: 1.0, count: c.count },
+                true => Colour { coefficients: Vec::new(), innovation: 1.0, covariance: vec![1.0], count: c.count },
                 false => c.clone(),
             })
             .collect();
@@ -64,12 +73,13 @@ impl Basis {
             .blocks
             .iter()
             .map(|block| {
+                let whitener = Whitener::new(&colours, &block.present);
                 let mut residual = block.residual.clone();
-                whiten(&colours, &mut residual);
+                whitener.whiten(&mut residual);
                 let mut derivative = block.derivative.clone();
                 for mut column in derivative.column_iter_mut() {
                     let mut values = column.clone_owned();
-                    whiten(&colours, &mut values);
+                    whitener.whiten(&mut values);
                     column.copy_from(&values);
                 }
                 let directions = orthonormal(derivative.columns(0, n).into_owned());
@@ -80,12 +90,12 @@ impl Basis {
                 residual -= &directions * directions.tr_mul(&residual);
                 gram += free.tr_mul(&free);
                 slope += free.tr_mul(&residual);
-                (directions, residual, free)
+                Projected { whitener, directions, residual, free }
             })
             .collect();
         let ridge = gram.diagonal().max() * 1e-12 + f64::MIN_POSITIVE;
         let inverse = (gram + DMatrix::identity(q, q) * ridge).try_inverse().unwrap_or_else(|| DMatrix::zeros(q, q));
-        Self { colours, windows, inverse, slope }
+        Self { windows, inverse, slope }
     }
 
     /// Products of columns (one list of windows each) among themselves and with the residual.
@@ -95,10 +105,10 @@ impl Basis {
         let mut gram = DMatrix::zeros(k, k);
         let mut slope = DVector::zeros(k);
         let mut mixed = DMatrix::zeros(q, k);
-        for (w, (directions, residual, free)) in self.windows.iter().enumerate() {
+        for (w, Projected { whitener, directions, residual, free }) in self.windows.iter().enumerate() {
             for column in columns.iter_mut() {
                 let values = &mut column[w];
-                whiten(&self.colours, values);
+                whitener.whiten(values);
                 *values -= directions * directions.tr_mul(values);
             }
             for i in 0..k {

@@ -137,8 +137,8 @@ fn noise_floor(best: &Fitted, noise: &[f64]) -> Vec<f64> {
         .zip(noise)
         .zip(&best.experiment.noise)
         .map(|((colour, &held_out), &train)| {
-            let residual = train * colour.variance.sqrt();
-            if colour.variance < 1.5 { residual } else { held_out.min(train) }
+            let residual = train * colour.variance().sqrt();
+            if colour.variance() < 1.5 { residual } else { held_out.min(train) }
         })
         .collect()
 }
