@@ -20,6 +20,9 @@ const ASTRAY: f64 = 2.0;
 /// Fewest samples of a piece.
 const SHORTEST: usize = 24;
 
+/// How near the gap of a planted effect must come to the one asked for: no finding depends on a tenth.
+const CLOSE: f64 = 0.1;
+
 /// Residual variance (noise units) up to which the winner's residual counts as noise, with its colour.
 const NOISE: f64 = 1.5;
 
@@ -178,6 +181,42 @@ impl Bench {
             Ok((residuals().map(|e| e * e).sum::<f64>() / residuals().count().max(1) as f64).sqrt())
         };
         measure().unwrap_or(f64::INFINITY)
+    }
+
+    /// The strength at which the gap is `target` times the noise, and that gap; `None` where none within reach is.
+    pub(crate) fn strength(&self, planted: &Planted, target: f64, known: &mut Vec<(f64, f64)>) -> Option<(f64, f64)> {
+        if !(planted.first > 0.0 && planted.most > 0.0) {
+            return None;
+        }
+        let close = |gap: f64| (gap / target).ln().abs() < CLOSE;
+        let mut next = planted.first.min(planted.most);
+        for _ in 0..16 {
+            if let Some(&hit) = known.iter().find(|k| close(k.1)) {
+                return Some(hit);
+            }
+            // The gap grows with the strength: stay between the last one too small and the first too large.
+            let below = known
+                .iter()
+                .filter(|k| k.1 < target)
+                .fold(None, |best: Option<(f64, f64)>, k| if best.is_none_or(|b| k.0 > b.0) { Some(*k) } else { best });
+            let above = known.iter().filter(|k| k.1 >= target).map(|k| k.0).fold(f64::INFINITY, f64::min);
+            if let Some((strength, gap)) = below {
+                if strength >= planted.most {
+                    return None;
+                }
+                let guess = strength * (target / gap.max(1e-9 * target)).clamp(1.02, 30.0);
+                next = if guess < above { guess.min(planted.most) } else { (strength * above).sqrt() };
+            } else if let Some(&(strength, gap)) = known.iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
+                next = strength * if gap.is_finite() { (target / gap).clamp(1.0 / 30.0, 0.98) } else { 0.1 };
+            }
+            known.push((next, self.gap(planted, next)));
+        }
+        // What no step hits (a delay of whole samples under a held control) is taken from the nearest above.
+        known
+            .iter()
+            .copied()
+            .filter(|k| k.1.is_finite() && k.1 > target && k.1 < 2.0 * target)
+            .min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// Copies of the logs to learn from and of those to verify on, with noise where `random` gives some.

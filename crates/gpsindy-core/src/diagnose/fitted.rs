@@ -3,7 +3,7 @@
 use super::evidence::{Colour, colours, log_likelihood};
 use super::hypothesis::{Added, Applied, Hypothesis};
 use super::joint::dissipative_bounds;
-use super::settle::with_lagging;
+use super::lag::with_lagging;
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, Window, costs};
@@ -98,7 +98,7 @@ impl Fitted {
 
     /// Mean squared structure (noise units) that no test calls a gap.
     pub(crate) fn negligible(&self) -> f64 {
-        super::settle::NEGLIGIBLE + self.model_error
+        super::detect::NEGLIGIBLE + self.model_error
     }
 
     /// One more hypothesis, fitted from `values` of its parameters.

@@ -3,13 +3,14 @@
 //! The gap of an equation is the difference between the rates of the corrected and of the nominal model along
 //! the corrected trajectory. The corrected model is the winner, or the best function without a name.
 
+use super::detect::Detected;
 use super::evidence::chi_squared_tail;
 use super::fitted::Fitted;
 use super::report::{Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned};
 use super::rival::Rival;
 use super::scene::trajectories;
 use super::search::Contest;
-use super::settle::{Detected, Outcome};
+use super::settle::Outcome;
 use crate::model::Dynamics;
 
 /// Parts into which a variable's range and a run's time are cut.

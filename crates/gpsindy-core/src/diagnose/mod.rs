@@ -8,13 +8,17 @@ mod apply;
 mod bench;
 mod check;
 mod custom;
+mod detect;
 mod effect;
 mod evidence;
 mod fitted;
+mod hold;
 mod hypothesis;
 mod joint;
+mod lag;
 mod localise;
 mod merge;
+mod peaks;
 mod plant;
 mod power;
 mod prepare;
@@ -26,6 +30,8 @@ mod scene;
 mod screen;
 mod search;
 mod settle;
+mod tolerance;
+mod trial;
 mod verify;
 mod weigh;
 mod whitening;
@@ -196,7 +202,7 @@ impl Diagnose {
         let judged = match self.hold {
             Some(_) => held,
             None if is_averaged => held,
-            None => settle::reconsider_hold(&contest, held, &rivals, self, &mut notes)?,
+            None => hold::reconsider_hold(&contest, held, &rivals, self, &mut notes)?,
         };
         let settle::Judged { nominal, detected, free_gains, outcome } = judged;
 

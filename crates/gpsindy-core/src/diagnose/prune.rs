@@ -1,9 +1,10 @@
 //! Effects that a search picked up from what it can't explain are left out again.
 
+use super::detect::rival_p_value;
 use super::fitted::Fitted;
 use super::rival::Rival;
 use super::search::Contest;
-use super::settle::{rival_p_value, without};
+use super::settle::without;
 
 /// Share of the gap below which an effect has no name while structure without one is left.
 ///

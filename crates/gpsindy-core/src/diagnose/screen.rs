@@ -7,7 +7,7 @@
 use super::evidence::Colour;
 use super::fitted::Fitted;
 use super::hypothesis::{Added, Applied, Combine, Start};
-use super::settle::with_lagging;
+use super::lag::with_lagging;
 use super::whitening::Whitener;
 use crate::model::System;
 use crate::refine::{Experiment, lanes::Lanes};

@@ -1,25 +1,18 @@
-//! Detect and attribute: is there a gap, which effects cause it, and is anything left that has no name.
+//! Attribute: which effects cause the gap, and is anything left that has no name.
 
 use super::Diagnose;
-use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
-use super::fitted::{Fitted, Moved};
+use super::detect::{Detected, detect, rival_p_value};
+use super::fitted::Fitted;
 use super::hypothesis::Hypothesis;
 use super::merge::merged;
 use super::prepare;
 use super::prune::{NAMED, gap_size, pruned, strongest};
 use super::rival::Rival;
-use super::search::{CONVINCING, Contest, Expansion, MATERIAL, NEAR, Summary, keep_first_of_each, sort_by_score};
+use super::search::{Contest, Expansion, NEAR, Summary, keep_first_of_each, sort_by_score};
+use super::tolerance::charge_tolerated;
 use crate::error::Result;
-use crate::model::System;
-use crate::refine::{Experiment, Hold, Refine};
+use crate::refine::Refine;
 use rayon::prelude::*;
-
-/// Whether there is a gap.
-#[derive(Debug, Clone)]
-pub(crate) struct Detected {
-    pub(crate) gap: bool,
-    pub(crate) p_value: f64,
-}
 
 /// Structure that the winner leaves.
 #[derive(Debug, Clone)]
@@ -63,17 +56,6 @@ impl Outcome {
     }
 }
 
-/// Structure (mean square, noise units) that no test calls a gap: a fourteenth of the noise's standard deviation.
-///
-/// A coarse integration, a rounded column or a control logged with few digits leave as much, and in a long
-/// log a test of exactly nothing would find them.
-pub(crate) const NEGLIGIBLE: f64 = 0.005;
-
-/// Mean squared change of the outputs (noise units) that a parameter may make within its tolerance and be no cause.
-///
-/// Half the noise's standard deviation: the user expects the parameter to be off by as much, and does not see it.
-const TOLERABLE: f64 = 0.25;
-
 /// A nominal model, whether it has a gap, and what causes it.
 pub(crate) struct Judged {
     pub(crate) nominal: Fitted,
@@ -111,81 +93,6 @@ fn suspects(contest: &Contest<'_>, mut nominal: Fitted) -> Result<(Fitted, Expan
         let Some(finer) = finer else { return Ok((nominal, first)) };
         nominal = nominal.on(&finer, &contest.settings)?;
     }
-}
-
-/// The verdict under interpolated controls, where that is clearly the better account of the logs.
-///
-/// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
-/// interpolation with a delay of half a sample is nearly a held control.
-pub(crate) fn reconsider_hold(
-    contest: &Contest<'_>,
-    held: Judged,
-    rivals: &[Rival],
-    settings: &Diagnose,
-    notes: &mut Vec<String>,
-) -> Result<Judged> {
-    /// Far beyond what chance gives one binary choice, in nats.
-    const CLEARLY: f64 = 10.0;
-    if !held.detected.gap || held.nominal.system.n_controls() == 0 {
-        return Ok(held);
-    }
-    let linear = |fit: &Fitted| {
-        let experiment = Experiment { hold: Hold::Linear, ..fit.experiment.clone() };
-        fit.on(&experiment, &contest.settings)
-    };
-    let is_better = |fit: &Fitted| linear(fit).is_ok_and(|other| contest.score(&other) > contest.score(fit) + CLEARLY);
-    if !is_better(&held.nominal) && !is_better(&held.outcome.best) {
-        return Ok(held);
-    }
-    let mut own_notes = Vec::new();
-    let interpolated = judge(contest, linear(&held.nominal)?, rivals, settings, &mut own_notes)?;
-    let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.id() == "input_delay");
-    let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + CLEARLY;
-    // A delay under interpolation that the held control does not need is the phantom of half a sample.
-    let phantom = delayed(&interpolated) && !delayed(&held);
-    let still_gaping = interpolated.detected.gap && !wins;
-    if phantom || still_gaping {
-        return Ok(held);
-    }
-    notes.append(&mut own_notes);
-    notes.push("the control looks interpolated between samples, not held: no delay below one sample is claimed".into());
-    Ok(interpolated)
-}
-
-/// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
-pub(super) fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
-    let (count, spent) = (at.count(), at.spent());
-    let allowed = at.negligible() * count as f64;
-    let tail =
-        |&(gain, degrees): &(f64, usize)| gain_tail(with_fitted_level(gain - allowed, count), degrees, count, spent);
-    (gains.iter().map(tail).fold(1.0, f64::min) * gains.len() as f64).min(1.0)
-}
-
-fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
-    let strain = |moved: Moved| {
-        let allowed = if moved.is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
-        chi_squared_tail(moved.squared - allowed * nominal.count() as f64, 1)
-    };
-    let moved = nominal.moved();
-    // Several tolerated parameters may stand for each other: then none is told by itself, but all together are.
-    let is_believed = moved.iter().all(|m| m.is_believed);
-    let allowed = if is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
-    let together = (nominal.strain() - allowed) * nominal.count() as f64 / nominal.inflation();
-    let together = chi_squared_tail(together, nominal.free.len());
-    let alone = moved.into_iter().map(strain).fold(1.0, f64::min) * nominal.free.len().max(1) as f64;
-    let strained = alone.min(together);
-    // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
-    let count = nominal.count();
-    let allowed = nominal.negligible() * count as f64;
-    let refitted = first.fits.iter().map(|fit| {
-        let gain = 2.0 * (log_likelihood(&fit.colours) - log_likelihood(&nominal.colours));
-        gain_tail(gain - allowed, fit.complexity(), count, nominal.spent())
-    });
-    let refitted = (refitted.fold(1.0, f64::min) * first.tried as f64).min(1.0);
-    let smallest = refitted.min(first.p_value(nominal)).min(rival_p_value(rivals, nominal)).min(strained.min(1.0));
-    // Four searches, each paid for.
-    let p_value = (4.0 * smallest).min(1.0);
-    Detected { gap: p_value <= 1.0 - confidence, p_value }
 }
 
 /// The contest from first suspects to a winner, its rivals and what it leaves.
@@ -285,75 +192,14 @@ fn attribute(
     Ok(Outcome { nominal: Some(nominal), best, alternatives, removed, singles, left, screened: last.screened })
 }
 
-/// Initial states with every lagging input (states from `known` on) starting at its control.
-pub(crate) fn with_lagging(
-    system: &System,
-    experiment: &Experiment,
-    mut initial: Vec<Vec<f64>>,
-    known: usize,
-) -> Vec<Vec<f64>> {
-    let model = system.model();
-    for (window, start) in experiment.windows.iter().zip(&mut initial) {
-        start.resize(model.states.len(), 0.0);
-        for (state, value) in model.states[known..].iter().zip(&mut start[known..]) {
-            let control = state.equation.variables().iter().find_map(|name| model.control_index(name));
-            *value = control.map_or(0.0, |c| experiment.logs[window.log].controls[c][window.first]);
-        }
-    }
-    initial
-}
-
-/// Tolerated parameters that the logs move clearly and materially are causes, and must win their place like any other.
-///
-/// Returns the nominal model without their tolerance, and the winner with them as hypotheses.
-fn charge_tolerated(
-    contest: &Contest<'_>,
-    nominal: Fitted,
-    best: Fitted,
-    notes: &mut Vec<String>,
-) -> Result<(Fitted, Fitted)> {
-    let count = best.count().max(2) as f64;
-    let convincing = |moved: &Moved| {
-        let material = if moved.is_believed { TOLERABLE } else { MATERIAL };
-        moved.squared > 2.0 * CONVINCING + count.ln() && moved.squared > material * count * best.misfit().min(1.0)
-    };
-    let mut charged: Vec<usize> = best.moved().into_iter().filter(convincing).map(|m| m.parameter).collect();
-    let strained =
-        (0..best.free.len()).filter(|&place| best.is_strained(place)).map(|place| best.free[place].parameter);
-    charged.extend(strained);
-    charged.sort_unstable();
-    charged.dedup();
-    if charged.is_empty() {
-        return Ok((nominal, best));
-    }
-    let free = nominal.free.iter().filter(|f| !charged.contains(&f.parameter)).cloned().collect();
-    let fitted = Fitted::nominal(nominal.system.clone(), nominal.experiment.clone(), free, &contest.settings)?;
-    let base = Fitted { model_error: nominal.model_error, ..fitted };
-    let mut causes = Vec::new();
-    for &index in &charged {
-        let parameter = &nominal.system.model().parameters[index];
-        let Some(hypothesis) =
-            contest.hypotheses.iter().find(|h| h.id() == "parameter_error" && h.variables[0] == parameter.name)
-        else {
-            return Ok((nominal, best));
-        };
-        causes.push((hypothesis, vec![best.refined.parameters[index]]));
-        let name = &parameter.name;
-        notes.push(format!("the logs move parameter `{name}` from its nominal value; it is reported as a cause even where it stays within its tolerance"));
-    }
-    causes.extend((0..best.hypotheses.len()).map(|place| (&best.hypotheses[place], values(&best, place))));
-    let fit = again_with(contest, &base, &best, &causes)?;
-    Ok((base, fit))
-}
-
 /// Fitted values of the effect at `place`.
-fn values(best: &Fitted, place: usize) -> Vec<f64> {
+pub(super) fn values(best: &Fitted, place: usize) -> Vec<f64> {
     best.added[place].iter().map(|(index, _)| best.refined.parameters[*index]).collect()
 }
 
 /// `base` with effects and their values, fitted all at once from where `best` stands: one at a time, the first would
 /// be fitted without the others and might not find back.
-fn again_with(
+pub(super) fn again_with(
     contest: &Contest<'_>,
     base: &Fitted,
     best: &Fitted,

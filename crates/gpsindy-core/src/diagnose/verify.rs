@@ -35,7 +35,7 @@ fn rollouts(fitted: &Fitted, parameters: &[f64], experiment: &Experiment) -> Vec
         })
         .collect();
     let beginning = Experiment { windows: starts, ..own.clone() };
-    let guess = super::settle::with_lagging(
+    let guess = super::lag::with_lagging(
         &fitted.system,
         &beginning,
         guess_initial(&fitted.system, &beginning),

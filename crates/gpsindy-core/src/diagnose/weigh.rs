@@ -1,5 +1,6 @@
 //! Probabilities, groups, exclusions and the verdict: from the contest's outcome to the report.
 
+use super::detect::Detected;
 use super::effect::separating_experiment;
 use super::fitted::Fitted;
 use super::hypothesis::{Hypothesis, Kind};
@@ -9,7 +10,7 @@ use super::report::{
     Cause, Closure, Diagnosis, EquationFigure, Excluded, Figures, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
 };
 use super::search::Contest;
-use super::settle::{Detected, Outcome};
+use super::settle::Outcome;
 use super::verify::Verification;
 use super::{Diagnose, Diagnosed};
 use crate::data::Dataset;
