@@ -3,7 +3,7 @@
 use crate::figures::{Counter, residual_curve, residual_trace, rollout};
 use crate::words::{
     cause_name, cause_place, closure_sentence, effect_meaning, effect_name, interval, listed, number, number_or,
-    p_value, percent, percent_closed, verdict_name, verdict_sentence, with_unit,
+    p_value, percent, percent_closed, span, verdict_name, verdict_sentence, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Closure, Diagnosis, Figures, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -126,7 +126,8 @@ fn place(report: &Diagnosis, counter: &mut Counter) -> Markup {
                     thead { tr { th scope="col" { "equation" } th scope="col" { "region" } th.n scope="col" { "share" } th.bars { } } }
                     tbody { @for row in &gap.by_region { tr {
                         th scope="row" { code { (row.state) "'" } }
-                        td { code { (row.variable) } " from " (number(row.from)) " to " (number(row.to)) }
+                        @let (from, to) = span(row.from, row.to);
+                        td { code { (row.variable) } " from " (from) " to " (to) }
                         td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
                     } } }
                 } }
@@ -138,7 +139,8 @@ fn place(report: &Diagnosis, counter: &mut Counter) -> Markup {
                     thead { tr { th scope="col" { "run" } th.n scope="col" { "time" } th.n scope="col" { "share" } th.bars { } } }
                     tbody { @for row in &gap.by_window { tr {
                         th scope="row" { (row.run) }
-                        td.n { (number(row.from)) " s to " (number(row.to)) " s" }
+                        @let (from, to) = span(row.from, row.to);
+                        td.n { (from) " s to " (to) " s" }
                         td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
                     } } }
                 } }

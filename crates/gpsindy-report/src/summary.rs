@@ -2,7 +2,7 @@
 
 use crate::words::{
     cause_name, cause_place, closure_sentence, effect_name, interval, listed, number, number_or, p_value, percent,
-    verdict_name, verdict_sentence, with_unit,
+    span, verdict_name, verdict_sentence, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
 
@@ -61,11 +61,11 @@ fn place(report: &Diagnosis, text: &mut Text) {
         ));
     }
     for row in gap.by_region.iter().filter(|_| gap.detected).take(2) {
-        let (from, to) = (number(row.from), number(row.to));
+        let (from, to) = span(row.from, row.to);
         rows.push(format!("{:>6}  {}  {} from {from} to {to}", percent(row.share), bar(row.share), row.variable));
     }
     for row in gap.by_window.iter().filter(|_| gap.detected).take(2) {
-        let (from, to) = (number(row.from), number(row.to));
+        let (from, to) = span(row.from, row.to);
         rows.push(format!("{:>6}  {}  {}, {from} s to {to} s", percent(row.share), bar(row.share), row.run));
     }
     text.list("Where", &rows);

@@ -16,6 +16,16 @@ pub(crate) fn number(value: f64) -> String {
     fixed(value, (2 - exponent).max(0) as usize)
 }
 
+/// Both ends of a stretch, with enough digits to tell them apart.
+pub(crate) fn span(from: f64, to: f64) -> (String, String) {
+    let width = (to - from).abs();
+    if !(width > 0.0 && width < 0.05 * from.abs().max(to.abs())) {
+        return (number(from), number(to));
+    }
+    let decimals = (1 - width.log10().floor() as i32).max(0) as usize;
+    (fixed(from, decimals), fixed(to, decimals))
+}
+
 /// A number with at most `decimals` decimals and no trailing zeros.
 pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
@@ -235,6 +245,18 @@ pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_ends_of_a_short_stretch_differ() {
+        let text = |from, to| {
+            let (from, to) = span(from, to);
+            format!("{from} {to}")
+        };
+        assert_eq!(text(23.912, 23.951), "23.912 23.951");
+        assert_eq!(text(5.891, 7.068), "5.89 7.07");
+        assert_eq!(text(-0.0714, -0.019), "-0.0714 -0.019");
+        assert_eq!(text(2.0, 2.0), "2 2");
+    }
 
     #[test]
     fn numbers_keep_three_digits_and_drop_zeros() {

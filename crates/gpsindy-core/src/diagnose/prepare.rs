@@ -332,7 +332,7 @@ fn thin(experiment: Experiment, notes: &mut Vec<String>) -> Experiment {
     let mut experiment = experiment.with_windows_of(length);
     let keep_every = total.div_ceil(MOST_SAMPLES);
     experiment.windows = experiment.windows.into_iter().step_by(keep_every).collect();
-    notes.push(format!("the logs hold {total} samples; the search looked at stretches of {length:.3} s spread over a {keep_every}th of them"));
+    notes.push(format!("the logs hold {total} samples; the search looked at stretches of {length:.3} s spread over one in {keep_every} of them"));
     experiment
 }
 
