@@ -33,3 +33,46 @@ pub(super) fn merged(
     }
     Ok(simplest.map(|s| s.again(&contest.settings)).filter(|s| !contest.is_convincing(best, s)))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::fixture::drive;
+    use super::super::hypothesis::{Hypothesis, enumerate};
+    use super::super::joint;
+    use super::super::scene::Scene;
+    use super::*;
+    use crate::model::System;
+    use crate::progress::Silent;
+    use crate::refine::{Experiment, Refine};
+
+    /// What one effect can stand for, of a cubic and a linear loss together, in a drive that loses `loses(x)`.
+    fn one_for_two(loses: impl Fn(f64) -> f64) -> Option<Vec<String>> {
+        let (model, data) = drive(None, loses, 0.002, (2, 400));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
+        let settings = Refine::default();
+        let nominal = Fitted::nominal(system.clone(), experiment, Vec::new(), &settings).unwrap();
+        let scene = Scene::new(&system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
+        let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
+        let contest = Contest { hypotheses, joint: Vec::new(), most: 6, scene, settings, progress: &Silent };
+        let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
+        let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
+        let applied = joint::apply(&both, &model, &contest.scene).unwrap();
+        let best = nominal.with_all(&both, &applied, &[vec![0.3, 0.3]], &contest.settings).unwrap();
+        let removed: Vec<f64> =
+            (0..2).map(|place| without(&contest, &nominal, &best, place).unwrap().misfit() - best.misfit()).collect();
+        let found = merged(&contest, &nominal, &best, &removed, &mut Vec::new()).unwrap();
+        found.map(|f| f.hypotheses.iter().map(|h| h.id().to_string()).collect())
+    }
+
+    #[test]
+    fn a_linear_and_a_cubic_loss_give_way_to_the_quadratic_one_that_they_stand_for() {
+        assert_eq!(one_for_two(|x| x + 0.8 * x * x.abs()), Some(vec!["quadratic_drag".to_string()]));
+    }
+
+    #[test]
+    fn two_losses_that_are_both_there_stay() {
+        assert_eq!(one_for_two(|x| 1.5 * x + 0.8 * x * x * x), None);
+    }
+}

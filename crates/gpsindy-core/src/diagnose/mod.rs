@@ -12,6 +12,9 @@ mod detect;
 mod effect;
 mod evidence;
 mod fitted;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod fixture;
 mod hold;
 mod hypothesis;
 mod joint;

@@ -258,42 +258,14 @@ fn left_over(best: &Fitted, last: &Expansion, gains: &[(f64, usize)], rivals: &[
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use crate::data::{Channel, Dataset, Run};
+    use super::super::fixture::drive;
     use crate::diagnose::report::Verdict;
     use crate::diagnose::{Diagnose, Diagnosed, hold_out};
-    use crate::expression::Expression;
-    use crate::model::{Control, Model, Parameter, State};
     use crate::progress::Silent;
-    use faer::Mat;
-    use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
 
-    /// A first-order lag with rate 1/s and a tolerance of 5 %, driven by a square wave, whose true rate is 1.03/s.
+    /// A drive with a tolerance of 5 % whose true rate is 1.03/s.
     fn slightly_off(noise: f64) -> Diagnosed {
-        let model = Model {
-            states: vec![State::new("x", Expression::parse("u - k*x").unwrap())],
-            controls: vec![Control::new("u")],
-            parameters: vec![Parameter { tolerance: Some(0.05), ..Parameter::new("k", 1.0) }],
-            ..Model::default()
-        };
-        let (rate, step) = (1.03_f64, 0.05);
-        let mut random = ChaCha8Rng::seed_from_u64(5);
-        let mut normal = || (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0;
-        let runs = (0..4).map(|run| {
-            let input = |i: usize| if ((i + 9 * run) / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
-            let mut x = vec![0.0];
-            for i in 0..299 {
-                let rest = input(i) / rate;
-                x.push(rest + (x[i] - rest) * (-rate * step).exp());
-            }
-            let read: Vec<f64> = x.iter().map(|x| x + noise * normal()).collect();
-            Run {
-                name: format!("run {run}"),
-                time: (0..300).map(|i| step * f64::from(i)).collect(),
-                values: Mat::from_fn(300, 2, |i, c| if c == 0 { read[i] } else { input(i) }),
-            }
-        });
-        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], runs.collect()).unwrap();
+        let (model, data) = drive(Some(0.05), |x| 1.03 * x, noise, (4, 300));
         let (train, holdout) = hold_out(&data).unwrap();
         Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap()
     }
