@@ -67,6 +67,13 @@ impl Search<'_> {
             } else {
                 blocks.push(None);
             }
+            // Where the derivatives by the initial states overflow, the window tells nothing.
+            if residual.iter().chain(derivative.iter()).any(|value| !value.is_finite()) {
+                residual.fill(0.0);
+                derivative.fill(0.0);
+                blocks.pop();
+                blocks.push(None);
+            }
             for k in 0..q {
                 for (i, value) in derivative.column(k).iter().enumerate() {
                     theta[(top + i, k)] = *value;
@@ -197,5 +204,36 @@ impl Linear {
             }
         }
         (coefficients, moved)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Identify;
+    use super::super::plan::Plan;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::library::LibrarySettings;
+    use crate::progress::Silent;
+    use crate::refine::Hold;
+    use faer::Mat;
+
+    #[test]
+    fn a_rollout_whose_derivatives_overflow_tells_nothing_and_stops_nothing() {
+        let time: Vec<f64> = (0..41).map(|i| 0.1 * i as f64).collect();
+        let values = Mat::from_fn(41, 1, |i, _| (-time[i]).exp());
+        let data = Dataset::new(vec![Channel::new("x")], vec![Run { name: "a".into(), time, values }]).unwrap();
+        let library = LibrarySettings { degree: 1, ..LibrarySettings::default() };
+        let identify = Identify { states: vec!["x".into()], library, smoother: None, ..Identify::default() };
+        let plan = Plan::new(&identify, &data, &Silent).unwrap();
+        let mut equations = plan.equations(&identify).unwrap();
+        let x = equations.library.index_of("x").unwrap();
+        equations.coefficients[0][x] = -1.0;
+        let search = plan.search(Hold::Zero);
+        let mut trial = search.fit(&equations, 4.0, None).unwrap();
+        // From 0 this stays at 0, but its derivative by the start grows like exp(1000 t).
+        trial.equations.coefficients[0][x] = 1000.0;
+        trial.initial.iter_mut().flatten().for_each(|start| *start = 0.0);
+        let linear = search.linearise(&trial, 4.0).unwrap();
+        assert!(linear.solution(&[x], &trial.initial).1.iter().flatten().all(|start| *start == 0.0));
     }
 }
