@@ -4,6 +4,8 @@
 //! NOISE: shares of each state's standard deviation. Known systems, each noise level, seeds 0 to SEEDS - 1. Only terms that
 //! are truly in the equation count, over all seeds in which they were found; beside it the share of exact supports, and the
 //! median of the ratio of stated standard error to the spread of the estimates over the seeds.
+//! ENSEMBLE=N in the environment also asks for inclusion probabilities (N bootstraps) and shows how many of the terms of each
+//! probability are true, and how many of them the final equations hold.
 //! ONLY=NAME in the environment takes the systems of that name; VERBOSE=1 shows (estimate - truth)/error of every seed.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -62,6 +64,9 @@ fn main() {
     let arguments: Vec<f64> = std::env::args().skip(1).map(|a| a.parse().unwrap()).collect();
     let seeds = arguments[0] as u64;
     let (mut all, mut covered_all) = (0, 0);
+    let ensemble = std::env::var("ENSEMBLE").map_or(0, |n| n.parse().unwrap());
+    // Upper end of a bin of inclusion probabilities; terms in it, their sum, true ones, ones in the final equations.
+    let mut bins = [0.05, 0.2, 0.5, 0.8, 0.95, 1.0].map(|end| (end, 0usize, 0.0, 0usize, 0usize));
     let only = std::env::var("ONLY").unwrap_or_default();
     for (name, system, library, fixed, truth) in cases().into_iter().filter(|case| case.0.contains(&only)) {
         for &noise in &arguments[1..] {
@@ -78,12 +83,23 @@ fn main() {
                         fixed: fixed.iter().map(|f| Fixed::parse(f).unwrap()).collect(),
                         ..Constraints::default()
                     },
+                    ensemble,
                     ..Identify::default()
                 };
                 let Ok(result) = identify.fit(&data, &Silent) else { continue };
                 let record = result.model.identification.as_ref().unwrap();
                 let terms: usize = record.coefficients.iter().flatten().filter(|c| **c != 0.0).count();
                 let mut right = terms == truth.len();
+                for (state, row) in record.inclusion_probabilities.iter().enumerate() {
+                    let given = truth.iter().all(|(other, ..)| *other != state);
+                    for (j, &share) in row.iter().enumerate().filter(|_| !given) {
+                        let Some(bin) = bins.iter_mut().find(|bin| share <= bin.0) else { continue };
+                        bin.1 += 1;
+                        bin.2 += share;
+                        bin.3 += usize::from(truth.iter().any(|t| t.0 == state && t.1 == record.terms[j]));
+                        bin.4 += usize::from(record.coefficients[state][j] != 0.0);
+                    }
+                }
                 for (k, (state, term, value)) in truth.iter().enumerate() {
                     let place = record.terms.iter().position(|t| t == term).unwrap();
                     let (estimate, error) = (record.coefficients[*state][place], record.standard_errors[*state][place]);
@@ -127,6 +143,11 @@ fn main() {
             );
             (all, covered_all) = (all + count, covered_all + covered);
         }
+    }
+    for (end, count, sum, right, kept) in bins.iter().filter(|bin| bin.1 > 0) {
+        let share = |n: f64| n / *count as f64;
+        let (mean, right, kept) = (share(*sum), share(*right as f64), share(*kept as f64));
+        println!("inclusion up to {end}: {count} terms, mean {mean:.3}, true {right:.3}, in the equations {kept:.3}");
     }
     println!("all: covered {covered_all} of {all} = {:.3}", covered_all as f64 / all as f64);
 }

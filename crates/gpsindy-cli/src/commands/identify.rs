@@ -135,7 +135,7 @@ struct MethodOptions {
     /// With the preset author: inputs of the second Gaussian process of a state, such as v=throttle [default: all states]
     #[arg(long, value_name = "STATE=COLUMN", value_parser = pair)]
     gp_input: Vec<(String, String)>,
-    /// Bootstraps for inclusion probabilities, 0 for none
+    /// Above 0: inclusion probabilities, by the evidence; without the refinement by N bootstraps of the regression
     #[arg(long, value_name = "N", default_value_t = 0)]
     ensemble: usize,
     /// Fit once more through the integrator, on the raw measurements [default: unless the preset is paper]

@@ -80,7 +80,7 @@ pub enum Choice {
 /// | `delays` | none | (control, delay) pairs |
 /// | `standardize` | false | columns and target at unit size before the regression |
 /// | `train_fraction` | 1 | first part of each run that is learnt from, above 0 |
-/// | `ensemble` | 0 | bootstraps for inclusion probabilities |
+/// | `ensemble` | 0 | above 0: inclusion probabilities, by the evidence with `refine`, by so many bootstraps without |
 /// | `refine` | true | the second look, through the integrator |
 /// | `window` | `None` | length of the rollouts of the refinement, s; `None`: as long as they stay on course |
 /// | `hold` | `None` | what controls do between samples; `None`: held, unless interpolated is the better explanation |
@@ -111,7 +111,8 @@ pub struct Identify {
     pub standardize: bool,
     /// First part of each run that is learnt from.
     pub train_fraction: f64,
-    /// Number of bootstraps, 0 for none.
+    /// Above 0: inclusion probabilities. With `refine` they are those of the evidence for the terms of the final equations;
+    /// without it the share of so many block bootstraps of the regression.
     pub ensemble: usize,
     /// Whether the refinement through the integrator runs.
     pub refine: bool,
@@ -222,7 +223,10 @@ impl Identify {
             notes
                 .push("the controls look interpolated between samples, not held; simulate with `--hold linear`".into());
         }
-        let inclusion = self.inclusion(&plan, &equations, &rows, &chosen)?;
+        let inclusion = match &refined {
+            Some(refined) if self.ensemble > 0 => refined.trial.inclusion.clone(),
+            _ => self.inclusion(&plan, &equations, &rows, &chosen)?,
+        };
         Ok(self.report(&plan, &equations, &chosen, (refined, hold), inclusion, notes))
     }
 

@@ -58,7 +58,7 @@ impl SecondLook<'_> {
         if !found.trial.converged {
             notes.push("the refinement stopped before it came to rest".into());
         }
-        found.trial.errors = self.plan.search(found.hold).errors_of_choice(&found.trial, found.window)?;
+        self.plan.search(found.hold).weigh_choice(&mut found.trial, found.window)?;
         if let Some((rival, lead)) = rival {
             found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
         }

@@ -51,6 +51,8 @@ pub(super) struct Trial {
     pub(super) equations: Equations,
     /// Standard error of each coefficient (n x p), 0 where a term is out.
     pub(super) errors: Vec<Vec<f64>>,
+    /// Probability of each term of being in (n x p), of [`Search::weigh_choice`]; none before.
+    pub(super) inclusion: Vec<Vec<f64>>,
     /// Standard error of each delay that was estimated.
     pub(super) delay_errors: Vec<f64>,
     /// The windows that were rolled out.
@@ -157,6 +159,7 @@ impl Search<'_> {
             return Ok(Trial {
                 equations: fitted,
                 errors,
+                inclusion: Vec::new(),
                 delay_errors,
                 windows,
                 initial,
@@ -290,12 +293,14 @@ impl Search<'_> {
         }
     }
 
-    /// Standard errors (n x p) that allow for the choice of the terms: over the equations one move away that hold the term,
-    /// weighted by their evidence, `sqrt(sum_m w_m (error_m^2 + (value_m - value)^2))`.
+    /// Lets the standard errors allow for the choice of the terms: over the equations one move away that hold the term,
+    /// weighted by their evidence, `sqrt(sum_m w_m (error_m^2 + (value_m - value)^2))`. And the probability of every term by
+    /// the same weights: `1 / (1 + sum of w over the moves that take it out)`, `1 - 1 / (1 + sum of w over those that bring it)`.
     ///
     /// Source: Buckland, Burnham and Augustin 1997, Model selection: an integral part of inference.
-    pub(super) fn errors_of_choice(&self, trial: &Trial, window: f64) -> Result<Vec<Vec<f64>>> {
+    pub(super) fn weigh_choice(&self, trial: &mut Trial, window: f64) -> Result<()> {
         let linear = self.linearise(trial, window)?;
+        let mut moved = vec![0.0; linear.candidates.len()];
         let told = |support: &[usize]| {
             let terms = linear.with_always(support);
             let errors = linear.problem.standard_errors(&terms, 1.0);
@@ -310,6 +315,9 @@ impl Search<'_> {
         let rivals = linear.moves(&linear.active).into_iter().map(|(change, support)| (trial.share * change, support));
         for (change, support) in rivals.take_while(|(change, _)| *change < NEGLIGIBLE) {
             let weight = (-0.5 * change).exp().min(1.0);
+            for (k, sum) in moved.iter_mut().enumerate() {
+                *sum += if linear.active.contains(&k) == support.contains(&k) { 0.0 } else { weight };
+            }
             let (values, errors) = told(&support);
             let known = |k: usize, error: f64| error.is_finite() && sums.get(k).is_some_and(|sum| sum.0 > 0.0);
             let known: Vec<(usize, f64)> = errors.into_iter().filter(|&(k, error)| known(k, error)).collect();
@@ -318,11 +326,15 @@ impl Search<'_> {
                 sums[k].1 += weight * (error.powi(2) + (values[k] - best[k]).powi(2));
             }
         }
-        let mut errors = trial.errors.clone();
         for (&(s, j), (weight, square)) in linear.candidates.iter().zip(sums).filter(|(_, sum)| sum.0 > 0.0) {
-            errors[s][j] = (square / weight).sqrt();
+            trial.errors[s][j] = (square / weight).sqrt();
         }
-        Ok(errors)
+        trial.inclusion = vec![vec![0.0; trial.equations.n_terms()]; trial.equations.n_states()];
+        for (k, (&(s, j), sum)) in linear.candidates.iter().zip(moved).enumerate() {
+            let stays = 1.0 / (1.0 + sum);
+            trial.inclusion[s][j] = if linear.active.contains(&k) { stays } else { 1.0 - stays };
+        }
+        Ok(())
     }
 }
 

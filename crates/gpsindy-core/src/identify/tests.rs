@@ -133,6 +133,20 @@ fn without_refinement_and_smoother_the_regression_alone_answers() {
 }
 
 #[test]
+fn inclusion_probabilities_are_those_of_the_final_equations() {
+    let library = LibrarySettings { degree: 2, ..LibrarySettings::default() };
+    let identify = Identify { library, smoother: None, ensemble: 1, ..settings(&["x1", "x2"], &[]) };
+    let found = identify.fit(&lotka_volterra(3), &Silent).unwrap();
+    let record = found.model.identification.as_ref().unwrap();
+    for (coefficients, shares) in record.coefficients.iter().zip(&record.inclusion_probabilities) {
+        for (coefficient, share) in coefficients.iter().zip(shares) {
+            // A wrong term enters at odds of 40 or so: the price of a term is about 2 ln 40.
+            assert!(if *coefficient != 0.0 { *share > 0.9 } else { *share < 0.3 }, "{shares:?}");
+        }
+    }
+}
+
+#[test]
 fn the_papers_own_way_finds_the_terms_among_few() {
     let mut identify = Identify {
         states: vec!["x1".into(), "x2".into()],

@@ -150,7 +150,7 @@ pub struct IdentificationRecord {
     /// Standard errors, laid out like the coefficients.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub standard_errors: Vec<Vec<f64>>,
-    /// Share of the ensemble in which a term was kept, laid out like the coefficients.
+    /// How sure it is that a term is in, laid out like the coefficients: by the evidence, or by bootstraps of a regression.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub inclusion_probabilities: Vec<Vec<f64>>,
     /// The weight of the 1-norm, one a state.

@@ -77,7 +77,7 @@ class GPSINDy:
     train_fraction : float
         First part of each run that is learnt from.
     ensemble : int
-        Bootstraps for inclusion probabilities, 0 for none.
+        Above 0: inclusion probabilities, by the evidence; without ``refine`` by so many bootstraps of the regression.
     refine : bool
         The second look, through the integrator.
     window : float, optional
@@ -92,7 +92,7 @@ class GPSINDy:
     coef_, standard_errors_ : ndarray of shape (n_states, n_terms)
         Coefficients, and how sure they are.
     inclusion_probabilities_ : ndarray of shape (n_states, n_terms) or None
-        Share of the bootstraps in which a term was kept.
+        How sure it is that a term is in, where ``ensemble`` asks for it.
     n_features_in_, n_control_features_ : int
         Numbers of states and controls.
     feature_names_in_ : ndarray of str
