@@ -124,11 +124,13 @@ fn main() {
     let identify = settings(&arguments[2]);
     let channels: Vec<Channel> = NAMES[1..].iter().map(|n| Channel::new(*n)).collect();
     let verbose = std::env::var("VERBOSE").is_ok();
+    let only: Option<Vec<usize>> =
+        std::env::var("ONLY").ok().map(|own| own.split(',').map(|n| n.parse().unwrap()).collect());
     let (mut all, mut positions) = (Vec::new(), Vec::new());
     let clock = Instant::now();
     for &sigma in &sigmas {
         let mut own = Vec::new();
-        for number in (1..=45).step_by(every) {
+        for number in (1..=45).step_by(every).filter(|n| only.as_ref().is_none_or(|only| only.contains(n))) {
             let Some(mut run) = rollout(&arguments[0], number, rate) else { continue };
             let mut rng = ChaCha8Rng::seed_from_u64((number * 1000) as u64 + (sigma * 1000.0).round() as u64);
             for i in 0..run.n_samples() {

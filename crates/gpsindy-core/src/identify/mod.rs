@@ -5,6 +5,7 @@
 
 mod author;
 mod choose;
+mod consensus;
 mod equations;
 mod linear;
 mod online;

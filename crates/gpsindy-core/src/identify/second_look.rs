@@ -26,12 +26,20 @@ const UNCHANGED: f64 = 1.01;
 /// Evidence by which interpolated controls must lead: odds of 20. A computer that steers holds what it has sent.
 const INTERPOLATED: f64 = 6.0;
 
+/// Share of independent residuals below which the equations are approximations.
+const SLOW: f64 = 0.5;
+
+/// Rollouts that other equations are looked for with, as shares of the shortest ones.
+const SHARES: [f64; 4] = [0.5, 0.75, 1.5, 2.0];
+
 /// What the second look found.
 pub(super) struct Refinement {
     pub(super) trial: Trial,
     /// Length of the last rollouts, s.
     pub(super) window: f64,
     pub(super) hold: Hold,
+    /// The same equations under the other hold, with their lead.
+    pub(super) rival: Option<(Trial, f64)>,
 }
 
 /// What the second look looks at.
@@ -45,24 +53,64 @@ pub(super) struct SecondLook<'a> {
 
 impl SecondLook<'_> {
     pub(super) fn refine(&self, starts: &[Equations], notes: &mut Vec<String>) -> Result<Option<Refinement>> {
-        let shortest = self.window.unwrap_or_else(|| self.plan.shortest_window());
-        let (trial, hold) = match self.first_look(starts, shortest)? {
+        let mut found = match self.found(starts)? {
             Ok(found) => found,
             Err(error) => {
                 notes.push(format!("no refinement through the integrator: {error}"));
                 return Ok(None);
             }
         };
-        let (trial, window) = self.lengthened(&self.plan.search(hold), trial, shortest)?;
-        let (mut found, rival) = self.other_hold(Refinement { trial, window, hold }, shortest)?;
+        if self.approximate(&found) {
+            found = self.agreed(found, starts, notes)?;
+        }
         if !found.trial.converged {
             notes.push("the refinement stopped before it came to rest".into());
         }
         self.plan.search(found.hold).weigh_choice(&mut found.trial, found.window)?;
-        if let Some((rival, lead)) = rival {
+        if let Some((rival, lead)) = found.rival.take() {
             found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
         }
         Ok(Some(found))
+    }
+
+    /// The equations of the best evidence, or why there are none.
+    fn found(&self, starts: &[Equations]) -> Result<std::result::Result<Refinement, Error>> {
+        let shortest = self.window.unwrap_or_else(|| self.plan.shortest_window());
+        let (trial, hold) = match self.first_look(starts, shortest)? {
+            Ok(found) => found,
+            Err(error) => return Ok(Err(error)),
+        };
+        let (trial, window) = self.lengthened(&self.plan.search(hold), trial, shortest)?;
+        self.other_hold(Refinement { trial, window, hold, rival: None }, shortest).map(Ok)
+    }
+
+    /// Whether the equations are approximations of a controlled motion: slow residuals, or rollouts that leave the course.
+    fn approximate(&self, found: &Refinement) -> bool {
+        let controlled = !found.trial.equations.controls.is_empty();
+        let slow = found.trial.share < SLOW || found.window < self.plan.longest_run();
+        self.window.is_none() && controlled && slow
+    }
+
+    /// Of `found` and the equations that rollouts of other lengths lead to, those that agree best with the others.
+    fn agreed(&self, found: Refinement, starts: &[Equations], notes: &mut Vec<String>) -> Result<Refinement> {
+        let shortest = self.plan.shortest_window();
+        let look = |share: &f64| SecondLook { window: Some(share * shortest), ..*self }.found(starts);
+        let others = SHARES.par_iter().map(look).collect::<Result<Vec<_>>>()?;
+        let mut members = vec![found];
+        for other in others.into_iter().flatten() {
+            let support = other.trial.equations.support();
+            if members.iter().all(|member| member.trial.equations.support() != support) {
+                members.push(other);
+            }
+        }
+        let place = if members.len() > 2 { self.plan.consensus(&members)? } else { 0 };
+        if place > 0 {
+            notes.push(format!(
+                "the equations are an approximation: of {} sets of terms the one was taken that agrees best with the others when the controls of one stretch meet the states of another; the evidence alone is for other terms",
+                members.len()
+            ));
+        }
+        Ok(members.swap_remove(place))
     }
 
     /// The hold that explains long rollouts, since short ones hardly tell one from the other; and the equations under the other
@@ -70,27 +118,27 @@ impl SecondLook<'_> {
     ///
     /// The rival starts from the short rollouts as well: where motions are chaotic, no fit finds from the long ones of one hold
     /// to those of the other.
-    fn other_hold(&self, found: Refinement, shortest: f64) -> Result<(Refinement, Option<(Trial, f64)>)> {
+    fn other_hold(&self, found: Refinement, shortest: f64) -> Result<Refinement> {
         let Some(other) = self.timings.iter().find(|timing| timing.hold != found.hold) else {
-            return Ok((found, None));
+            return Ok(found);
         };
         let search = self.plan.search(other.hold);
         let equations = Equations { delays: other.delays.clone(), ..found.trial.equations.clone() };
         let rival = match search.fit(&equations, shortest, None) {
             Ok(rival) => rival,
             Err(Error::Cancelled) => return Err(Error::Cancelled),
-            Err(_) => return Ok((found, None)),
+            Err(_) => return Ok(found),
         };
         let (rival, window) = self.lengthened(&search, rival, shortest)?;
         // Longer rollouts leave more, so that only equal ones compare.
         if window != found.window {
-            return Ok((found, None));
+            return Ok(found);
         }
         let lead = search.lead(&rival, &found.trial);
         if lead < if other.hold == Hold::Linear { INTERPOLATED } else { -INTERPOLATED } {
-            return Ok((found, Some((rival, lead))));
+            return Ok(Refinement { rival: Some((rival, lead)), ..found });
         }
-        Ok((Refinement { trial: rival, window, hold: other.hold }, Some((found.trial, -lead))))
+        Ok(Refinement { trial: rival, window, hold: other.hold, rival: Some((found.trial, -lead)) })
     }
 
     fn keep_going(&self) -> impl Fn() -> Result<()> {
