@@ -3,7 +3,7 @@
 //! The damping that an oscillation feels mixes dry, linear and quadratic friction. Where the nominal model has too
 //! much of one and lacks two others, every single friction is refused for its sign, and a search that adds one effect
 //! at a time walks past the truth. So the frictions of an equation also apply together, and with the nominal
-//! model's own damping parameter in the place of viscous friction.
+//! model's own damping parameter in the place of viscous friction. An exchange between two states is two terms, too.
 
 use super::effect::Effect;
 use super::hypothesis::{Applied, Hypothesis, Kind, Start};
@@ -76,6 +76,32 @@ pub(crate) fn frictions(model: &Model, hypotheses: &[Hypothesis]) -> Vec<Vec<usi
             if both.len() == 2 {
                 all.push(vec![both[0], both[1], l]);
             }
+        }
+    }
+    all
+}
+
+/// Sets of two that make an exchange, `c (z - own)`: heat between two bodies, a spring or a damper between two masses.
+///
+/// Alone each of the two terms moves the equation's mean far off, and products of the two states, which do not,
+/// look better.
+pub(crate) fn exchanges(model: &Model, hypotheses: &[Hypothesis]) -> Vec<Vec<usize>> {
+    let mut all = Vec::new();
+    for (j, state) in model.states.iter().enumerate() {
+        let place = |effect: Effect, z: &str| {
+            hypotheses.iter().position(|h| h.kind == Kind::Catalogue(effect) && h.state == j && h.variables == [z])
+        };
+        for other in (0..model.states.len()).filter(|&i| i != j) {
+            // Alike with alike: places with places, rates with rates.
+            let own = match (model.integral_of(j), model.integral_of(other)) {
+                (None, None) => &state.name,
+                (Some(_), Some(_)) => &state.name,
+                (Some(place), None) if place != other => &model.states[place].name,
+                _ => continue,
+            };
+            let pull = place(Effect::LinearStiffness, own).or_else(|| place(Effect::ViscousFriction, own));
+            let push = place(Effect::Coupling, &model.states[other].name);
+            all.extend(push.zip(pull).map(|(a, b)| vec![a, b]));
         }
     }
     all
@@ -162,6 +188,41 @@ mod tests {
         assert_eq!(dissipative_bounds(&model, "f"), zero_up);
         assert_eq!(dissipative_bounds(&model, "k"), None);
         assert_eq!(dissipative_bounds(&model, "m"), None);
+    }
+
+    #[test]
+    fn an_exchange_pairs_a_neighbour_with_the_own_state() {
+        let state = |name: &str, unit: &str, text: &str| State {
+            unit: unit.into(),
+            ..State::new(name, Expression::parse(text).unwrap())
+        };
+        let sets = |states: Vec<State>| {
+            let model = Model { states, ..Model::default() };
+            let hypotheses: Vec<Hypothesis> = model
+                .states
+                .iter()
+                .enumerate()
+                .flat_map(|(j, _)| {
+                    let of = move |(z, effect)| Hypothesis::catalogue(effect, j, &[z]);
+                    let effects = [Effect::Coupling, Effect::LinearStiffness, Effect::ViscousFriction];
+                    let names: Vec<&str> = model.states.iter().map(|s| s.name.as_str()).collect();
+                    names.into_iter().flat_map(move |z| effects.map(|e| (z, e))).map(of).collect::<Vec<_>>()
+                })
+                .collect();
+            let name = |h: usize| {
+                let h: &Hypothesis = &hypotheses[h];
+                format!("{} {} {}", h.id(), model.states[h.state].name, h.variables[0])
+            };
+            exchanges(&model, &hypotheses).into_iter().map(|set| set.into_iter().map(name).collect()).collect()
+        };
+        let rooms: Vec<Vec<String>> = sets(vec![state("a", "degC", "-a"), state("b", "degC", "-b")]);
+        assert_eq!(rooms[0], ["coupling a b", "linear_stiffness a a"]);
+        assert_eq!(rooms.len(), 2);
+        // A mass on a spring to another mass: places pull by places, rates by rates.
+        let masses = vec![state("x", "m", "v"), state("v", "m/s", "-x"), state("y", "m", "w"), state("w", "m/s", "-y")];
+        let masses: Vec<Vec<String>> = sets(masses);
+        assert!(masses.contains(&vec!["coupling v y".to_string(), "linear_stiffness v x".into()]), "{masses:?}");
+        assert!(!masses.iter().any(|set| set[0] == "coupling v x"), "{masses:?}");
     }
 
     #[test]

@@ -194,7 +194,7 @@ impl Diagnose {
         let logged = nominal.experiment.columns.clone();
         let hypotheses = self.suspects(hypothesis::enumerate(model, &scene, &logged, &self.custom)?)?;
         let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
-        let joint = joint::frictions(model, &hypotheses);
+        let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
         let most = self.most_effects;
         let contest = Contest { hypotheses, joint, most, scene, settings, progress };
         let rivals = rival::enumerate(model, &contest.scene, model.states.len());
