@@ -228,6 +228,10 @@ pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
             "The augmented model is worse than the nominal one on held-out runs: {} of the gap is closed{range}.",
             percent_closed(closed)
         ),
+        // Only chance carries a closure beyond everything.
+        Some(closed) if closed >= 0.9995 => {
+            format!("On held-out runs all of the gap above the noise is closed{range}.")
+        }
         Some(closed) => {
             let bound = if closure.floor_source == "sensor noise" { "at least " } else { "" };
             format!("On held-out runs {bound}{} of the gap is closed{range}.", percent_closed(closed))

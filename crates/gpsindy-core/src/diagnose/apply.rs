@@ -93,8 +93,7 @@ impl Writer<'_> {
     }
 
     fn unit_of_rate(&self) -> String {
-        let unit = &self.model.states[self.hypothesis.state].unit;
-        if unit.is_empty() { String::new() } else { format!("{unit}/s") }
+        self.model.states[self.hypothesis.state].rate_unit()
     }
 
     fn write(&mut self, effect: Effect) -> Result<Vec<Start>> {

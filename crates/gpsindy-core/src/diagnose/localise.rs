@@ -57,7 +57,7 @@ pub(crate) fn gap(
     order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
     for &j in &order {
         let state = &model.states[j];
-        let unit = if state.unit.is_empty() { String::new() } else { format!("{}/s", state.unit) };
+        let unit = state.rate_unit();
         let rms = root_mean_square(&missing, j);
         let own = rivals.iter().zip(gains).filter(|(r, _)| r.state == j);
         let tails = own.map(|(_, &(gain, degrees))| chi_squared_tail(gain, degrees));

@@ -239,7 +239,7 @@ fn unit(effect: Effect, hypothesis: &Hypothesis, model: &Model) -> String {
         let index = hypothesis.variables.first().and_then(|u| model.control_index(u));
         index.map_or(String::new(), |c| model.controls[c].unit.clone())
     };
-    let rate = || if state.is_empty() { String::new() } else { format!("{state}/s") };
+    let rate = || model.states[hypothesis.state].rate_unit();
     match effect {
         Effect::InputDelay | Effect::InputLag | Effect::SensorDelay => "s".into(),
         Effect::InputBias | Effect::InputSaturation | Effect::InputDeadZone | Effect::Backlash => control(),

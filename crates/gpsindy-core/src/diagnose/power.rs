@@ -225,7 +225,7 @@ mod tests {
         // At a level of 5 % two or more of 12 have a chance of 0.12, three of 0.02.
         assert!(found.null.draws == 12 && found.null.alarms <= 2 && found.null.included == 0, "{:?}", found.null);
         let friction = found.effects.iter().find(|e| e.effect == "coulomb_friction").unwrap();
-        assert_eq!((friction.state.as_str(), friction.unit.as_str()), ("v", "m/s/s"));
+        assert_eq!((friction.state.as_str(), friction.unit.as_str()), ("v", "m/s^2"));
         assert!(friction.named_from.is_some_and(|c| c > 0.0), "{friction:?}");
         assert!(friction.named_from >= friction.detected_from, "{friction:?}");
         assert!(found.effects.iter().all(|e| !e.trials.is_empty()), "{:?}", found.effects);

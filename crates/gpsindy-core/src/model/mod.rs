@@ -96,6 +96,18 @@ impl State {
     pub fn new(name: impl Into<String>, equation: Expression) -> Self {
         Self { name: name.into(), unit: String::new(), equation, measured: None }
     }
+
+    /// The unit of its rate: `m` gives `m/s`, `m/s` gives `m/s^2`; empty where it has none.
+    pub(crate) fn rate_unit(&self) -> String {
+        let unit = &self.unit;
+        let power = |(head, power): (&str, &str)| Some(format!("{head}/s^{}", power.parse::<u32>().ok()? + 1));
+        match unit.rsplit_once("/s^").and_then(power) {
+            Some(higher) => higher,
+            None if unit.is_empty() => String::new(),
+            None if unit.ends_with("/s") => format!("{unit}^2"),
+            None => format!("{unit}/s"),
+        }
+    }
 }
 
 /// A control: an input that the log carries.
