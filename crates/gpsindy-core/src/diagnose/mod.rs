@@ -19,6 +19,7 @@ mod hold;
 mod hypothesis;
 mod joint;
 mod lag;
+mod lengths;
 mod localise;
 mod merge;
 mod peaks;

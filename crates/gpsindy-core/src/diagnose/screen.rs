@@ -8,6 +8,7 @@ use super::evidence::Colour;
 use super::fitted::Fitted;
 use super::hypothesis::{Added, Applied, Combine, Start};
 use super::lag::with_lagging;
+use super::lengths::{bounded_gain, span_gain};
 use super::whitening::Whitener;
 use crate::model::System;
 use crate::refine::{Experiment, lanes::Lanes};
@@ -127,65 +128,37 @@ impl Basis {
         Self { windows, inverse, slope, strained }
     }
 
-    /// Products as [`Basis::products`], with the strained parameters as further columns.
-    fn products_with_strained(&self, columns: &mut [Vec<DVector<f64>>]) -> (DMatrix<f64>, DVector<f64>) {
-        let (gram, slope) = self.products(columns);
-        let (k, more) = (columns.len(), self.strained.len());
-        if more == 0 {
-            return (gram, slope);
-        }
-        let q = self.inverse.nrows();
-        let all: Vec<&Vec<DVector<f64>>> = columns.iter().chain(self.strained.iter().map(|s| &s.column)).collect();
-        let mut whole = DMatrix::zeros(k + more, k + more);
-        let mut right = DVector::zeros(k + more);
-        let mut mixed = DMatrix::zeros(q, k + more);
-        for (w, Projected { residual, free, .. }) in self.windows.iter().enumerate() {
-            for i in 0..k + more {
-                right[i] += all[i][w].dot(residual);
-                mixed.column_mut(i).axpy(1.0, &free.tr_mul(&all[i][w]), 1.0);
-                for j in 0..=i {
-                    whole[(i, j)] += all[i][w].dot(&all[j][w]);
-                }
-            }
-        }
-        for (i, strained) in self.strained.iter().enumerate() {
-            whole[(k + i, k + i)] += strained.belief.0;
-            right[k + i] += strained.belief.1;
-        }
-        whole.fill_upper_triangle_with_lower_triangle();
-        let eliminated = &self.inverse * &mixed;
-        let mut whole = whole - mixed.tr_mul(&eliminated);
-        let mut right = right - eliminated.tr_mul(&self.slope);
-        whole.view_mut((0, 0), (k, k)).copy_from(&gram);
-        right.rows_mut(0, k).copy_from(&slope);
-        (whole, right)
-    }
-
     /// Bounds of the lengths of the strained columns: anywhere back, nowhere further out.
     fn back(&self) -> impl Iterator<Item = (f64, f64)> {
         self.strained.iter().map(|_| (0.0, f64::INFINITY))
     }
 
-    /// Products of columns (one list of windows each) among themselves and with the residual.
+    /// Products of columns (one list of windows each) among themselves and with the residual; the strained parameters
+    /// are further columns.
     fn products(&self, columns: &mut [Vec<DVector<f64>>]) -> (DMatrix<f64>, DVector<f64>) {
-        let k = columns.len();
-        let q = self.inverse.nrows();
-        let mut gram = DMatrix::zeros(k, k);
-        let mut slope = DVector::zeros(k);
-        let mut mixed = DMatrix::zeros(q, k);
-        for (w, Projected { whitener, directions, residual, free }) in self.windows.iter().enumerate() {
-            for column in columns.iter_mut() {
-                let values = &mut column[w];
+        for column in columns.iter_mut() {
+            for (Projected { whitener, directions, .. }, values) in self.windows.iter().zip(column) {
                 whitener.whiten(values);
                 *values -= directions * directions.tr_mul(values);
             }
+        }
+        let all: Vec<&Vec<DVector<f64>>> = columns.iter().chain(self.strained.iter().map(|s| &s.column)).collect();
+        let (own, k) = (columns.len(), all.len());
+        let mut gram = DMatrix::zeros(k, k);
+        let mut slope = DVector::zeros(k);
+        let mut mixed = DMatrix::zeros(self.inverse.nrows(), k);
+        for (w, Projected { residual, free, .. }) in self.windows.iter().enumerate() {
             for i in 0..k {
-                slope[i] += columns[i][w].dot(residual);
-                mixed.column_mut(i).axpy(1.0, &free.tr_mul(&columns[i][w]), 1.0);
+                slope[i] += all[i][w].dot(residual);
+                mixed.column_mut(i).axpy(1.0, &free.tr_mul(&all[i][w]), 1.0);
                 for j in 0..=i {
-                    gram[(i, j)] += columns[i][w].dot(&columns[j][w]);
+                    gram[(i, j)] += all[i][w].dot(&all[j][w]);
                 }
             }
+        }
+        for (i, strained) in self.strained.iter().enumerate() {
+            gram[(own + i, own + i)] += strained.belief.0;
+            slope[own + i] += strained.belief.1;
         }
         gram.fill_upper_triangle_with_lower_triangle();
         let eliminated = &self.inverse * &mixed;
@@ -195,7 +168,7 @@ impl Basis {
     /// Best straight-line gain of columns that belong together.
     fn gain(&self, start: &Start, fitted: &[(usize, Added)], columns: &mut [Vec<DVector<f64>>]) -> Gain {
         let before: Vec<f64> = columns.iter().map(|c| c.iter().map(DVector::norm_squared).sum()).collect();
-        let (gram, slope) = self.products_with_strained(columns);
+        let (gram, slope) = self.products(columns);
         let nothing = Gain::nothing(start);
         // What is left after the projection must not be rounding error.
         let usable = |i: usize| gram[(i, i)] > 1e-9 * before[i] && gram[(i, i)].is_finite() && gram[(i, i)] > 0.0;
@@ -240,7 +213,11 @@ impl Basis {
             }
             Combine::Span => {
                 let k = before.len();
-                span_gain(&gram.view((0, 0), (k, k)).into_owned(), &slope.rows(0, k).into_owned(), &before, nothing)
+                let (gram, slope) = (gram.view((0, 0), (k, k)).into_owned(), slope.rows(0, k).into_owned());
+                match span_gain(&gram, &slope, &before) {
+                    Some((gain, degrees)) => Gain { gain, degrees, ..nothing },
+                    None => nothing,
+                }
             }
             _ => nothing,
         }
@@ -261,67 +238,6 @@ fn length_bounds(start: &Start, fitted: &[(usize, Added)], i: usize) -> (f64, f6
     let step = start.columns[i][place] - origin;
     let (a, b) = ((added.lower - origin) / step, (added.upper - origin) / step);
     if a.is_nan() || b.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { (a.min(b), a.max(b)) }
-}
-
-/// Largest `2 s'l - l'G l` with every length within its bounds, and the lengths.
-///
-/// Few columns: every choice of those that stay at a bound is tried.
-fn bounded_gain(gram: &DMatrix<f64>, slope: &DVector<f64>, bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
-    let count = bounds.len();
-    let mut best = (0.0, vec![0.0; count]);
-    for choice in 0..3usize.pow(count as u32) {
-        let at = |i: usize| choice / 3usize.pow(i as u32) % 3;
-        let mut lengths = DVector::zeros(count);
-        let mut loose = Vec::new();
-        for i in 0..count {
-            match at(i) {
-                0 if bounds[i].0 < bounds[i].1 => loose.push(i),
-                1 if bounds[i].0.is_finite() => lengths[i] = bounds[i].0,
-                2 if bounds[i].1.is_finite() => lengths[i] = bounds[i].1,
-                _ => lengths[i] = f64::NAN,
-            }
-        }
-        if lengths.iter().any(|l: &f64| l.is_nan()) {
-            continue;
-        }
-        let right = slope - gram * &lengths;
-        let own = DMatrix::from_fn(loose.len(), loose.len(), |a, b| {
-            gram[(loose[a], loose[b])] * if a == b { 1.0 + 1e-9 } else { 1.0 }
-        });
-        let Some(factor) = own.cholesky() else { continue };
-        let solved = factor.solve(&DVector::from_fn(loose.len(), |a, _| right[loose[a]]));
-        for (&i, &length) in loose.iter().zip(solved.iter()) {
-            lengths[i] = length;
-        }
-        let inside = (0..count).all(|i| lengths[i] >= bounds[i].0 && lengths[i] <= bounds[i].1);
-        let gain = 2.0 * slope.dot(&lengths) - lengths.dot(&(gram * &lengths));
-        if inside && gain > best.0 {
-            best = (gain, lengths.iter().copied().collect());
-        }
-    }
-    best
-}
-
-/// Gain of all directions that the columns span, by the eigenvectors that are not rounding error.
-fn span_gain(gram: &DMatrix<f64>, slope: &DVector<f64>, before: &[f64], nothing: Gain) -> Gain {
-    // Columns of very different size would hide each other: scale to what they were before the projection.
-    let scale =
-        DVector::from_iterator(before.len(), before.iter().map(|b| if *b > 0.0 { b.sqrt().recip() } else { 0.0 }));
-    let scaled = DMatrix::from_fn(gram.nrows(), gram.ncols(), |i, j| gram[(i, j)] * scale[i] * scale[j]);
-    if !scaled.iter().all(|v| v.is_finite()) {
-        return nothing;
-    }
-    let eigen = scaled.symmetric_eigen();
-    let slope = eigen.eigenvectors.tr_mul(&slope.component_mul(&scale));
-    let mut gain = 0.0;
-    let mut degrees = 0;
-    for (value, part) in eigen.eigenvalues.iter().zip(slope.iter()) {
-        if *value > 1e-6 {
-            gain += part * part / value;
-            degrees += 1;
-        }
-    }
-    Gain { gain, degrees: degrees.max(1), ..nothing }
 }
 
 /// Orthonormal basis of the columns that are not negligible (modified Gram-Schmidt).
@@ -450,38 +366,16 @@ pub(crate) fn outputs(
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::super::fitted::tolerated;
+    use super::super::fixture::drive;
     use super::super::hypothesis::enumerate;
     use super::super::scene::Scene;
     use super::*;
-    use crate::data::{Channel, Dataset, Run};
-    use crate::diagnose::fitted::tolerated;
-    use crate::expression::Expression;
-    use crate::model::{Control, Model, Parameter, State};
     use crate::refine::Refine;
-    use faer::Mat;
 
-    /// Straight-line gain of a viscous friction for a relaxation whose tolerated rate (1 per second, 2 %) is another one,
-    /// under a square wave and without noise.
+    /// Straight-line gain of a viscous friction for a drive whose tolerated rate (1 per second, 2 %) is another one.
     fn relaxation(rate: f64) -> (f64, Fitted) {
-        let model = Model {
-            states: vec![State::new("x", Expression::parse("u - k*x").unwrap())],
-            controls: vec![Control::new("u")],
-            parameters: vec![Parameter { tolerance: Some(0.02), ..Parameter::new("k", 1.0) }],
-            ..Model::default()
-        };
-        let step = 0.05;
-        let input = |i: usize| if (i / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
-        let mut x = vec![0.0];
-        for i in 0..399 {
-            let rest = input(i) / rate;
-            x.push(rest + (x[i] - rest) * (-rate * step).exp());
-        }
-        let run = Run {
-            name: "run".into(),
-            time: (0..400).map(|i| step * f64::from(i)).collect(),
-            values: Mat::from_fn(400, 2, |i, c| if c == 0 { x[i] } else { input(i) }),
-        };
-        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![run]).unwrap();
+        let (model, data) = drive(Some(0.02), |x| rate * x, 0.0, (1, 400));
         let system = System::new(&model).unwrap();
         let experiment = Experiment::new(&system, &data, Some(&[1e-3])).unwrap();
         let fitted = Fitted::nominal(system.clone(), experiment, tolerated(&model), &Refine::default()).unwrap();
