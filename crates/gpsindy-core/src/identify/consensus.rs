@@ -24,29 +24,20 @@ const LENGTH: f64 = 1.0 / 3.0;
 /// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other.
 const APART: f64 = 3.0;
 
-/// Standard errors by which a lead must differ from none: a chance of one in forty.
-const CLEAR: f64 = 2.0;
-
 /// A rollout's states by samples in units of their spread; none where it diverged.
 type Path = Option<Vec<f64>>;
 
 impl Plan {
-    /// Place of the member whose rollouts under exchanged controls are nearest to those of the others; the first, which has
-    /// the evidence for it, unless the other's lead is more than an accident of a few rollouts.
+    /// Place of the member whose rollouts under exchanged controls are nearest to those of the others; the first of equals.
     pub(super) fn consensus(&self, members: &[Refinement]) -> Result<usize> {
         let stretches = self.stretches();
         if stretches.len() < 2 {
             return Ok(0);
         }
         let paths = members.par_iter().map(|member| self.exchanged(member, &stretches)).collect::<Result<Vec<_>>>()?;
-        // Of every member and rollout: how far it is from the same rollout of all others.
-        let remote: Vec<Vec<f64>> = paths
-            .iter()
-            .map(|own| (0..own.len()).map(|r| paths.iter().map(|other| apart(&own[r], &other[r])).sum()).collect())
-            .collect();
-        let total = |place: usize| remote[place].iter().sum::<f64>();
-        let medoid = (0..members.len()).min_by(|&a, &b| total(a).total_cmp(&total(b))).unwrap_or(0);
-        Ok(if is_clear(&remote[0], &remote[medoid]) { medoid } else { 0 })
+        let total = |own: &Vec<Path>| paths.iter().map(|other| apart(own, other)).sum::<f64>();
+        let totals: Vec<f64> = paths.iter().map(total).collect();
+        Ok((0..members.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0))
     }
 
     /// Run, first sample and number of samples of every stretch, spread over the logs.
@@ -107,24 +98,16 @@ impl Plan {
     }
 }
 
-/// Root mean square difference of two rollouts, each difference up to [`APART`].
-fn apart(own: &Path, other: &Path) -> f64 {
-    match (own, other) {
+/// Root mean square difference of rollouts in units of the spread, none beyond [`APART`], as a mean over the rollouts.
+fn apart(own: &[Path], other: &[Path]) -> f64 {
+    let pair = |(own, other): (&Path, &Path)| match (own, other) {
         (Some(own), Some(other)) => {
             let squares = own.iter().zip(other).map(|(a, b)| (a - b).abs().min(APART).powi(2));
             (squares.sum::<f64>() / own.len().max(1) as f64).sqrt()
         }
         _ => APART,
-    }
-}
-
-/// Whether `nearer` is nearer than `other` by [`CLEAR`] standard errors over the rollouts.
-fn is_clear(other: &[f64], nearer: &[f64]) -> bool {
-    let count = other.len() as f64;
-    let leads = || other.iter().zip(nearer).map(|(a, b)| a - b);
-    let mean = leads().sum::<f64>() / count;
-    let variance = leads().map(|lead| (lead - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    mean > CLEAR * (variance / count).sqrt()
+    };
+    own.iter().zip(other).map(pair).sum::<f64>() / own.len().max(1) as f64
 }
 
 #[cfg(test)]
@@ -170,16 +153,9 @@ mod tests {
 
     #[test]
     fn rollouts_are_apart_by_their_difference_up_to_a_limit() {
-        let path = |value: f64| Some(vec![value; 6]);
+        let path = |value: f64| vec![Some(vec![value; 6])];
         assert_eq!(apart(&path(1.0), &path(1.5)), 0.5);
         assert_eq!(apart(&path(1.0), &path(50.0)), APART);
-        assert_eq!(apart(&path(1.0), &None), APART);
-    }
-
-    #[test]
-    fn a_lead_in_a_few_rollouts_is_not_clear() {
-        assert!(is_clear(&[1.0, 1.2, 1.1, 0.9], &[0.5, 0.6, 0.7, 0.4]));
-        assert!(!is_clear(&[1.0, 1.2, 1.1, 3.0], &[1.1, 1.0, 1.2, 0.4]));
-        assert!(!is_clear(&[1.0; 4], &[1.0; 4]));
+        assert_eq!(apart(&path(1.0), &[None]), APART);
     }
 }
