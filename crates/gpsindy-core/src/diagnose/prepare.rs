@@ -357,7 +357,7 @@ fn decimate(experiment: Experiment, notes: &mut Vec<String>) -> Experiment {
             }
         })
         .collect();
-    notes.push(format!("the logs are far denser than their motion: the search used every {stride}th sample"));
+    notes.push(format!("the logs are far denser than their motion: the search used one sample in {stride}"));
     whole_runs(Experiment { logs: logs.into(), ..experiment })
 }
 
