@@ -32,21 +32,34 @@ pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
         .collect()
 }
 
-/// Correlation of values `lag` samples apart, over the pairs that are there: their products beside their own squares, so
-/// that a hole beside a large value biases nothing. Shrunk as if the ends of all windows were padded with zeros, which
-/// keeps the autoregression stable (Brockwell and Davis 1991, section 7.2).
+/// Correlation of values `lag` samples apart, as if the ends of all windows were padded with zeros, which keeps the
+/// autoregression stable (Brockwell and Davis 1991, section 7.2).
+///
+/// Over the pairs that are there, products stand beside their own squares, so that a hole beside a large value biases
+/// nothing; what the squares of all pairs would be is told by the values that are there.
 fn autocorrelation(series: &[Vec<f64>], lag: usize) -> f64 {
-    let (mut products, mut squares, mut pairs, mut values) = (0.0, 0.0, 0usize, 0usize);
+    let (mut products, mut squares) = (0.0, 0.0);
+    // Squares and their number: of all values, and of those in pairs, which counts values near an end half.
+    let (mut all, mut paired) = ((0.0, 0.0), (0.0, 0.0));
+    let (mut values, mut pairs) = (0usize, 0usize);
     for window in series {
         values += window.len();
         pairs += window.len().saturating_sub(lag);
+        for (i, value) in window.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+            let share = 0.5 * (f64::from(i >= lag) + f64::from(i + lag < window.len()));
+            all = (all.0 + value * value, all.1 + 1.0);
+            paired = (paired.0 + share * value * value, paired.1 + share);
+        }
         for (a, b) in window.iter().zip(window.iter().skip(lag)).filter(|(a, b)| (*a * *b).is_finite()) {
             products += a * b;
             squares += 0.5 * (a * a + b * b);
         }
     }
-    let correlation = if squares > 0.0 { products / squares } else { 0.0 };
-    correlation * pairs as f64 / values.max(1) as f64
+    if !(squares > 0.0 && paired.1 > 0.0) {
+        return 0.0;
+    }
+    let whole = paired.0 / paired.1 * pairs as f64 / (all.0 / all.1 * values as f64);
+    products / squares * whole
 }
 
 /// The autoregressive model of the order with the lowest BIC.
@@ -178,6 +191,14 @@ mod tests {
         assert!(rest(1e4, 5e2) > rest(1e6, 1e2));
         // Slow noise of a sensor keeps its innovations, which differences of samples see.
         assert!(rest(60.0, 1.0) > rest(30.0, 2.0));
+    }
+
+    #[test]
+    fn without_holes_correlations_are_those_of_the_textbook() {
+        let series = noise(4, 50);
+        let products: f64 = series.iter().zip(&series[3..]).map(|(a, b)| a * b).sum();
+        let squares: f64 = series.iter().map(|e| e * e).sum();
+        assert!((autocorrelation(&[series], 3) - products / squares).abs() < 1e-14);
     }
 
     #[test]
