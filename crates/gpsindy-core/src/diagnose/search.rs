@@ -24,6 +24,9 @@ pub(crate) const NEAR: f64 = 30.0;
 /// How many hypotheses are refitted at a contestant.
 const SHORTLIST: usize = 14;
 
+/// How many sets of effects that promise more together than any of them alone are refitted at a contestant.
+const TOGETHER: usize = 4;
+
 /// Most effects in one equation: more of them fit any curve.
 const MOST_PER_EQUATION: usize = 4;
 
@@ -255,13 +258,16 @@ impl Contest<'_> {
         let (alone, joint) = screened.split_at(self.hypotheses.len());
         for basis in [0, 1] {
             let best = |h: usize| screened[h].as_ref().map_or(0.0, |s| s.best(basis));
+            let mut together: Vec<(usize, f64)> = Vec::new();
             for (place, suspect) in joint.iter().enumerate() {
                 let Some(suspect) = suspect else { continue };
                 let members = suspect.members.iter().map(|&h| best(h)).fold(0.0, f64::max);
                 if suspect.best(basis) > members + CONVINCING {
-                    chosen.push(alone.len() + place);
+                    together.push((alone.len() + place, suspect.best(basis)));
                 }
             }
+            together.sort_by(|a, b| b.1.total_cmp(&a.1));
+            chosen.extend(together.iter().take(TOGETHER).map(|t| t.0));
             let mut order: Vec<(usize, f64)> =
                 alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
             order.sort_by(|a, b| b.1.total_cmp(&a.1));
