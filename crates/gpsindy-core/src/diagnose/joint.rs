@@ -99,6 +99,10 @@ pub(crate) fn exchanges(model: &Model, hypotheses: &[Hypothesis]) -> Vec<Vec<usi
                 (Some(place), None) if place != other => &model.states[place].name,
                 _ => continue,
             };
+            // Only what has one unit can be told by its difference.
+            if model.states.iter().any(|s| s.name == *own && s.unit != model.states[other].unit) {
+                continue;
+            }
             let pull = place(Effect::LinearStiffness, own).or_else(|| place(Effect::ViscousFriction, own));
             let push = place(Effect::Coupling, &model.states[other].name);
             all.extend(push.zip(pull).map(|(a, b)| vec![a, b]));
@@ -218,6 +222,7 @@ mod tests {
         let rooms: Vec<Vec<String>> = sets(vec![state("a", "degC", "-a"), state("b", "degC", "-b")]);
         assert_eq!(rooms[0], ["coupling a b", "linear_stiffness a a"]);
         assert_eq!(rooms.len(), 2);
+        assert!(sets(vec![state("a", "degC", "-a"), state("b", "W", "-b")]).is_empty());
         // A mass on a spring to another mass: places pull by places, rates by rates.
         let masses = vec![state("x", "m", "v"), state("v", "m/s", "-x"), state("y", "m", "w"), state("w", "m/s", "-y")];
         let masses: Vec<Vec<String>> = sets(masses);
