@@ -160,12 +160,18 @@ mod tests {
         (0..count).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
     }
 
-    #[test]
-    fn an_autoregressive_series_gives_its_coefficient_back_and_becomes_white() {
-        let mut series = noise(1, 4000);
-        for i in 1..series.len() {
+    /// Noise with a coefficient of 0.8.
+    fn slow_noise(seed: u64, count: usize) -> Vec<f64> {
+        let mut series = noise(seed, count);
+        for i in 1..count {
             series[i] += 0.8 * series[i - 1];
         }
+        series
+    }
+
+    #[test]
+    fn an_autoregressive_series_gives_its_coefficient_back_and_becomes_white() {
+        let series = slow_noise(1, 4000);
         let colour = colours(&[series.clone()], 1).remove(0);
         // Standard error sqrt((1 - 0.8^2)/4000) = 0.01.
         assert!((colour.coefficients[0] - 0.8).abs() < 0.04, "{colour:?}");
@@ -194,6 +200,15 @@ mod tests {
     }
 
     #[test]
+    fn missing_values_are_left_out() {
+        let mut series = noise(3, 2000);
+        series.iter_mut().step_by(7).for_each(|v| *v = f64::NAN);
+        let colour = colours(&[series], 1).remove(0);
+        assert!((colour.variance() - 1.0).abs() < 0.12);
+        assert!(colour.coefficients.len() <= 1);
+    }
+
+    #[test]
     fn without_holes_correlations_are_those_of_the_textbook() {
         let series = noise(4, 50);
         let products: f64 = series.iter().zip(&series[3..]).map(|(a, b)| a * b).sum();
@@ -203,10 +218,7 @@ mod tests {
 
     #[test]
     fn holes_bias_neither_the_colour_nor_the_size_of_the_noise() {
-        let mut series = noise(3, 20_000);
-        for i in 1..series.len() {
-            series[i] += 0.8 * series[i - 1];
-        }
+        let mut series = slow_noise(3, 20_000);
         let full = colours(&[series.clone()], 1).remove(0);
         series.iter_mut().step_by(3).for_each(|v| *v = f64::NAN);
         let holed = colours(&[series], 1).remove(0);

@@ -31,10 +31,13 @@ pub(crate) struct Basis {
 
 /// A tolerated parameter at the end of its tolerance, as a column that points back.
 struct Strained {
+    /// Its place among the free parameters, and the way back to its nominal value.
+    place: usize,
+    back: f64,
+    /// What its belief adds to the column's product with itself, and as much to that with the residual.
+    belief: f64,
     /// Per window, whitened and projected like the free directions.
     column: Vec<DVector<f64>>,
-    /// What its belief adds to the column's product with itself and with the residual.
-    belief: (f64, f64),
 }
 
 /// One window.
@@ -82,13 +85,12 @@ impl Basis {
                 slope[i] += (mean - fitted.refined.parameters[free.parameter]) / (sd * sd);
             }
         }
-        let mut strained: Vec<(usize, Strained)> = (0..q)
-            .filter(|&i| fitted.is_strained(i))
-            .filter_map(|i| {
-                let (mean, sd) = fitted.free[i].prior?;
-                let back = mean - fitted.refined.parameters[fitted.free[i].parameter];
-                let belief = ((back / sd).powi(2), (back / sd).powi(2));
-                Some((i, Strained { column: Vec::new(), belief }))
+        let mut strained: Vec<Strained> = (0..q)
+            .filter(|&place| fitted.is_strained(place))
+            .filter_map(|place| {
+                let (mean, sd) = fitted.free[place].prior?;
+                let back = mean - fitted.refined.parameters[fitted.free[place].parameter];
+                Some(Strained { place, back, belief: (back / sd).powi(2), column: Vec::new() })
             })
             .take(MOST_STRAINED)
             .collect();
@@ -109,10 +111,8 @@ impl Basis {
                 let directions = orthonormal(derivative.columns(0, n).into_owned());
                 let mut free = derivative.columns(n, q).into_owned();
                 free -= &directions * directions.tr_mul(&free);
-                for (i, strained) in &mut strained {
-                    let Some((mean, _)) = fitted.free[*i].prior else { continue };
-                    let back = mean - fitted.refined.parameters[fitted.free[*i].parameter];
-                    strained.column.push(free.column(*i) * back);
+                for strained in &mut strained {
+                    strained.column.push(free.column(strained.place) * strained.back);
                 }
                 // What stands where its tolerance ends does not go further for an effect.
                 (0..q).filter(|&i| fitted.is_strained(i)).for_each(|i| free.column_mut(i).fill(0.0));
@@ -124,7 +124,6 @@ impl Basis {
             .collect();
         let ridge = gram.diagonal().max() * 1e-12 + f64::MIN_POSITIVE;
         let inverse = (gram + DMatrix::identity(q, q) * ridge).try_inverse().unwrap_or_else(|| DMatrix::zeros(q, q));
-        let strained = strained.into_iter().map(|(_, s)| s).collect();
         Self { windows, inverse, slope, strained }
     }
 
@@ -157,8 +156,8 @@ impl Basis {
             }
         }
         for (i, strained) in self.strained.iter().enumerate() {
-            gram[(own + i, own + i)] += strained.belief.0;
-            slope[own + i] += strained.belief.1;
+            gram[(own + i, own + i)] += strained.belief;
+            slope[own + i] += strained.belief;
         }
         gram.fill_upper_triangle_with_lower_triangle();
         let eliminated = &self.inverse * &mixed;
