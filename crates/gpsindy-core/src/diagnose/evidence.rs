@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn an_autoregressive_series_gives_its_coefficient_back_and_becomes_white() {
         let series = slow_noise(1, 4000);
-        let colour = colours(&[series.clone()], 1).remove(0);
+        let colour = colours(std::slice::from_ref(&series), 1).remove(0);
         // Standard error sqrt((1 - 0.8^2)/4000) = 0.01.
         assert!((colour.coefficients[0] - 0.8).abs() < 0.04, "{colour:?}");
         assert!((colour.innovation - 1.0).abs() < 0.1);
@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn holes_bias_neither_the_colour_nor_the_size_of_the_noise() {
         let mut series = slow_noise(3, 20_000);
-        let full = colours(&[series.clone()], 1).remove(0);
+        let full = colours(std::slice::from_ref(&series), 1).remove(0);
         series.iter_mut().step_by(3).for_each(|v| *v = f64::NAN);
         let holed = colours(&[series], 1).remove(0);
         assert_eq!(holed.count, 13_333);
