@@ -4,7 +4,7 @@ use super::Diagnose;
 use super::fitted::Fitted;
 use super::rival::Rival;
 use super::search::Contest;
-use super::settle::{Judged, judge};
+use super::settle::{Judged, judge, suspect};
 use crate::error::Result;
 use crate::refine::{Experiment, Hold};
 
@@ -29,11 +29,19 @@ pub(crate) fn reconsider_hold(
         fit.on(&experiment, &contest.settings)
     };
     let is_better = |fit: &Fitted| linear(fit).is_ok_and(|other| contest.score(&other) > contest.score(fit) + CLEARLY);
-    if !is_better(&held.nominal) && !is_better(&held.outcome.best) {
-        return Ok(held);
-    }
     let mut own_notes = Vec::new();
-    let interpolated = judge(contest, linear(&held.nominal)?, rivals, settings, &mut own_notes)?;
+    let interpolated = if is_better(&held.outcome.best) {
+        judge(contest, linear(&held.nominal)?, rivals, settings, &mut own_notes)?
+    } else if is_better(&held.nominal) {
+        // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
+        let suspected = suspect(contest, linear(&held.nominal)?, rivals, settings)?;
+        if suspected.detected.gap {
+            return Ok(held);
+        }
+        suspected.without_gap()
+    } else {
+        return Ok(held);
+    };
     let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.id() == "input_delay");
     let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + CLEARLY;
     // A delay under interpolation that the held control does not need is the phantom of half a sample.

@@ -65,6 +65,35 @@ pub(crate) struct Judged {
     pub(crate) outcome: Outcome,
 }
 
+/// A nominal model after every suspect was tried once: whether it has a gap.
+pub(crate) struct Suspected {
+    nominal: Fitted,
+    first: Expansion,
+    free_gains: Vec<(f64, usize)>,
+    pub(crate) detected: Detected,
+}
+
+impl Suspected {
+    /// The verdict where no gap was detected.
+    pub(crate) fn without_gap(self) -> Judged {
+        let outcome = Outcome::no_gap(&self.nominal, &self.first);
+        Judged { nominal: self.nominal, detected: self.detected, free_gains: self.free_gains, outcome }
+    }
+}
+
+/// Detects a gap.
+pub(crate) fn suspect(
+    contest: &Contest<'_>,
+    nominal: Fitted,
+    rivals: &[Rival],
+    settings: &Diagnose,
+) -> Result<Suspected> {
+    let (nominal, first) = suspects(contest, nominal)?;
+    let free_gains = contest.rivals(&nominal, rivals);
+    let detected = detect(&first, &free_gains, settings.confidence, &nominal);
+    Ok(Suspected { nominal, first, free_gains, detected })
+}
+
 /// Detects a gap, and where there is one finds its causes.
 pub(crate) fn judge(
     contest: &Contest<'_>,
@@ -73,13 +102,12 @@ pub(crate) fn judge(
     settings: &Diagnose,
     notes: &mut Vec<String>,
 ) -> Result<Judged> {
-    let (nominal, first) = suspects(contest, nominal)?;
-    let free_gains = contest.rivals(&nominal, rivals);
-    let detected = detect(&first, &free_gains, settings.confidence, &nominal);
-    let outcome = match detected.gap {
-        true => attribute(contest, &nominal, first, rivals, settings.most_effects, notes)?,
-        false => Outcome::no_gap(&nominal, &first),
-    };
+    let suspected = suspect(contest, nominal, rivals, settings)?;
+    if !suspected.detected.gap {
+        return Ok(suspected.without_gap());
+    }
+    let Suspected { nominal, first, free_gains, detected } = suspected;
+    let outcome = attribute(contest, &nominal, first, rivals, settings.most_effects, notes)?;
     Ok(Judged { nominal, detected, free_gains, outcome })
 }
 
