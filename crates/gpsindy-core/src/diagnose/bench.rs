@@ -1,10 +1,11 @@
 //! Simulated copies of the user's logs: the same times, controls and gaps, the noise that the diagnosis found.
 
 use super::evidence::Colour;
-use super::fitted::{Fitted, tolerated};
+use super::fitted::Fitted;
 use super::plant::Planted;
 use super::prepare::resolution;
 use super::report::PowerNoise;
+use super::tolerance::tolerated;
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};

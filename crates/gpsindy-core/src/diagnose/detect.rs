@@ -1,8 +1,9 @@
 //! Is there a gap: beyond noise, what no test should find, and what the user tolerates?
 
 use super::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
-use super::fitted::{Fitted, Moved};
+use super::fitted::Fitted;
 use super::search::Expansion;
+use super::tolerance::Moved;
 
 /// Whether there is a gap.
 #[derive(Debug, Clone)]

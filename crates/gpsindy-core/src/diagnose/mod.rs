@@ -185,7 +185,7 @@ impl Diagnose {
 
         // Prepare: noise, outliers, hold, windows, integration steps.
         let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;
-        let tolerated = fitted::tolerated(model);
+        let tolerated = tolerance::tolerated(model);
         let mut nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
         check::nominal(&nominal)?;
         nominal.model_error = self.error_of(model, &nominal.experiment);

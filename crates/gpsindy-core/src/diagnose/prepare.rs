@@ -295,7 +295,7 @@ pub(crate) fn experiment(
         experiment.noise = noise_levels(&experiment.logs, n_columns);
     }
     experiment = decimate(experiment, notes);
-    let free = super::fitted::tolerated(system.model());
+    let free = super::tolerance::tolerated(system.model());
     let parameters = system.parameter_values();
     let start = crate::refine::guess_initial(system, &experiment);
     experiment = choose_substeps(system, experiment, &parameters, &start, ROUNDING);

@@ -365,10 +365,10 @@ pub(crate) fn outputs(
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::super::fitted::tolerated;
     use super::super::fixture::drive;
     use super::super::hypothesis::enumerate;
     use super::super::scene::Scene;
+    use super::super::tolerance::tolerated;
     use super::*;
     use crate::refine::Refine;
 

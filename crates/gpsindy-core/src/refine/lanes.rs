@@ -4,75 +4,8 @@
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
 use super::experiment::{Hold, Log, Past};
-use crate::model::{InputKind, System};
-
-/// An input with a history, sampled, for every lane.
-struct History<const L: usize> {
-    /// Value at each sample, and how much later than its time stamp it acts, s.
-    values: Vec<[f64; L]>,
-    shift: [f64; L],
-    shifted: bool,
-    /// Integral of the held signal up to each sample.
-    integral: Vec<[f64; L]>,
-    /// Last sample at or before the current time, one a lane.
-    cursor: [usize; L],
-    /// Integral up to the start of the current step.
-    started: [f64; L],
-}
-
-/// Values of an input at the start, middle and end of a step.
-type Stages<const L: usize> = [[f64; L]; 3];
-
-impl<const L: usize> History<L> {
-    fn locate(&mut self, time: &[f64], lane: usize, t: f64) -> usize {
-        let mut k = self.cursor[lane];
-        while k + 1 < time.len() && time[k + 1] <= t {
-            k += 1;
-        }
-        self.cursor[lane] = k;
-        k
-    }
-
-    fn integral_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
-        let k = self.locate(time, lane, t);
-        self.integral[k][lane] + self.values[k][lane] * (t - time[k])
-    }
-
-    fn linear_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
-        let k = self.locate(time, lane, t);
-        if k + 1 >= time.len() || t <= time[0] {
-            return self.values[k][lane];
-        }
-        let part = (t - time[k]) / (time[k + 1] - time[k]);
-        self.values[k][lane] + part * (self.values[k + 1][lane] - self.values[k][lane])
-    }
-
-    /// Goes back to the time `t`.
-    fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
-        let before = |shift: f64| time.partition_point(|&other| other <= t - shift).saturating_sub(1);
-        self.cursor = self.shift.map(before);
-        if hold == Hold::Zero && self.shifted {
-            self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t - self.shift[lane]));
-        }
-    }
-
-    #[inline(always)]
-    fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
-        match hold {
-            Hold::Zero if !self.shifted => [self.values[sample]; 3],
-            Hold::Zero => {
-                let ended: [f64; L] = std::array::from_fn(|lane| self.integral_at(time, lane, b - self.shift[lane]));
-                let mean = std::array::from_fn(|lane| (ended[lane] - self.started[lane]) / (b - a));
-                self.started = ended;
-                [mean; 3]
-            }
-            Hold::Linear => {
-                let mut at = |t: f64| std::array::from_fn(|lane| self.linear_at(time, lane, t - self.shift[lane]));
-                [at(a), at(0.5 * (a + b)), at(b)]
-            }
-        }
-    }
-}
+use super::history::{History, Stages, histories};
+use crate::model::System;
 
 /// What is rolled out, and who receives it: sample, state or column, values.
 struct Roll<'r, const L: usize> {
@@ -393,56 +326,6 @@ fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64
     let (d0, d1) = (h * a.dx[state][lane], h * a.dx_end[state][lane]);
     let (s2, s3) = (s * s, s * s * s);
     (2.0 * s3 - 3.0 * s2 + 1.0) * x0 + (s3 - 2.0 * s2 + s) * d0 + (3.0 * s2 - 2.0 * s3) * x1 + (s3 - s2) * d1
-}
-
-fn histories<const L: usize>(system: &System, log: &Log, parameters: &[[f64; L]]) -> Vec<History<L>> {
-    let m = system.n_controls();
-    let mut all: Vec<History<L>> = Vec::new();
-    for input in system.inputs() {
-        let mut registers = input.tape.registers::<L>();
-        let first = m + all.len();
-        registers[first..first + parameters.len()].copy_from_slice(parameters);
-        for history in &mut all {
-            history.cursor = [0; L];
-        }
-        let mut amount = [0.0; L];
-        let mut values = Vec::with_capacity(log.time.len());
-        for (sample, &t) in log.time.iter().enumerate() {
-            for (register, control) in registers.iter_mut().zip(&log.controls) {
-                *register = [control[sample]; L];
-            }
-            for (register, earlier) in registers[m..].iter_mut().zip(&mut all) {
-                *register = std::array::from_fn(|lane| earlier.linear_at(&log.time, lane, t - earlier.shift[lane]));
-            }
-            let n_variables = input.tape.n_variables();
-            registers[n_variables] = [t; L];
-            input.tape.evaluate(&mut registers);
-            let signal = input.tape.output(&registers, 0);
-            amount = input.tape.output(&registers, 1);
-            values.push(match (input.kind, values.last()) {
-                (InputKind::Delay, _) => signal,
-                (InputKind::Play, last) => played(last, &signal, &amount),
-            });
-        }
-        let shift = if input.kind == InputKind::Delay { amount } else { [0.0; L] };
-        let mut integral = vec![[0.0; L]; values.len()];
-        for k in 1..values.len() {
-            let step = log.time[k] - log.time[k - 1];
-            integral[k] = std::array::from_fn(|lane| integral[k - 1][lane] + step * values[k - 1][lane]);
-        }
-        let shifted = input.kind == InputKind::Delay;
-        all.push(History { values, shift, shifted, integral, cursor: [0; L], started: [0.0; L] });
-    }
-    all
-}
-
-/// One step of a play of total width `width`: the output is dragged along once the gap is used up.
-fn played<const L: usize>(last: Option<&[f64; L]>, signal: &[f64; L], width: &[f64; L]) -> [f64; L] {
-    std::array::from_fn(|lane| {
-        let half = 0.5 * width[lane].abs();
-        let previous = last.map_or(signal[lane], |l| l[lane]);
-        previous.max(signal[lane] - half).min(signal[lane] + half)
-    })
 }
 
 #[cfg(test)]
