@@ -121,6 +121,14 @@ impl Regressor for Lasso {
         let mut fits: Vec<Fit> = Vec::with_capacity(levels.len());
         let mut refitted: Option<(Vec<usize>, Fit)> = None;
         for &lambda in levels {
+            // Once rounding decides, it does so for every smaller lambda, too: what was found last stands for them.
+            if let (true, [.., before, last]) = (warm, &fits[..])
+                && !before.converged
+                && !last.converged
+            {
+                fits.push(Fit { level: lambda, iterations: 0, ..last.clone() });
+                continue;
+            }
             if !warm {
                 solver.reset();
             }
@@ -163,7 +171,9 @@ struct Admm<'a> {
     weights: Vec<f64>,
     /// Norm of the target; the gap is counted in half its square.
     size: f64,
+    /// `A'A`, and `AA'` where that is the smaller one.
     gram: Mat<f64>,
+    outer: Option<Mat<f64>>,
     rho: f64,
     factor: Factor,
     z: Vec<f64>,
@@ -183,8 +193,9 @@ impl<'a> Admm<'a> {
         }
         let b = problem.b.clone();
         let size = dot(&b, &b).sqrt();
-        let gram = if a.nrows() < p { gram(a.transpose()) } else { gram(a.as_ref()) };
-        let factor = Factor::new(&a, &gram, settings.rho);
+        let outer = (a.nrows() < p).then(|| gram(a.transpose()));
+        let gram = gram(a.as_ref());
+        let factor = Factor::new(&gram, outer.as_ref(), settings.rho);
         Self {
             correlations: transposed_times(&a, &b),
             settings,
@@ -194,6 +205,7 @@ impl<'a> Admm<'a> {
             weights,
             size,
             gram,
+            outer,
             rho: settings.rho,
             factor,
             z: vec![0.0; p],
@@ -294,7 +306,7 @@ impl<'a> Admm<'a> {
         };
         self.rho = (self.rho * factor).clamp(1e-6, 1e6);
         self.u.iter_mut().for_each(|u| *u /= factor);
-        self.factor = Factor::new(&self.a, &self.gram, self.rho);
+        self.factor = Factor::new(&self.gram, self.outer.as_ref(), self.rho);
     }
 
     /// Replaces z by the exact solution on its support and signs, where that solution keeps them.
@@ -365,12 +377,12 @@ enum Factor {
 }
 
 impl Factor {
-    fn new(a: &Mat<f64>, gram: &Mat<f64>, rho: f64) -> Self {
-        let mut shifted = gram.clone();
+    fn new(gram: &Mat<f64>, outer: Option<&Mat<f64>>, rho: f64) -> Self {
+        let mut shifted = outer.unwrap_or(gram).clone();
         for i in 0..shifted.nrows() {
             shifted[(i, i)] += rho;
         }
-        // `gram` is positive semidefinite, so rho = 1e-6 or more fails only by rounding; a larger shift then stands in.
+        // Either is positive semidefinite, so rho = 1e-6 or more fails only by rounding; a larger shift then stands in.
         let mut extra = rho;
         let factor = loop {
             if let Some(factor) = Cholesky::new(shifted.clone()) {
@@ -384,7 +396,7 @@ impl Factor {
                 break Cholesky::identity(shifted.nrows());
             }
         };
-        if a.nrows() < a.ncols() { Self::Fat(factor, rho) } else { Self::Tall(factor) }
+        if outer.is_some() { Self::Fat(factor, rho) } else { Self::Tall(factor) }
     }
 
     fn solve(&self, a: &Mat<f64>, s: &[f64]) -> Vec<f64> {

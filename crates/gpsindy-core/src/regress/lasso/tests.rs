@@ -133,20 +133,38 @@ fn scaling_makes_the_answer_independent_of_units() {
 }
 
 #[test]
-fn a_path_with_warm_starts_equals_cold_fits() {
-    let (theta, target) = random_problem(50, 20, &[(0, 1.0), (4, 2.0), (8, -1.0)], 0.3, 9);
-    let problem = Reduced::new(theta.as_ref(), &target).unwrap();
-    let method = plain(0.0);
-    let levels = method.levels(&problem, 20);
-    assert_eq!(levels.len(), 20);
-    for (fit, &lambda) in method.path(&problem, &levels).unwrap().iter().zip(&levels) {
-        let cold = plain(lambda).fit(theta.as_ref(), &target).unwrap();
-        let (a, b) = (
-            objective(&theta, &target, lambda, &fit.coefficients),
-            objective(&theta, &target, lambda, &cold.coefficients),
-        );
-        assert!((a - b).abs() <= 1e-9 * b, "lambda {lambda}: {a} {b}");
+fn a_path_with_warm_starts_equals_cold_fits_that_end() {
+    // More rows than terms, and fewer.
+    for (rows, terms) in [(50, 20), (15, 40)] {
+        let (theta, target) = random_problem(rows, terms, &[(0, 1.0), (4, 2.0), (8, -1.0)], 0.3, 9);
+        let problem = Reduced::new(theta.as_ref(), &target).unwrap();
+        let method = plain(0.0);
+        let levels = method.levels(&problem, 20);
+        assert_eq!(levels.len(), 20);
+        for (fit, &lambda) in method.path(&problem, &levels).unwrap().iter().zip(&levels) {
+            let cold = plain(lambda).fit(theta.as_ref(), &target).unwrap();
+            let (a, b) = (
+                objective(&theta, &target, lambda, &fit.coefficients),
+                objective(&theta, &target, lambda, &cold.coefficients),
+            );
+            // A gap of 1e-10 of half the squared target may be left of each; with few rows the cold fit may stop short.
+            let left = 1e-10 * dot(&target, &target);
+            assert!(a <= b + left, "{rows} rows, lambda {lambda}: {a} {b}");
+            assert!(fit.converged && (!cold.converged || b <= a + left), "{rows} rows, lambda {lambda}: {a} {b}");
+        }
     }
+}
+
+#[test]
+fn a_path_over_dependent_columns_gives_up_once() {
+    // Pairs of columns that differ by rounding alone, more of them than rows.
+    let (half, target) = random_problem(12, 20, &[(3, 1.0)], 0.5, 11);
+    let theta = Mat::from_fn(12, 40, |i, j| half[(i, j / 2)] * (1.0 + 1e-15 * (j % 2) as f64 * i as f64));
+    let problem = Reduced::new(theta.as_ref(), &target).unwrap();
+    let method = Lasso { max_iterations: 500, ..plain(0.0) };
+    let fits = method.path(&problem, &method.levels(&problem, 60)).unwrap();
+    let iterations: usize = fits.iter().filter(|f| !f.converged).map(|f| f.iterations).sum();
+    assert!(iterations <= 1000, "{iterations}");
 }
 
 #[test]

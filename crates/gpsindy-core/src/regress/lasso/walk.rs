@@ -75,9 +75,6 @@ pub(super) fn walk(admm: &mut Admm<'_>, lambda: f64) -> Option<usize> {
 
 fn walk_on(admm: &mut Admm<'_>, lambda: f64) -> Option<usize> {
     let p = admm.z.len();
-    if admm.a.nrows() < p {
-        return None;
-    }
     let mut support = Support::default();
     for j in (0..p).filter(|&j| admm.z[j] != 0.0) {
         support.terms.push(j);
