@@ -147,24 +147,30 @@ fn a_path_with_warm_starts_equals_cold_fits_that_end() {
                 objective(&theta, &target, lambda, &fit.coefficients),
                 objective(&theta, &target, lambda, &cold.coefficients),
             );
-            // A gap of 1e-10 of half the squared target may be left of each; with few rows the cold fit may stop short.
+            if rows > terms {
+                assert!((a - b).abs() <= 1e-9 * b, "lambda {lambda}: {a} {b}");
+                continue;
+            }
+            // A gap of 1e-10 of half the squared target may be left of each, and the cold fit may stop short.
             let left = 1e-10 * dot(&target, &target);
-            assert!(a <= b + left, "{rows} rows, lambda {lambda}: {a} {b}");
-            assert!(fit.converged && (!cold.converged || b <= a + left), "{rows} rows, lambda {lambda}: {a} {b}");
+            assert!(fit.converged && a <= b + left, "lambda {lambda}: {a} {b}");
+            assert!(!cold.converged || b <= a + left, "lambda {lambda}: {a} {b}");
         }
     }
 }
 
 #[test]
-fn a_path_over_dependent_columns_gives_up_once() {
-    // Pairs of columns that differ by rounding alone, more of them than rows.
-    let (half, target) = random_problem(12, 20, &[(3, 1.0)], 0.5, 11);
-    let theta = Mat::from_fn(12, 40, |i, j| half[(i, j / 2)] * (1.0 + 1e-15 * (j % 2) as f64 * i as f64));
+fn a_path_that_ends_in_rounding_gives_up() {
+    // No gap is small enough.
+    let (theta, target) = random_problem(12, 20, &[(3, 1.0)], 0.5, 11);
     let problem = Reduced::new(theta.as_ref(), &target).unwrap();
-    let method = Lasso { max_iterations: 500, ..plain(0.0) };
+    let method = Lasso { max_iterations: 50, gap_tolerance: Some(0.0), ..plain(0.0) };
     let fits = method.path(&problem, &method.levels(&problem, 60)).unwrap();
-    let iterations: usize = fits.iter().filter(|f| !f.converged).map(|f| f.iterations).sum();
-    assert!(iterations <= 1000, "{iterations}");
+    let failed = fits.iter().filter(|f| !f.converged);
+    assert!(failed.clone().count() > 30);
+    let iterations: usize = failed.map(|f| f.iterations).sum();
+    assert!(iterations <= 200, "{iterations}");
+    assert_eq!(fits[59].coefficients, fits[58].coefficients);
 }
 
 #[test]
