@@ -38,7 +38,7 @@ pub use model::{
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
-pub use refine::{Experiment, Free, Hold, Log, Past, Refine, Refined, Window};
+pub use refine::{Experiment, Free, Hold, Log, Past, Refine, Refined, Starts, Window};
 pub use score::{Errors, Score, Scoring, StateError, score};
 pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};

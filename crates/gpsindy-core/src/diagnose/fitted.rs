@@ -5,7 +5,13 @@ use super::hypothesis::{Added, Applied, Hypothesis};
 use super::lag::with_lagging;
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, Window, costs};
+use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, Starts, Window, costs};
+
+/// Mean squared residual (noise units) that no sensor's noise has, however coloured: innovations of one, a coefficient of 0.975.
+const FAR: f64 = 20.0;
+
+/// Samples that tell where a window starts.
+const FIRST: usize = 2;
 
 /// A contestant: the nominal model with some hypotheses, and what its fit left over.
 #[derive(Clone)]
@@ -46,7 +52,7 @@ impl Fitted {
         let (refined, jacobian) =
             settings.fit_with_jacobian(&system, &experiment, &system.parameter_values(), &free, None)?;
         let colours = colours(&refined.residuals, experiment.columns.len());
-        Ok(Self {
+        let nominal = Self {
             hypotheses: Vec::new(),
             added: Vec::new(),
             system,
@@ -57,7 +63,27 @@ impl Fitted {
             colours,
             model_error: 0.0,
             tried: 1,
-        })
+        };
+        Ok(if nominal.starts().more > 0.0 { nominal.again(settings) } else { nominal })
+    }
+
+    /// Whether what is left is no noise, however coloured.
+    pub(crate) fn is_structured(&self) -> bool {
+        self.misfit() > FAR
+    }
+
+    /// By how much the first samples of the windows count more than the others: where logs are cut into windows, every
+    /// state is logged, and what is left is no noise, as much as it is larger than noise can be.
+    ///
+    /// A start for every short window could take up what an effect should explain. Where a state is not logged, the first
+    /// samples do not tell the start.
+    pub(crate) fn starts(&self) -> Starts {
+        let is_cut = self.experiment.windows.len() > self.experiment.logs.len();
+        if is_cut && self.experiment.columns.len() >= self.nominal_states() {
+            Starts { samples: FIRST, more: (self.misfit() - FAR).max(0.0) }
+        } else {
+            Starts::default()
+        }
     }
 
     /// Mean squared structure (noise units) that no test calls a gap.
@@ -93,7 +119,7 @@ impl Fitted {
             free.retain(|f| f.parameter != *index);
             free.push(Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) });
         }
-        let mut experiment = self.experiment.clone();
+        let mut experiment = Experiment { starts: self.starts(), ..self.experiment.clone() };
         for state in &applied.model.states[experiment.scale.len()..] {
             let control = state.equation.variables().iter().find_map(|n| applied.model.control_index(n));
             let largest = control.map_or(1.0, |c| {
@@ -163,12 +189,12 @@ impl Fitted {
     /// The same contestant, its fit carried on.
     pub(crate) fn again(self, settings: &Refine) -> Self {
         let start = Some(self.refined.initial.as_slice());
-        let fit =
-            settings.fit_with_jacobian(&self.system, &self.experiment, &self.refined.parameters, &self.free, start);
+        let experiment = Experiment { starts: self.starts(), ..self.experiment.clone() };
+        let fit = settings.fit_with_jacobian(&self.system, &experiment, &self.refined.parameters, &self.free, start);
         match fit {
             Ok((refined, jacobian)) => {
-                let colours = colours(&refined.residuals, self.experiment.columns.len());
-                Self { refined, jacobian, colours, ..self }
+                let colours = colours(&refined.residuals, experiment.columns.len());
+                Self { refined, jacobian, colours, experiment, ..self }
             }
             Err(_) => self,
         }
@@ -193,14 +219,14 @@ impl Fitted {
         if moved.is_empty() {
             return self;
         }
-        let mut mixed = if other.refined.cost < self.refined.cost { other.clone() } else { self.clone() };
+        let mut mixed = if other.squares() < self.squares() { other.clone() } else { self.clone() };
         for w in 0..mixed.refined.initial.len() {
             let from = if moved.contains(&w) { &other } else { &self };
             mixed.refined.initial[w].clone_from(&from.refined.initial[w]);
         }
         let mixed = mixed.again(settings);
-        let best = if other.refined.cost < self.refined.cost { other } else { self };
-        if mixed.refined.cost < best.refined.cost { mixed } else { best }
+        let best = if other.squares() < self.squares() { other } else { self };
+        if mixed.squares() < best.squares() { mixed } else { best }
     }
 
     /// The same contestant without its derivatives, which take most of its memory; [`Fitted::again`] restores them.
@@ -223,6 +249,7 @@ impl Fitted {
     pub(crate) fn on(&self, experiment: &Experiment, settings: &Refine) -> Result<Self> {
         let mut experiment = experiment.clone();
         experiment.scale.clone_from(&self.experiment.scale);
+        experiment.starts = self.starts();
         let mut moved = Self { experiment, ..self.clone() };
         let mut guess = crate::refine::guess_initial(&moved.system, &moved.experiment);
         if moved.experiment.windows != self.experiment.windows {
@@ -277,14 +304,20 @@ impl Fitted {
         self.added.iter().map(Vec::len).sum()
     }
 
+    /// Squared, scaled distance of the parameters from what is believed of them.
+    fn disbelief(&self) -> f64 {
+        let square = |(place, (mean, sd)): (usize, (f64, f64))| ((self.refined.parameters[place] - mean) / sd).powi(2);
+        self.free.iter().filter_map(|f| f.prior.map(|prior| (f.parameter, prior))).map(square).sum()
+    }
+
+    /// Sum of the squared residuals (noise units), every sample counting alike, and of the beliefs' terms.
+    fn squares(&self) -> f64 {
+        self.misfit() * self.count() as f64 + self.disbelief()
+    }
+
     /// Log likelihood with beliefs.
     pub(crate) fn evidence(&self) -> f64 {
-        let beliefs: f64 = self
-            .free
-            .iter()
-            .filter_map(|f| f.prior.map(|(mean, sd)| ((self.refined.parameters[f.parameter] - mean) / sd).powi(2)))
-            .sum();
-        log_likelihood(&self.colours) - 0.5 * beliefs
+        log_likelihood(&self.colours) - 0.5 * self.disbelief()
     }
 
     /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
@@ -312,7 +345,6 @@ impl Fitted {
     /// Whether the residual's own past predicts nearly all of it, and it is far above the noise: a swing that is left
     /// over and no sensor's noise, however coloured (a first-order one would have a coefficient of 0.975).
     pub(crate) fn is_predictable(&self) -> bool {
-        const FAR: f64 = 20.0;
         let innovation: f64 = self.colours.iter().map(|c| c.innovation * c.count as f64).sum();
         self.misfit() > FAR && self.misfit() * self.count() as f64 > FAR * innovation
     }

@@ -22,11 +22,24 @@ const MOST_STRAINED: usize = 4;
 /// Residuals of a fit after whitening and projection, and what is needed to treat columns alike.
 pub(crate) struct Basis {
     windows: Vec<Projected>,
+    first: First,
     /// Inverse of the free parameters' Gram matrix, and their product with the residual.
     inverse: DMatrix<f64>,
     slope: DVector<f64>,
     /// Parameters that stand where their tolerance ends: an effect may let them back, never further out.
     strained: Vec<Strained>,
+}
+
+/// The values of a window's first samples, and by how much they count more than the others.
+struct First {
+    values: usize,
+    weight: f64,
+}
+
+impl First {
+    fn weigh(&self, values: &mut DVector<f64>) {
+        values.iter_mut().take(self.values).for_each(|value| *value *= self.weight);
+    }
 }
 
 /// A tolerated parameter at the end of its tolerance, as a column that points back.
@@ -94,6 +107,9 @@ impl Basis {
             })
             .take(MOST_STRAINED)
             .collect();
+        let starts = fitted.starts();
+        let first =
+            First { values: starts.samples * fitted.experiment.columns.len(), weight: (1.0 + starts.more).sqrt() };
         let windows = fitted
             .jacobian
             .blocks
@@ -102,10 +118,12 @@ impl Basis {
                 let whitener = Whitener::new(&colours, &block.present);
                 let mut residual = block.residual.clone();
                 whitener.whiten(&mut residual);
+                first.weigh(&mut residual);
                 let mut derivative = block.derivative.clone();
                 for mut column in derivative.column_iter_mut() {
                     let mut values = column.clone_owned();
                     whitener.whiten(&mut values);
+                    first.weigh(&mut values);
                     column.copy_from(&values);
                 }
                 let directions = orthonormal(derivative.columns(0, n).into_owned());
@@ -124,7 +142,7 @@ impl Basis {
             .collect();
         let ridge = gram.diagonal().max() * 1e-12 + f64::MIN_POSITIVE;
         let inverse = (gram + DMatrix::identity(q, q) * ridge).try_inverse().unwrap_or_else(|| DMatrix::zeros(q, q));
-        Self { windows, inverse, slope, strained }
+        Self { windows, first, inverse, slope, strained }
     }
 
     /// Bounds of the lengths of the strained columns: anywhere back, nowhere further out.
@@ -138,6 +156,7 @@ impl Basis {
         for column in columns.iter_mut() {
             for (Projected { whitener, directions, .. }, values) in self.windows.iter().zip(column) {
                 whitener.whiten(values);
+                self.first.weigh(values);
                 *values -= directions * directions.tr_mul(values);
             }
         }

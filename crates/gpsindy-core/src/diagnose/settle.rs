@@ -254,12 +254,15 @@ fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(
     }
     // A constant error of a force makes four times the error of a place in twice the time.
     const STEADY: f64 = 16.0;
+    // Where structure is left, rollouts that leave more of it tell of its piling up, and pull the effects after it.
+    const PILED: f64 = 1.25;
     let settings = Refine { max_iterations: 60, tolerance: 1e-5 };
     let mut moved = best.clone();
     // From one length to the next, so that each fit starts near its end.
     while let Some(longer) = prepare::doubled(&moved.experiment) {
         let Ok(next) = moved.on(&longer, &settings) else { break };
-        let is_steady = next.misfit() <= STEADY * moved.misfit().max(1.0);
+        let growth = if moved.is_structured() { PILED } else { STEADY };
+        let is_steady = next.misfit() <= growth * moved.misfit().max(1.0);
         let residuals = &next.refined.residuals;
         let is_near = prepare::stays_near(&next.experiment, residuals, &next.jacobian);
         if !is_steady || !is_near || prepare::is_loud(&next.system, &next.experiment, residuals) {
@@ -287,9 +290,53 @@ fn left_over(best: &Fitted, last: &Expansion, gains: &[(f64, usize)], rivals: &[
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::super::fixture::drive;
+    use super::super::hypothesis::enumerate;
+    use super::super::scene::Scene;
+    use super::*;
     use crate::diagnose::report::Verdict;
-    use crate::diagnose::{Diagnose, Diagnosed, hold_out};
+    use crate::diagnose::{Diagnosed, hold_out};
+    use crate::model::System;
     use crate::progress::Silent;
+    use crate::refine::{Experiment, Refined, Starts};
+
+    /// The fits of a drive that loses `loses(x)` in windows of 0.4 s: nominal, with a quadratic drag, and that one on longer
+    /// windows where they tell more.
+    fn in_short_windows(loses: impl Fn(f64) -> f64) -> (Fitted, Fitted, Fitted) {
+        let (model, data) = drive(None, loses, 0.002, (2, 400));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap().with_windows_of(0.4);
+        let settings = Refine::default();
+        let nominal = Fitted::nominal(system.clone(), experiment, Vec::new(), &settings).unwrap();
+        let scene = Scene::new(&system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
+        let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
+        let drag = hypotheses.iter().find(|h| h.id() == "quadratic_drag").unwrap();
+        let applied = drag.apply(&model, &scene).unwrap();
+        let fit = nominal.with(drag, &applied, &[0.5], &settings).unwrap().again(&settings);
+        let (_, longer) = lengthen(&nominal, fit.clone(), &mut Vec::new()).unwrap();
+        (nominal, fit, longer)
+    }
+
+    #[test]
+    fn rollouts_grow_longer_where_nothing_is_left() {
+        let (nominal, fit, longer) = in_short_windows(|x| x + 0.8 * x * x.abs());
+        assert!(nominal.is_structured() && !fit.is_structured(), "{}, {}", nominal.misfit(), fit.misfit());
+        assert_eq!(longer.experiment.windows.len(), 2);
+        // What is left is noise, so that all samples count alike.
+        assert_eq!(fit.starts().more, 0.0);
+    }
+
+    #[test]
+    fn rollouts_stay_short_and_start_at_the_logs_where_something_is_left_that_piles_up() {
+        let (_, fit, longer) = in_short_windows(|x| x + 0.8 * x * x.abs() + 0.3);
+        assert!(fit.is_structured(), "{}", fit.misfit());
+        assert_eq!(longer.experiment.windows, fit.experiment.windows);
+        // Where every sample counts alike, the starts are where they take up as much as they can.
+        let alike = Experiment { starts: Starts::default(), ..fit.experiment.clone() };
+        let parameters = &fit.refined.parameters;
+        let free = Refine::default().fit(&fit.system, &alike, parameters, &fit.free, None).unwrap();
+        let first = |fit: &Refined| fit.residuals.iter().map(|window| window[0].powi(2)).sum::<f64>();
+        assert!(first(&fit.refined) < 0.1 * first(&free), "{}, {}", first(&fit.refined), first(&free));
+    }
 
     /// A drive with a tolerance of 5 % whose true rate is 1.03/s.
     fn slightly_off(noise: f64) -> Diagnosed {

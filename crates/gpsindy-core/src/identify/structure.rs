@@ -187,7 +187,7 @@ impl Search<'_> {
         let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
         let point = Point { parameters: system.parameter_values(), initial };
         match Jacobian::new(&system, &experiment, &point, &[]) {
-            Ok(jacobian) => Ok(jacobian.cost(&point, &[]) / experiment.n_values() as f64),
+            Ok(jacobian) => Ok(jacobian.cost(&experiment, &point, &[]) / experiment.n_values() as f64),
             Err(Error::Diverged { .. }) => Ok(f64::INFINITY),
             Err(error) => Err(error),
         }

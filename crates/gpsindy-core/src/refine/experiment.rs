@@ -49,6 +49,25 @@ pub struct Window {
     pub last: usize,
 }
 
+/// By how much the first samples of every window count more than the others.
+///
+/// Where rollouts leave the logs by more than the noise, the first samples tell far better than all that follow where a
+/// window starts; a start that is free would take up a part of what the equations should explain.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Starts {
+    /// How many samples of every window.
+    pub samples: usize,
+    /// How many times more their squared residuals count.
+    pub more: f64,
+}
+
+impl Starts {
+    /// How many times the squared residual of a window's sample number `sample` counts.
+    pub(crate) fn weight(&self, sample: usize) -> f64 {
+        if sample < self.samples { 1.0 + self.more } else { 1.0 }
+    }
+}
+
 /// Logs prepared for the fit of a system's parameters.
 #[derive(Debug, Clone)]
 pub struct Experiment {
@@ -64,6 +83,8 @@ pub struct Experiment {
     pub hold: Hold,
     /// States before a log's first sample, as a late sensor sees them.
     pub past: Past,
+    /// The first samples of the windows, beside the others.
+    pub starts: Starts,
     /// Integration steps between two samples.
     pub substeps: usize,
     /// Typical size of every state, in its unit: sets the steps of finite differences.
@@ -105,7 +126,17 @@ impl Experiment {
             None => spread.clone(),
         };
         let scale = state_scales(system, &logs, &columns, &spread);
-        Ok(Self { logs: logs.into(), columns, noise, windows, hold: Hold::Zero, past: Past::Still, substeps: 1, scale })
+        Ok(Self {
+            logs: logs.into(),
+            columns,
+            noise,
+            windows,
+            hold: Hold::Zero,
+            past: Past::Still,
+            starts: Starts::default(),
+            substeps: 1,
+            scale,
+        })
     }
 
     /// Position among the logged columns of state `state`, where it is logged.

@@ -1,7 +1,7 @@
 //! Residuals, their derivatives by finite differences in lanes, and the normal equations.
 
 use super::lanes::Lanes;
-use super::{Experiment, Free};
+use super::{Experiment, Free, Starts};
 use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::{DMatrix, DVector};
@@ -84,8 +84,11 @@ impl Jacobian {
     }
 
     /// Sum of squares with the beliefs' terms.
-    pub(crate) fn cost(&self, point: &Point, free: &[Free]) -> f64 {
-        self.blocks.iter().map(|b| b.residual.norm_squared()).sum::<f64>() + prior_cost(&point.parameters, free)
+    pub(crate) fn cost(&self, experiment: &Experiment, point: &Point, free: &[Free]) -> f64 {
+        let Starts { samples, more } = experiment.starts;
+        let first = |b: &Block| b.residual.iter().take(samples * experiment.columns.len()).map(|e| e * e).sum::<f64>();
+        let squares = self.blocks.iter().map(|b| b.residual.norm_squared() + more * first(b)).sum::<f64>();
+        squares + prior_cost(&point.parameters, free)
     }
 
     /// Residuals with NaN for what is missing.
@@ -189,8 +192,9 @@ pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], 
                     |i, c, v| {
                         let measured = log.measured[c][i];
                         if measured.is_finite() {
+                            let weight = experiment.starts.weight(i - window.first);
                             for lane in 0..L {
-                                sums[lane] += ((measured - v[lane]) / experiment.noise[c]).powi(2);
+                                sums[lane] += weight * ((measured - v[lane]) / experiment.noise[c]).powi(2);
                             }
                         }
                     },
@@ -217,6 +221,7 @@ impl Normal {
     pub(crate) fn new(jacobian: &Jacobian, experiment: &Experiment, point: &Point, free: &[Free]) -> Self {
         let n = jacobian.n_states;
         let q = free.len();
+        let Starts { samples, more } = experiment.starts;
         let mut parameters = DMatrix::zeros(q, q);
         let mut gradient = DVector::zeros(q);
         for (i, f) in free.iter().enumerate() {
@@ -229,8 +234,14 @@ impl Normal {
             .blocks
             .iter()
             .map(|block| {
-                let product = block.derivative.tr_mul(&block.derivative);
-                let slope = block.derivative.tr_mul(&block.residual);
+                let mut product = block.derivative.tr_mul(&block.derivative);
+                let mut slope = block.derivative.tr_mul(&block.residual);
+                if more > 0.0 {
+                    let first = (samples * experiment.columns.len()).min(block.residual.len());
+                    let derivative = block.derivative.rows(0, first);
+                    product += more * derivative.tr_mul(&derivative);
+                    slope += more * derivative.tr_mul(&block.residual.rows(0, first));
+                }
                 parameters += product.view((n, n), (q, q));
                 gradient += slope.rows(n, q);
                 let mut initial = product.view((0, 0), (n, n)).into_owned();

@@ -10,7 +10,7 @@ mod history;
 mod jacobian;
 pub(crate) mod lanes;
 
-pub use experiment::{Experiment, Hold, Log, Past, Window};
+pub use experiment::{Experiment, Hold, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs};
 
 use crate::error::{Error, Result};
@@ -117,7 +117,7 @@ impl Refine {
             point.parameters[f.parameter] = point.parameters[f.parameter].clamp(f.lower, f.upper);
         }
         let mut jacobian = Jacobian::new(system, experiment, &point, free)?;
-        let mut cost = jacobian.cost(&point, free);
+        let mut cost = jacobian.cost(experiment, &point, free);
         let mut damping = 1e-3;
         let mut converged = false;
         let mut iterations = 0;
@@ -308,6 +308,29 @@ mod tests {
         );
         let fit = fit.unwrap();
         assert!((fit.parameters[0] - 4.0).abs() < 1e-4, "{:?}", fit.parameters);
+    }
+
+    #[test]
+    fn first_samples_that_count_more_hold_the_starts_of_a_wrong_model() {
+        let model = cart("u");
+        let data = logs(&model, &[4.0, 0.3, 0.0]);
+        let system = model.compile().unwrap();
+        let mut experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap().with_windows_of(2.0);
+        experiment.substeps = 4;
+        // Too soft a spring, and nothing to fit but the starts.
+        let fit = |starts: Starts| {
+            let experiment = Experiment { starts, ..experiment.clone() };
+            Refine::default().fit(&system, &experiment, &[2.0, 0.3, 0.0], &[], None).unwrap()
+        };
+        let first = |fit: &Refined| fit.residuals.iter().map(|window| window[0].abs()).fold(0.0, f64::max);
+        let free = fit(Starts::default());
+        let held = fit(Starts { samples: 1, more: 1e8 });
+        assert!(first(&free) > 1.0, "{}", first(&free));
+        assert!(first(&held) < 1e-3, "{}", first(&held));
+        // The cost is the one that the search saw: every first value counts 1e8 times more.
+        let squares: f64 = held.residuals.iter().flatten().map(|e| e * e).sum();
+        let firsts: f64 = held.residuals.iter().map(|window| window[0] * window[0]).sum();
+        assert!((held.cost / (squares + 1e8 * firsts) - 1.0).abs() < 1e-12, "{}", held.cost);
     }
 
     #[test]
