@@ -5,7 +5,7 @@ use super::hypothesis::{Added, Applied, Hypothesis};
 use super::lag::with_lagging;
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, Starts, Window, costs};
+use crate::refine::{Experiment, Free, Jacobian, Past, Point, Refine, Refined, Starts, Window, costs, prior_cost};
 
 /// Mean squared residual (noise units) that no sensor's noise has, however coloured: innovations of one, a coefficient of 0.975.
 const FAR: f64 = 20.0;
@@ -304,20 +304,14 @@ impl Fitted {
         self.added.iter().map(Vec::len).sum()
     }
 
-    /// Squared, scaled distance of the parameters from what is believed of them.
-    fn disbelief(&self) -> f64 {
-        let square = |(place, (mean, sd)): (usize, (f64, f64))| ((self.refined.parameters[place] - mean) / sd).powi(2);
-        self.free.iter().filter_map(|f| f.prior.map(|prior| (f.parameter, prior))).map(square).sum()
-    }
-
     /// Sum of the squared residuals (noise units), every sample counting alike, and of the beliefs' terms.
     fn squares(&self) -> f64 {
-        self.misfit() * self.count() as f64 + self.disbelief()
+        self.misfit() * self.count() as f64 + prior_cost(&self.refined.parameters, &self.free)
     }
 
     /// Log likelihood with beliefs.
     pub(crate) fn evidence(&self) -> f64 {
-        log_likelihood(&self.colours) - 0.5 * self.disbelief()
+        log_likelihood(&self.colours) - 0.5 * prior_cost(&self.refined.parameters, &self.free)
     }
 
     /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
@@ -346,7 +340,7 @@ impl Fitted {
     /// over and no sensor's noise, however coloured (a first-order one would have a coefficient of 0.975).
     pub(crate) fn is_predictable(&self) -> bool {
         let innovation: f64 = self.colours.iter().map(|c| c.innovation * c.count as f64).sum();
-        self.misfit() > FAR && self.misfit() * self.count() as f64 > FAR * innovation
+        self.is_structured() && self.misfit() * self.count() as f64 > FAR * innovation
     }
 
     /// The model with the fitted values in place.

@@ -108,8 +108,7 @@ impl Basis {
             .take(MOST_STRAINED)
             .collect();
         let starts = fitted.starts();
-        let first =
-            First { values: starts.samples * fitted.experiment.columns.len(), weight: (1.0 + starts.more).sqrt() };
+        let first = First { values: starts.samples * fitted.experiment.columns.len(), weight: starts.weight(0).sqrt() };
         let windows = fitted
             .jacobian
             .blocks

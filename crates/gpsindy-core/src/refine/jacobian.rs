@@ -40,7 +40,7 @@ pub(crate) struct Jacobian {
 }
 
 /// Sum of the beliefs' squared, scaled distances.
-fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
+pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
     free.iter().filter_map(|f| f.prior.map(|(mean, sd)| ((parameters[f.parameter] - mean) / sd).powi(2))).sum()
 }
 

@@ -11,7 +11,7 @@ mod jacobian;
 pub(crate) mod lanes;
 
 pub use experiment::{Experiment, Hold, Log, Past, Starts, Window};
-pub(crate) use jacobian::{Jacobian, Point, costs};
+pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
 
 use crate::error::{Error, Result};
 use crate::model::System;
