@@ -113,7 +113,7 @@ def oracle(system: System, data: Sample) -> Array:
             return rate_of(coefficients, np.array([t]), x[:, None])[:, 0]
 
         span = (data.t[0], data.t[-1])
-        found = solve_ivp(right, span, start, t_eval=data.t, rtol=1e-8, atol=1e-8).y
+        found = solve_ivp(right, span, start, "DOP853", data.t, rtol=1e-8, atol=1e-8).y
         if found.shape[1] < len(data.t):
             return np.full(data.x.size * (1 if data.dx is None else 2), 1e6)
         off = [(found.T - data.x).ravel()]

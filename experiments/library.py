@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations_with_replacement
+from types import CodeType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,5 +32,10 @@ def monomial(factors: list[str]) -> str:
 def evaluate(term: str, values: dict[str, Array]) -> Array:
     """The column of one term."""
     size = len(next(iter(values.values())))
-    column = eval(term.replace("^", "**"), {"__builtins__": {}, "sin": np.sin, "cos": np.cos}, values)
+    column = eval(_code(term), {"__builtins__": {}, "sin": np.sin, "cos": np.cos}, values)
     return np.broadcast_to(np.asarray(column, dtype=float), (size,))
+
+
+@cache
+def _code(term: str) -> CodeType:
+    return compile(term.replace("^", "**"), term, "eval")

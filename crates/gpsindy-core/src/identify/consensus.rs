@@ -1,47 +1,95 @@
-//! Of several equations that explain a log about as well, those that the others bear out where the log says nothing.
+//! Of several equations that explain a log about as well, those that stay near it in long rollouts and that the others bear
+//! out where the log says nothing.
 //!
-//! Under a controller every control follows the states, and a relation of the loop (a speed that depends on the place where the
-//! car always slows down) passes for an equation. Such relations break when the controls of one stretch of the log are given to
-//! the states of another, each in its own way, while equations near the truth still move alike: the medoid of the rollouts
-//! under exchanged controls is taken.
+//! Short rollouts with free starts say little about where an approximation leads in the end; long ones from the smoothed states
+//! do. And under a controller every control follows the states, and a relation of the loop (a speed that depends on the place
+//! where the car always slows down) passes for an equation. Such relations break when the controls of one stretch of the log are
+//! given to the states of another, each in its own way, while equations near the truth still move alike.
 //!
-//! Source for the loop: Ljung 1999, System Identification, section 13.4; for the medoid: Kaufman and Rousseeuw 1990, chapter 2.
+//! Source for the loop: Ljung 1999, System Identification, section 13.4; for equations judged by their long rollouts: Piroddi and
+//! Spinelli 2003, An identification algorithm for polynomial NARX models based on simulation error minimization.
 
 use super::plan::Plan;
 use super::second_look::Refinement;
 use crate::data::{Channel, Run};
 use crate::error::{Error, Result};
-use crate::simulate::{Excitation, Simulate};
+use crate::simulate::{Excitation, Method, Simulate};
 use faer::Mat;
 use rayon::prelude::*;
 
 /// Stretches of the logs whose states and controls are exchanged.
-const STRETCHES: usize = 4;
+const STRETCHES: usize = 8;
 
 /// Length of a stretch as a share of the longest run.
-const LENGTH: f64 = 1.0 / 3.0;
+const LENGTH: f64 = 0.5;
+
+/// Share of the first member's score that another one must stay below: the evidence counts for something, too.
+const LEAD: f64 = 0.75;
 
 /// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other.
 const APART: f64 = 3.0;
 
+/// Root mean square distance of long rollouts from the smoothed log, in units of the noise, from which equations are
+/// approximations: the systematic part is larger than the noise.
+const OFF: f64 = 2.0;
+
 /// A rollout's states by samples in units of their spread; none where it diverged.
 type Path = Option<Vec<f64>>;
 
+/// A part of a run.
+#[derive(Clone, Copy)]
+struct Stretch {
+    run: usize,
+    first: usize,
+    length: usize,
+}
+
+/// What equations do from the smoothed start of every stretch: under its own controls, and under those of every other.
+struct Paths {
+    own: Vec<Path>,
+    exchanged: Vec<Path>,
+}
+
 impl Plan {
-    /// Place of the member whose rollouts under exchanged controls are nearest to those of the others; the first of equals.
+    /// Whether long rollouts of `member` leave the logs by more than the noise.
+    pub(super) fn off_course(&self, member: &Refinement) -> Result<bool> {
+        let spread = self.spread();
+        let stretches = self.stretches();
+        let noise = &member.trial.noise;
+        let mut squares = 0.0;
+        for &stretch in &stretches {
+            let log = self.log(stretch, &spread);
+            squares += self.path(member, stretch, stretch, &spread)?.map_or(f64::INFINITY, |path| {
+                let in_noise = |i: usize| (path[i] - log[i]) * spread[i % spread.len()] / noise[i % spread.len()];
+                (0..log.len()).map(|i| in_noise(i).powi(2)).sum::<f64>() / log.len() as f64
+            });
+        }
+        Ok(squares > OFF.powi(2) * stretches.len() as f64)
+    }
+
+    /// Place of the member of the smallest `course^2 + apart^2`, its distance from the logs in long rollouts and its mean
+    /// distance from the other members under exchanged controls, in units of the spread; the first where none leads clearly.
     pub(super) fn consensus(&self, members: &[Refinement]) -> Result<usize> {
+        let spread = self.spread();
         let stretches = self.stretches();
         if stretches.len() < 2 {
             return Ok(0);
         }
-        let paths = members.par_iter().map(|member| self.exchanged(member, &stretches)).collect::<Result<Vec<_>>>()?;
-        let total = |own: &Vec<Path>| paths.iter().map(|other| apart(own, other)).sum::<f64>();
-        let totals: Vec<f64> = paths.iter().map(total).collect();
-        Ok((0..members.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0))
+        let logs: Vec<Path> = stretches.iter().map(|&stretch| Some(self.log(stretch, &spread))).collect();
+        let paths =
+            members.par_iter().map(|member| self.paths(member, &stretches, &spread)).collect::<Result<Vec<_>>>()?;
+        let score = |k: usize| {
+            let others = paths.iter().enumerate().filter(|(other, _)| *other != k).map(|(_, other)| other);
+            let total: f64 = others.map(|other| apart(&paths[k].exchanged, &other.exchanged)).sum();
+            apart(&paths[k].own, &logs).powi(2) + (total / (paths.len() - 1).max(1) as f64).powi(2)
+        };
+        let scores: Vec<f64> = (0..members.len()).map(score).collect();
+        let best = (0..members.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
+        Ok(if scores[best] < LEAD * scores[0] { best } else { 0 })
     }
 
-    /// Run, first sample and number of samples of every stretch, spread over the logs.
-    fn stretches(&self) -> Vec<(usize, usize, usize)> {
+    /// Stretches of equal length, spread over the logs.
+    fn stretches(&self) -> Vec<Stretch> {
         let count = |k: usize| self.tracks[k].n_samples();
         let longest = (0..self.tracks.len()).map(count).max().unwrap_or(0);
         let length = ((LENGTH * longest as f64) as usize).max(2);
@@ -50,40 +98,48 @@ impl Plan {
             let run = long[k * long.len() / STRETCHES];
             let own: Vec<usize> = (0..STRETCHES).filter(|&k| long[k * long.len() / STRETCHES] == run).collect();
             let before = own.iter().filter(|&&other| other < k).count();
-            (run, before * (count(run) - length - 1) / (own.len() - 1).max(1), length)
+            Stretch { run, first: before * (count(run) - length - 1) / (own.len() - 1).max(1), length }
         };
         if long.is_empty() { Vec::new() } else { (0..STRETCHES).map(place).collect() }
     }
 
-    /// Rollouts from the smoothed start of every stretch under the controls of every other.
-    fn exchanged(&self, member: &Refinement, stretches: &[(usize, usize, usize)]) -> Result<Vec<Path>> {
-        let equations = &member.trial.equations;
-        let system = equations.model(&equations.support(), false).compile()?;
-        let channels: Vec<Channel> = equations.controls.iter().map(|(name, _)| Channel::new(name)).collect();
-        let simulate = Simulate { hold: member.hold, ..Simulate::default() };
-        let spread = self.spread();
-        let mut paths = Vec::new();
-        for (a, &(of_states, start, _)) in stretches.iter().enumerate() {
-            let initial: Vec<f64> = (0..spread.len()).map(|s| self.tracks[of_states].mean[(start, s)]).collect();
-            for &(of_controls, first, length) in stretches.iter().enumerate().filter(|(b, _)| *b != a).map(|(_, s)| s) {
-                let track = &self.tracks[of_controls];
-                let run = Run {
-                    name: "exchanged".into(),
-                    time: track.time[first..first + length].to_vec(),
-                    values: Mat::from_fn(length, channels.len(), |i, k| track.controls[(first + i, k)]),
-                };
-                let excitation = Excitation::of_run(&system, &run, &channels, member.hold)?;
-                let scaled = |i: usize, states: &Mat<f64>| {
-                    (0..spread.len()).map(move |s| (i, s)).map(|(i, s)| states[(i, s)] / spread[s]).collect::<Vec<_>>()
-                };
-                paths.push(match simulate.rollout(&system, &excitation, &initial) {
-                    Ok(rollout) => Some((0..length).flat_map(|i| scaled(i, &rollout.states)).collect()),
-                    Err(Error::Cancelled) => return Err(Error::Cancelled),
-                    Err(_) => None,
-                });
+    fn paths(&self, member: &Refinement, stretches: &[Stretch], spread: &[f64]) -> Result<Paths> {
+        let mut paths = Paths { own: Vec::new(), exchanged: Vec::new() };
+        for (a, &states) in stretches.iter().enumerate() {
+            for (b, &controls) in stretches.iter().enumerate() {
+                let path = self.path(member, states, controls, spread)?;
+                if a == b { paths.own.push(path) } else { paths.exchanged.push(path) }
             }
         }
         Ok(paths)
+    }
+
+    /// The rollout from the smoothed start of one stretch under the controls of another.
+    fn path(&self, member: &Refinement, states: Stretch, controls: Stretch, spread: &[f64]) -> Result<Path> {
+        let equations = &member.trial.equations;
+        let system = equations.model(&equations.support(), false).compile()?;
+        let channels: Vec<Channel> = equations.controls.iter().map(|(name, _)| Channel::new(name)).collect();
+        // The steps of the fits: an approximation may lead to where accurate ones would never end.
+        let method = Method::RungeKutta4 { substeps: self.substeps() };
+        let simulate = Simulate { hold: member.hold, method, ..Simulate::default() };
+        let initial: Vec<f64> = (0..spread.len()).map(|s| self.tracks[states.run].mean[(states.first, s)]).collect();
+        let track = &self.tracks[controls.run];
+        let run = Run {
+            name: "exchanged".into(),
+            time: track.time[controls.first..controls.first + controls.length].to_vec(),
+            values: Mat::from_fn(controls.length, channels.len(), |i, k| track.controls[(controls.first + i, k)]),
+        };
+        let excitation = Excitation::of_run(&system, &run, &channels, member.hold)?;
+        match simulate.rollout(&system, &excitation, &initial) {
+            Ok(rollout) => Ok(Some(in_spreads(&rollout.states, 0, controls.length, spread))),
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// The smoothed log of a stretch.
+    fn log(&self, stretch: Stretch, spread: &[f64]) -> Vec<f64> {
+        in_spreads(&self.tracks[stretch.run].mean, stretch.first, stretch.length, spread)
     }
 
     /// Standard deviation of every smoothed state over all runs.
@@ -96,6 +152,12 @@ impl Plan {
         };
         (0..self.n_states()).map(of).collect()
     }
+}
+
+/// Rows of `states` by samples, in units of the spread.
+fn in_spreads(states: &Mat<f64>, first: usize, length: usize, spread: &[f64]) -> Vec<f64> {
+    let row = |i: usize| spread.iter().enumerate().map(move |(s, spread)| states[(i, s)] / spread);
+    (first..first + length).flat_map(row).collect()
 }
 
 /// Root mean square difference of rollouts in units of the spread, none beyond [`APART`], as a mean over the rollouts.
@@ -119,9 +181,9 @@ mod tests {
     use crate::progress::Silent;
     use crate::refine::Hold;
 
-    #[test]
-    fn a_relation_of_the_loop_is_outvoted_by_equations_that_know_the_control() {
-        // x' = u - x; the control keeps x on a path that climbs, so that its mean slope passes for an equation.
+    /// Members with these terms, fitted to a log of x' = u - x whose control keeps x on a path that climbs, so that its mean
+    /// slope passes for an equation.
+    fn members(terms: &[&[&str]]) -> (Plan, Vec<Refinement>) {
         let time: Vec<f64> = (0..121).map(|i| 0.1 * i as f64).collect();
         let x = |t: f64| t + t.sin() + t.cos();
         let control = |t: f64| 1.0 + t.cos() - t.sin() + x(t);
@@ -138,17 +200,40 @@ mod tests {
         let plan = Plan::new(&identify, &data, &Silent).unwrap();
         let empty = plan.equations(&identify).unwrap();
         let search = plan.search(Hold::Linear);
-        let member = |terms: &[&str]| {
+        let member = |terms: &&[&str]| {
             let mut equations = empty.clone();
-            for term in terms {
+            for term in *terms {
                 equations.coefficients[0][empty.library.index_of(term).unwrap()] = 0.5;
             }
             let trial = search.fit(&equations, 12.0, None).unwrap();
             Refinement { trial, window: 12.0, hold: Hold::Linear, rival: None }
         };
+        let members = terms.iter().map(member).collect();
+        (plan, members)
+    }
+
+    #[test]
+    fn a_relation_of_the_loop_is_outvoted_by_equations_that_know_the_control() {
         // The mean slope alone, the truth, and the truth with a constant too many.
-        let members = [member(&["1"]), member(&["x", "u"]), member(&["1", "x", "u"])];
+        let (plan, members) = members(&[&["1"], &["x", "u"], &["1", "x", "u"]]);
         assert_ne!(plan.consensus(&members).unwrap(), 0);
+    }
+
+    #[test]
+    fn the_evidence_stands_where_no_member_leads_clearly() {
+        for terms in [[&["x", "u"][..], &["1", "x", "u"]], [&["1", "x", "u"], &["x", "u"]]] {
+            let (plan, members) = members(&[terms[0], terms[1], terms[0]]);
+            assert_eq!(plan.consensus(&members).unwrap(), 0);
+        }
+    }
+
+    #[test]
+    fn long_rollouts_tell_an_approximation_from_the_truth() {
+        let (plan, mut members) = members(&[&["1"], &["x", "u"]]);
+        // The interpolated control is off by 1e-3; that is the noise here.
+        members.iter_mut().for_each(|member| member.trial.noise = vec![1e-3]);
+        assert!(plan.off_course(&members[0]).unwrap());
+        assert!(!plan.off_course(&members[1]).unwrap());
     }
 
     #[test]

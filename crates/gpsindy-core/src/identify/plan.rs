@@ -156,11 +156,15 @@ impl Plan {
         self.tracks[0].hold
     }
 
+    /// Runge-Kutta steps between two samples; one of a twelfth of the pace errs by about 1e-6 of the state.
+    pub(super) fn substeps(&self) -> usize {
+        ((12.0 * self.period / self.pace).ceil() as usize).clamp(1, 10)
+    }
+
     pub(super) fn search(&self, hold: Hold) -> Search<'_> {
         Search {
             data: &self.data,
-            // A classical Runge-Kutta step of a twelfth of the pace errs by about 1e-6 of the state.
-            substeps: ((12.0 * self.period / self.pace).ceil() as usize).clamp(1, 10),
+            substeps: self.substeps(),
             hold,
             noise: self.noise.clone(),
             tracks: &self.tracks,

@@ -26,8 +26,9 @@ const UNCHANGED: f64 = 1.01;
 /// Evidence by which interpolated controls must lead: odds of 20. A computer that steers holds what it has sent.
 const INTERPOLATED: f64 = 6.0;
 
-/// Share of independent residuals below which the equations are approximations.
-const SLOW: f64 = 0.5;
+/// Largest growth of a small difference along a rollout. Derivatives are taken over a millionth of a state's size: what grows
+/// by more than that leaves the straight part, and the fit stands still far from the optimum, sure of itself.
+const GROWTH: f64 = 1e6;
 
 /// Rollouts that other equations are looked for with, as shares of the shortest ones.
 const SHARES: [f64; 4] = [0.5, 0.75, 1.5, 2.0];
@@ -60,7 +61,7 @@ impl SecondLook<'_> {
                 return Ok(None);
             }
         };
-        if self.approximate(&found) {
+        if self.approximate(&found)? {
             found = self.agreed(found, starts, notes)?;
         }
         if !found.trial.converged {
@@ -84,14 +85,14 @@ impl SecondLook<'_> {
         self.other_hold(Refinement { trial, window, hold, rival: None }, shortest).map(Ok)
     }
 
-    /// Whether the equations are approximations of a controlled motion: slow residuals, or rollouts that leave the course.
-    fn approximate(&self, found: &Refinement) -> bool {
+    /// Whether the equations are approximations of a controlled motion: long rollouts leave the logs by more than the noise.
+    fn approximate(&self, found: &Refinement) -> Result<bool> {
         let controlled = !found.trial.equations.controls.is_empty();
-        let slow = found.trial.share < SLOW || found.window < self.plan.longest_run();
-        self.window.is_none() && controlled && slow
+        Ok(controlled && self.window.is_none() && self.plan.off_course(found)?)
     }
 
-    /// Of `found` and the equations that rollouts of other lengths lead to, those that agree best with the others.
+    /// Of `found`, the equations that rollouts of other lengths lead to, and all of them fitted to longer rollouts, those that
+    /// stay near the logs and agree best with the others.
     fn agreed(&self, found: Refinement, starts: &[Equations], notes: &mut Vec<String>) -> Result<Refinement> {
         let shortest = self.plan.shortest_window();
         let look = |share: &f64| SecondLook { window: Some(share * shortest), ..*self }.found(starts);
@@ -103,14 +104,40 @@ impl SecondLook<'_> {
                 members.push(other);
             }
         }
+        let longer = members.par_iter().map(|member| self.longer(member)).collect::<Result<Vec<_>>>()?;
+        members.extend(longer.into_iter().flatten());
         let place = if members.len() > 2 { self.plan.consensus(&members)? } else { 0 };
         if place > 0 {
             notes.push(format!(
-                "the equations are an approximation: of {} sets of terms the one was taken that agrees best with the others when the controls of one stretch meet the states of another; the evidence alone is for other terms",
+                "the equations are an approximation: of {} the ones were taken that stay near the logs in long rollouts and agree best with the others when the controls of one stretch meet the states of another; the evidence of short rollouts alone is for others",
                 members.len()
             ));
         }
         Ok(members.swap_remove(place))
+    }
+
+    /// The same terms fitted to longer and longer rollouts, on course or not: short ones with free starts hide where an
+    /// approximation leads in the end.
+    fn longer(&self, member: &Refinement) -> Result<Vec<Refinement>> {
+        let search = self.plan.search(member.hold);
+        let whole = self.plan.longest_run();
+        let (mut near, mut window) = (member.trial.clone(), member.window);
+        let mut found = Vec::new();
+        while window < whole {
+            self.keep_going()()?;
+            let longer = (2.0 * window).min(whole);
+            if explodes(&search, &near, window, longer)? {
+                break;
+            }
+            window = longer;
+            near = match search.fit(&near.equations, window, Some(&near)) {
+                Ok(trial) => trial,
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Err(_) => break,
+            };
+            found.push(Refinement { trial: near.clone(), window, hold: member.hold, rival: None });
+        }
+        Ok(found)
     }
 
     /// The hold that explains long rollouts, since short ones hardly tell one from the other; and the equations under the other
@@ -191,6 +218,9 @@ impl SecondLook<'_> {
         while window < whole {
             keep_going()?;
             let longer = (2.0 * window).min(whole);
+            if explodes(search, &best, window, longer)? {
+                break;
+            }
             match search.fit(&best.equations, longer, Some(&best)) {
                 Ok(trial) if growth(&best, &trial) <= ON_COURSE => {
                     fresh = false;
@@ -212,6 +242,12 @@ impl SecondLook<'_> {
         }
         Ok((best, window))
     }
+}
+
+/// Whether small differences would outgrow their derivatives in rollouts of `longer` seconds: what grows by a in `window`
+/// seconds grows by a^2 in twice as many.
+fn explodes(search: &Search<'_>, trial: &Trial, window: f64, longer: f64) -> Result<bool> {
+    Ok(search.amplification(trial, window)?.powf(longer / window) > GROWTH)
 }
 
 /// Where the search starts: the equations as chosen; what the rows' evidence takes; and sparser ones of the same path. A

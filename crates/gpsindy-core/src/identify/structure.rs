@@ -193,6 +193,28 @@ impl Search<'_> {
         }
     }
 
+    /// How much a difference between two starts grows up to the ends of the windows of `trial`, at most, each state in units of
+    /// its spread.
+    pub(super) fn amplification(&self, trial: &Trial, window: f64) -> Result<f64> {
+        let equations = &trial.equations;
+        let system = equations.model(&equations.support(), true).compile()?;
+        let experiment = self.experiment(equations, window, &trial.noise)?;
+        let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
+        let jacobian = Jacobian::new(&system, &experiment, &point, &[])?;
+        let (columns, scale) = (&experiment.columns, &experiment.scale);
+        let mut largest = 0.0_f64;
+        for block in &jacobian.blocks {
+            let last = block.residual.len() - columns.len();
+            for (c, &column) in columns.iter().enumerate().filter(|(_, column)| **column < jacobian.n_states) {
+                for (j, from) in scale.iter().enumerate() {
+                    let growth = block.derivative[(last + c, j)].abs() * experiment.noise[c] * from / scale[column];
+                    largest = largest.max(growth);
+                }
+            }
+        }
+        Ok(largest)
+    }
+
     /// By how much the evidence of `trial` is better than that of `other`; both count their values alike, by the larger
     /// share of independent ones, which is that of the better model.
     pub(super) fn lead(&self, trial: &Trial, other: &Trial) -> f64 {

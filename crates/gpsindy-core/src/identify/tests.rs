@@ -257,6 +257,27 @@ fn the_answer_does_not_depend_on_threads() {
 }
 
 #[test]
+fn the_errors_of_an_unstable_plant_are_those_of_rollouts_that_can_be_foretold() {
+    // x' = 3 x + u on a bounded path, as a controller keeps it: over 20 s a difference grows by exp(60).
+    let path = |t: f64| (t.sin() + 0.5 * (2.3 * t).sin(), t.cos() + 1.15 * (2.3 * t).cos());
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut row = |t: f64| [path(t).0 + 0.05 * normal(&mut rng), path(t).1 - 3.0 * path(t).0];
+    let rows: Vec<[f64; 2]> = (0..1000).map(|i| row(0.02 * f64::from(i))).collect();
+    let time = (0..1000).map(|i| 0.02 * f64::from(i)).collect();
+    let run = Run { name: "a".into(), time, values: Mat::from_fn(1000, 2, |i, j| rows[i][j]) };
+    let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![run]).unwrap();
+    let library = LibrarySettings { degree: 1, ..LibrarySettings::default() };
+    let found = Identify { library, ..settings(&["x"], &["u"]) }.fit(&data, &Silent).unwrap();
+    assert!(found.window < 10.0, "{}", found.window);
+    let record = found.model.identification.as_ref().unwrap();
+    for (term, truth) in [("x", 3.0), ("u", 1.0)] {
+        let k = record.terms.iter().position(|t| t == term).unwrap();
+        let (off, error) = ((record.coefficients[0][k] - truth).abs(), record.standard_errors[0][k]);
+        assert!(off < 3.0 * error && error < 0.2, "{term}: {off} of {error}");
+    }
+}
+
+#[test]
 fn contradictions_are_named() {
     let data = lotka_volterra(6);
     let text = |identify: Identify| identify.fit(&data, &Silent).unwrap_err().to_string();
