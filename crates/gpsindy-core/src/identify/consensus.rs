@@ -53,8 +53,7 @@ struct Paths {
 impl Plan {
     /// Whether long rollouts of `member` leave the logs by more than the noise.
     pub(super) fn off_course(&self, member: &Refinement) -> Result<bool> {
-        let spread = self.spread();
-        let stretches = self.stretches();
+        let (spread, stretches) = (self.spreads(), self.stretches());
         let noise = &member.trial.noise;
         let mut squares = 0.0;
         for &stretch in &stretches {
@@ -70,8 +69,7 @@ impl Plan {
     /// Place of the member of the smallest `course^2 + apart^2`, its distance from the logs in long rollouts and its mean
     /// distance from the other members under exchanged controls, in units of the spread; the first where none leads clearly.
     pub(super) fn consensus(&self, members: &[Refinement]) -> Result<usize> {
-        let spread = self.spread();
-        let stretches = self.stretches();
+        let (spread, stretches) = (self.spreads(), self.stretches());
         if stretches.len() < 2 {
             return Ok(0);
         }
@@ -86,6 +84,11 @@ impl Plan {
         let scores: Vec<f64> = (0..members.len()).map(score).collect();
         let best = (0..members.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
         Ok(if scores[best] < LEAD * scores[0] { best } else { 0 })
+    }
+
+    /// Spread of every state; of one that stands still the smallest there is, so that whatever moves it is apart.
+    fn spreads(&self) -> Vec<f64> {
+        self.spread.iter().map(|spread| spread.max(f64::MIN_POSITIVE)).collect()
     }
 
     /// Stretches of equal length, spread over the logs.
@@ -140,17 +143,6 @@ impl Plan {
     /// The smoothed log of a stretch.
     fn log(&self, stretch: Stretch, spread: &[f64]) -> Vec<f64> {
         in_spreads(&self.tracks[stretch.run].mean, stretch.first, stretch.length, spread)
-    }
-
-    /// Standard deviation of every smoothed state over all runs.
-    fn spread(&self) -> Vec<f64> {
-        let of = |s: usize| {
-            let values = || self.tracks.iter().flat_map(move |t| (0..t.n_samples()).map(move |i| t.mean[(i, s)]));
-            let count = values().count() as f64;
-            let mean = values().sum::<f64>() / count;
-            (values().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt().max(f64::MIN_POSITIVE)
-        };
-        (0..self.n_states()).map(of).collect()
     }
 }
 

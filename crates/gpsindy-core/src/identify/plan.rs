@@ -31,6 +31,8 @@ pub(super) struct Plan {
     pub(super) notes: Vec<String>,
     /// Typical size of each coefficient (n x p).
     scales: Vec<Vec<f64>>,
+    /// Standard deviation of every smoothed state over all runs, in its unit; 0 for one that stands still.
+    pub(super) spread: Vec<f64>,
     /// Time in which the fastest state changes by its own spread, s.
     pace: f64,
     /// Shortest mean sampling period of a run, s.
@@ -87,9 +89,10 @@ impl Plan {
                 Track::new(&data, run, smoothed, &states, &derivatives, &controls, settings.hold.unwrap_or_default())
             })
             .collect::<Result<Vec<_>>>()?;
-        let (scales, pace) = sizes(&tracks, &library)?;
+        let spread = spreads(&tracks);
+        let (scales, pace) = sizes(&tracks, &library, &spread)?;
         let period = tracks.iter().map(period).fold(f64::INFINITY, f64::min);
-        Ok(Self { data, tracks, library, derivatives: derived, noise, kernels, notes, scales, pace, period })
+        Ok(Self { data, tracks, library, derivatives: derived, noise, kernels, notes, scales, spread, pace, period })
     }
 
     pub(super) fn n_states(&self) -> usize {
@@ -307,13 +310,23 @@ fn pointwise(
     Ok(())
 }
 
+/// Standard deviation of every smoothed state over all runs.
+fn spreads(tracks: &[Track]) -> Vec<f64> {
+    let of = |s: usize| {
+        let values = || tracks.iter().flat_map(move |t| (0..t.n_samples()).map(move |i| t.mean[(i, s)]));
+        let count = values().count() as f64;
+        let mean = values().sum::<f64>() / count;
+        (values().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    (0..tracks[0].mean.ncols()).map(of).collect()
+}
+
 /// Typical size of every coefficient (n x p): what would make its term as large as the state's rate. And the pace.
-fn sizes(tracks: &[Track], library: &Library) -> Result<(Vec<Vec<f64>>, f64)> {
+fn sizes(tracks: &[Track], library: &Library, spread: &[f64]) -> Result<(Vec<Vec<f64>>, f64)> {
     let (n, p) = (tracks[0].mean.ncols(), library.n_terms());
     let m = tracks[0].controls.ncols();
     let mut terms = vec![0.0; p];
     let mut rates = vec![0.0; n];
-    let mut moments = vec![(0.0, 0.0); n];
     let mut count = 0.0;
     for track in tracks {
         let theta = library.evaluate(track.samples(&vec![0.0; m]).as_ref(), &track.time)?;
@@ -321,8 +334,6 @@ fn sizes(tracks: &[Track], library: &Library) -> Result<(Vec<Vec<f64>>, f64)> {
             (0..p).for_each(|j| terms[j] += theta[(i, j)].powi(2));
             for (s, rate) in rates.iter_mut().enumerate() {
                 *rate += track.slope[(i, s)].powi(2);
-                moments[s].0 += track.mean[(i, s)];
-                moments[s].1 += track.mean[(i, s)].powi(2);
             }
         }
         count += track.n_samples() as f64;
@@ -332,10 +343,7 @@ fn sizes(tracks: &[Track], library: &Library) -> Result<(Vec<Vec<f64>>, f64)> {
         let size = |&term: &f64| if term > 0.0 && rate > 0.0 { rms(rate) / rms(term) } else { 1.0 };
         terms.iter().map(size).collect()
     });
-    let pace = (0..n).map(|s| {
-        let spread = (moments[s].1 / count - (moments[s].0 / count).powi(2)).max(0.0).sqrt();
-        if rates[s] > 0.0 { spread / rms(rates[s]) } else { f64::INFINITY }
-    });
+    let pace = (0..n).map(|s| if rates[s] > 0.0 { spread[s] / rms(rates[s]) } else { f64::INFINITY });
     let pace = pace.fold(f64::INFINITY, f64::min);
     let scales = scales.collect();
     let whole = tracks.iter().map(|t| t.time[t.n_samples() - 1] - t.time[0]).fold(0.0, f64::max);
