@@ -67,7 +67,14 @@ impl SecondLook<'_> {
         if !found.trial.converged {
             notes.push("the refinement stopped before it came to rest".into());
         }
-        self.plan.search(found.hold).weigh_choice(&mut found.trial, found.window)?;
+        let search = self.plan.search(found.hold);
+        let twice = 2.0 * found.window;
+        if found.window < self.plan.longest_run() && explodes(&search, &found.trial, found.window, twice)? {
+            notes.push(format!(
+                "small differences grow a million times within {twice:.3} s: the motion is unstable or chaotic, and a rollout as long as the logs says little about the equations"
+            ));
+        }
+        search.weigh_choice(&mut found.trial, found.window)?;
         if let Some((rival, lead)) = found.rival.take() {
             found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
         }

@@ -269,6 +269,7 @@ fn the_errors_of_an_unstable_plant_are_those_of_rollouts_that_can_be_foretold() 
     let library = LibrarySettings { degree: 1, ..LibrarySettings::default() };
     let found = Identify { library, ..settings(&["x"], &["u"]) }.fit(&data, &Silent).unwrap();
     assert!(found.window < 10.0, "{}", found.window);
+    assert!(found.notes.iter().any(|note| note.contains("unstable")), "{:?}", found.notes);
     let record = found.model.identification.as_ref().unwrap();
     for (term, truth) in [("x", 3.0), ("u", 1.0)] {
         let k = record.terms.iter().position(|t| t == term).unwrap();
