@@ -13,6 +13,7 @@ use super::plan::Plan;
 use super::second_look::Refinement;
 use crate::data::{Channel, Run};
 use crate::error::{Error, Result};
+use crate::model::System;
 use crate::simulate::{Excitation, Method, Simulate};
 use faer::Mat;
 use rayon::prelude::*;
@@ -54,11 +55,12 @@ impl Plan {
     /// Whether long rollouts of `member` leave the logs by more than the noise.
     pub(super) fn off_course(&self, member: &Refinement) -> Result<bool> {
         let (spread, stretches) = (self.spreads(), self.stretches());
+        let roller = Roller::new(self, member, &spread)?;
         let noise = &member.trial.noise;
         let mut squares = 0.0;
         for &stretch in &stretches {
             let log = self.log(stretch, &spread);
-            squares += self.path(member, stretch, stretch, &spread)?.map_or(f64::INFINITY, |path| {
+            squares += roller.path(stretch, &roller.excitation(stretch)?)?.map_or(f64::INFINITY, |path| {
                 let in_noise = |i: usize| (path[i] - log[i]) * spread[i % spread.len()] / noise[i % spread.len()];
                 (0..log.len()).map(|i| in_noise(i).powi(2)).sum::<f64>() / log.len() as f64
             });
@@ -107,42 +109,69 @@ impl Plan {
     }
 
     fn paths(&self, member: &Refinement, stretches: &[Stretch], spread: &[f64]) -> Result<Paths> {
+        let roller = Roller::new(self, member, spread)?;
+        let excitations = stretches.iter().map(|&stretch| roller.excitation(stretch)).collect::<Result<Vec<_>>>()?;
         let mut paths = Paths { own: Vec::new(), exchanged: Vec::new() };
-        for (a, &states) in stretches.iter().enumerate() {
-            for (b, &controls) in stretches.iter().enumerate() {
-                let path = self.path(member, states, controls, spread)?;
+        for (a, &start) in stretches.iter().enumerate() {
+            for (b, excitation) in excitations.iter().enumerate() {
+                let path = roller.path(start, excitation)?;
                 if a == b { paths.own.push(path) } else { paths.exchanged.push(path) }
             }
         }
         Ok(paths)
     }
 
-    /// The rollout from the smoothed start of one stretch under the controls of another.
-    fn path(&self, member: &Refinement, states: Stretch, controls: Stretch, spread: &[f64]) -> Result<Path> {
-        let equations = &member.trial.equations;
-        let system = equations.model(&equations.support(), false).compile()?;
-        let channels: Vec<Channel> = equations.controls.iter().map(|(name, _)| Channel::new(name)).collect();
-        // The steps of the fits: an approximation may lead to where accurate ones would never end.
-        let method = Method::RungeKutta4 { substeps: self.substeps() };
-        let simulate = Simulate { hold: member.hold, method, ..Simulate::default() };
-        let initial: Vec<f64> = (0..spread.len()).map(|s| self.tracks[states.run].mean[(states.first, s)]).collect();
-        let track = &self.tracks[controls.run];
-        let run = Run {
-            name: "exchanged".into(),
-            time: track.time[controls.first..controls.first + controls.length].to_vec(),
-            values: Mat::from_fn(controls.length, channels.len(), |i, k| track.controls[(controls.first + i, k)]),
-        };
-        let excitation = Excitation::of_run(&system, &run, &channels, member.hold)?;
-        match simulate.rollout(&system, &excitation, &initial) {
-            Ok(rollout) => Ok(Some(in_spreads(&rollout.states, 0, controls.length, spread))),
-            Err(Error::Cancelled) => Err(Error::Cancelled),
-            Err(_) => Ok(None),
-        }
-    }
-
     /// The smoothed log of a stretch.
     fn log(&self, stretch: Stretch, spread: &[f64]) -> Vec<f64> {
         in_spreads(&self.tracks[stretch.run].mean, stretch.first, stretch.length, spread)
+    }
+}
+
+/// Rolls the equations of one member out.
+struct Roller<'a> {
+    plan: &'a Plan,
+    system: System,
+    controls: Vec<Channel>,
+    simulate: Simulate,
+    spread: &'a [f64],
+}
+
+impl<'a> Roller<'a> {
+    fn new(plan: &'a Plan, member: &Refinement, spread: &'a [f64]) -> Result<Self> {
+        let equations = &member.trial.equations;
+        let system = equations.model(&equations.support(), false).compile()?;
+        let controls = equations.controls.iter().map(|(name, _)| Channel::new(name)).collect();
+        // The steps of the fits: an approximation may lead to where accurate ones would never end.
+        let method = Method::RungeKutta4 { substeps: plan.substeps() };
+        Ok(Self {
+            plan,
+            system,
+            controls,
+            simulate: Simulate { hold: member.hold, method, ..Simulate::default() },
+            spread,
+        })
+    }
+
+    /// The controls of a stretch.
+    fn excitation(&self, Stretch { run, first, length }: Stretch) -> Result<Excitation> {
+        let track = &self.plan.tracks[run];
+        let run = Run {
+            name: "exchanged".into(),
+            time: track.time[first..first + length].to_vec(),
+            values: Mat::from_fn(length, self.controls.len(), |i, k| track.controls[(first + i, k)]),
+        };
+        Excitation::of_run(&self.system, &run, &self.controls, self.simulate.hold)
+    }
+
+    /// The rollout from the smoothed start of a stretch under these controls.
+    fn path(&self, start: Stretch, excitation: &Excitation) -> Result<Path> {
+        let mean = &self.plan.tracks[start.run].mean;
+        let initial: Vec<f64> = (0..self.spread.len()).map(|s| mean[(start.first, s)]).collect();
+        match self.simulate.rollout(&self.system, excitation, &initial) {
+            Ok(rollout) => Ok(Some(in_spreads(&rollout.states, 0, start.length, self.spread))),
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            Err(_) => Ok(None),
+        }
     }
 }
 

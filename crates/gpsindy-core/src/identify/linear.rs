@@ -4,7 +4,7 @@
 use super::sensitivity::Course;
 use super::structure::{ROUNDS, Search, Trial};
 use crate::error::Result;
-use crate::refine::{Jacobian, Point};
+use crate::refine::Jacobian;
 use crate::regress::{Gains, Reduced};
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
@@ -19,11 +19,9 @@ impl Search<'_> {
     /// Trajectories around `trial` as a linear function of every candidate coefficient, initial states projected out.
     pub(super) fn linearise(&self, trial: &Trial, window: f64) -> Result<Linear> {
         let equations = &trial.equations;
-        let system = equations.model(&equations.support(), true).compile()?;
-        let experiment = self.experiment(equations, window, &trial.noise)?;
+        let (system, experiment, point) = self.fitted(trial, window)?;
         let delays =
             self.free(equations, &equations.support()).split_off(equations.support().iter().map(Vec::len).sum());
-        let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
         let jacobian = Jacobian::new(&system, &experiment, &point, &delays)?;
         let course = Course { equations, system: &system, experiment: &experiment, tracks: self.tracks };
         let sensitivities = course.sensitivities(&point)?;

@@ -88,12 +88,19 @@ impl Trial {
 
 impl Search<'_> {
     /// The logs cut into windows of about `window` seconds.
-    pub(super) fn experiment(&self, equations: &Equations, window: f64, noise: &[f64]) -> Result<Experiment> {
-        let system = equations.model(&equations.support(), true).compile()?;
-        let mut experiment = Experiment::new(&system, self.data, Some(noise))?.with_windows_of(window);
+    fn experiment(&self, system: &System, window: f64, noise: &[f64]) -> Result<Experiment> {
+        let mut experiment = Experiment::new(system, self.data, Some(noise))?.with_windows_of(window);
         experiment.substeps = self.substeps;
         experiment.hold = self.hold;
         Ok(experiment)
+    }
+
+    /// The system of `trial`, the logs in its windows of `window` seconds, and where the fit ended.
+    pub(super) fn fitted(&self, trial: &Trial, window: f64) -> Result<(System, Experiment, Point)> {
+        let system = trial.equations.model(&trial.equations.support(), true).compile()?;
+        let experiment = self.experiment(&system, window, &trial.noise)?;
+        let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
+        Ok((system, experiment, point))
     }
 
     /// Fits coefficients, delays and initial states of `equations`; `near` is a fit to start from.
@@ -102,7 +109,7 @@ impl Search<'_> {
         let support = equations.support();
         let model = equations.model(&support, true);
         let system = model.compile()?;
-        let mut experiment = self.experiment(equations, window, &noise)?;
+        let mut experiment = self.experiment(&system, window, &noise)?;
         // A window that begins where one of the earlier fit began starts from what that one found.
         let found = |w: &Window| {
             let place =
@@ -183,7 +190,7 @@ impl Search<'_> {
     /// Mean squared error, in units of the noise, of rollouts from the smoothed states; infinite where one diverges.
     pub(super) fn rollout_error(&self, equations: &Equations, window: f64) -> Result<f64> {
         let system = equations.model(&equations.support(), true).compile()?;
-        let experiment = self.experiment(equations, window, &self.noise)?;
+        let experiment = self.experiment(&system, window, &self.noise)?;
         let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
         let point = Point { parameters: system.parameter_values(), initial };
         match Jacobian::new(&system, &experiment, &point, &[]) {
@@ -196,10 +203,7 @@ impl Search<'_> {
     /// How much a difference between two starts grows up to the ends of the windows of `trial`, at most, each state in units of
     /// its spread.
     pub(super) fn amplification(&self, trial: &Trial, window: f64) -> Result<f64> {
-        let equations = &trial.equations;
-        let system = equations.model(&equations.support(), true).compile()?;
-        let experiment = self.experiment(equations, window, &trial.noise)?;
-        let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
+        let (system, experiment, point) = self.fitted(trial, window)?;
         let jacobian = Jacobian::new(&system, &experiment, &point, &[])?;
         let (columns, scale) = (&experiment.columns, &experiment.scale);
         let mut largest = 0.0_f64;

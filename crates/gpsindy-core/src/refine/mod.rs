@@ -291,13 +291,18 @@ mod tests {
         assert!((fit.parameters[2] - 0.083).abs() < 5e-4, "{:?}", fit.parameters);
     }
 
-    #[test]
-    fn windows_give_the_same_answer_as_whole_runs() {
+    /// The cart and its logs in windows of 2 s.
+    fn in_windows() -> (System, Experiment) {
         let model = cart("u");
         let data = logs(&model, &[4.0, 0.3, 0.0]);
         let system = model.compile().unwrap();
-        let mut experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap().with_windows_of(2.0);
-        experiment.substeps = 4;
+        let experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap().with_windows_of(2.0);
+        (system, Experiment { substeps: 4, ..experiment })
+    }
+
+    #[test]
+    fn windows_give_the_same_answer_as_whole_runs() {
+        let (system, experiment) = in_windows();
         assert_eq!(experiment.windows.len(), 10);
         let fit = Refine::default().fit(
             &system,
@@ -312,11 +317,7 @@ mod tests {
 
     #[test]
     fn first_samples_that_count_more_hold_the_starts_of_a_wrong_model() {
-        let model = cart("u");
-        let data = logs(&model, &[4.0, 0.3, 0.0]);
-        let system = model.compile().unwrap();
-        let mut experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap().with_windows_of(2.0);
-        experiment.substeps = 4;
+        let (system, experiment) = in_windows();
         // Too soft a spring, and nothing to fit but the starts.
         let fit = |starts: Starts| {
             let experiment = Experiment { starts, ..experiment.clone() };
