@@ -12,7 +12,7 @@ const STEP: f64 = 0.05;
 
 /// `x' = u - k*x` with k of one per second, known to `tolerance`, in whose place the machine loses `loses(x)`: `n_runs`
 /// of `n_samples` under levels of either sign, with white noise of deviation `noise`.
-pub(super) fn drive(
+pub(crate) fn drive(
     tolerance: Option<f64>,
     loses: impl Fn(f64) -> f64,
     noise: f64,

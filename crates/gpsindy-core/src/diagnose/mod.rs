@@ -4,44 +4,17 @@
 //! to say "no gap" or "none of these". Effects are judged in output space: each is written into the model
 //! and fitted by rollouts to the raw measurements, with initial states and tolerated parameters free.
 
-mod apply;
-mod bench;
-mod check;
-mod custom;
-mod detect;
-mod effect;
-mod evidence;
-mod fitted;
+mod catalogue;
+mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod fixture;
-mod hold;
-mod hypothesis;
-mod joint;
-mod lag;
-mod lengths;
-mod localise;
-mod merge;
-mod peaks;
-mod plant;
 mod power;
-mod prepare;
-mod prune;
-mod repeat;
 pub mod report;
-mod rival;
-mod scene;
-mod screen;
-mod search;
-mod settle;
-mod tolerance;
-mod trial;
-mod verify;
-mod weigh;
-mod whitening;
+mod steps;
 
-pub use effect::{CustomEffect, CustomParameter, Effect, Family};
-pub use power::Power;
+pub use catalogue::effect::{CustomEffect, CustomParameter, Effect, Family};
+pub use power::study::Power;
 pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
@@ -49,10 +22,14 @@ use crate::error::{Error, Result};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
 use crate::refine::{Experiment, Hold, Refine};
-use fitted::Fitted;
-use scene::Scene;
-use search::Contest;
+use catalogue::excited::Scene;
+use catalogue::{hypothesis, joint, rival};
+use fit::fitted::Fitted;
+use fit::tolerance;
+use power::study;
 use std::sync::Arc;
+use steps::contest::Contest;
+use steps::{attribute, check, hold, localise, prepare, verify, weigh};
 
 /// Settings of a diagnosis.
 ///
@@ -199,7 +176,7 @@ impl Diagnose {
         let most = self.most_effects;
         let contest = Contest { hypotheses, joint, most, scene, settings, progress };
         let rivals = rival::enumerate(model, &contest.scene, model.states.len());
-        let held = settle::judge(&contest, nominal, &rivals, self, &mut notes)?;
+        let held = attribute::judge(&contest, nominal, &rivals, self, &mut notes)?;
         // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
         let samples: usize = held.nominal.experiment.logs.iter().map(|l| l.time.len()).sum();
         let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
@@ -208,7 +185,7 @@ impl Diagnose {
             None if is_averaged => held,
             None => hold::reconsider_hold(&contest, held, &rivals, self, &mut notes)?,
         };
-        let settle::Judged { nominal, detected, free_gains, outcome } = judged;
+        let attribute::Judged { nominal, detected, free_gains, outcome } = judged;
 
         // Verify on held-out logs, localise, and write it down.
         let nominal = outcome.nominal.as_ref().unwrap_or(&nominal);
@@ -218,7 +195,7 @@ impl Diagnose {
             weigh::report(self, &contest, nominal, &outcome, &detected, gap, closure, (train, holdout), notes)?;
         if let Some(power) = &self.power {
             let (hypotheses, scene) = (&contest.hypotheses, &contest.scene);
-            let study = power::Study { settings: self, power, hypotheses, scene, progress };
+            let study = study::Study { settings: self, power, hypotheses, scene, progress };
             diagnosed.diagnosis.power = Some(study.run(nominal, &outcome.best, train, holdout)?);
         }
         Ok(diagnosed)

@@ -3,21 +3,12 @@
 //! Smooth the states, make rows of regression, choose terms by sparse regression, then look again through the integrator:
 //! coefficients, delays and initial states on the raw measurements, terms dropped, added and exchanged by evidence.
 
+mod algorithm1;
 mod author;
-mod choose;
-mod consensus;
-mod equations;
-mod linear;
 mod online;
-mod path;
-mod plan;
-mod rows;
-mod second_look;
-mod sensitivity;
-mod structure;
-mod timing;
-mod track;
-mod unlogged;
+mod prepare;
+mod support;
+mod velocities;
 
 pub use author::{Author, AuthorResult};
 pub use online::{Estimate, Online, OnlineSettings};
@@ -31,13 +22,13 @@ use crate::progress::{Progress, step};
 use crate::refine::Hold;
 use crate::regress::{Ensemble, Lasso, Regressor, Selection, Subset};
 use crate::smooth::Smoother;
-use choose::{Chosen, Task};
-use equations::Equations;
-use plan::Plan;
+use algorithm1::regress::{Chosen, Task};
+use algorithm1::rows::Rows;
+use prepare::Plan;
 use rayon::prelude::*;
-use rows::Rows;
-use second_look::{Refinement, SecondLook, starts};
 use std::sync::Arc;
+use support::equations::Equations;
+use support::lengthen::{Refinement, SecondLook, starts};
 
 /// What the regression compares.
 #[derive(Debug, Clone)]

@@ -13,10 +13,10 @@ mod report;
 mod settings;
 mod smoothing;
 
-use super::Identification;
-use super::equations::{DelayValue, Equations};
 use crate::data::{Channel, Dataset};
 use crate::error::{Error, Result};
+use crate::identify::Identification;
+use crate::identify::support::equations::{DelayValue, Equations};
 use crate::library::Library;
 use accumulate::Accumulator;
 use recent::{Recent, Sample};

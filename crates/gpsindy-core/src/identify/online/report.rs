@@ -4,7 +4,7 @@ use super::OnlineSettings;
 use super::accumulate::{Accumulator, FOLDS, Weight};
 use super::smoothing::Smoothing;
 use crate::error::{Error, Result};
-use crate::identify::equations::Equations;
+use crate::identify::support::equations::Equations;
 use crate::identify::{Identification, StateReport};
 use crate::model::IdentificationRecord;
 use crate::regress::{Reduced, Selection};

@@ -6,7 +6,7 @@ use super::recent::Recent;
 use super::{Estimate, OnlineSettings};
 use crate::error::Result;
 use crate::gp::{Conditioned, Fit, FitSettings, Posterior, Quantity, Role, fit};
-use crate::identify::track::Track;
+use crate::identify::algorithm1::track::Track;
 use crate::library::Library;
 use faer::Mat;
 

@@ -1,0 +1,75 @@
+//! Spectral lines of a residual: where a periodic effect should look.
+
+use crate::diagnose::fit::fitted::Fitted;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.
+pub(crate) fn peaks(fitted: &Fitted) -> Vec<f64> {
+    const GRID: usize = 400;
+    const LINES: usize = 5;
+    let experiment = &fitted.experiment;
+    let n_columns = experiment.columns.len();
+    let longest = experiment.longest_window();
+    let total = experiment
+        .logs
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(l.time[0]), b.max(l.time[l.time.len() - 1])));
+    if longest <= 0.0 {
+        return Vec::new();
+    }
+    let spacing = PI / longest;
+    let highest = 0.8 * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
+    let count = GRID.min((highest / spacing) as usize);
+    let mut found: Vec<f64> = Vec::new();
+    for differenced in [false, true] {
+        let power: Vec<f64> =
+            (1..=count).into_par_iter().map(|k| power_at(fitted, spacing * k as f64, n_columns, differenced)).collect();
+        let mut lines: Vec<usize> = (0..power.len())
+            .filter(|&k| {
+                let near = |i: usize| power.get(i).copied().unwrap_or(0.0);
+                power[k] >= near(k + 1) && (k == 0 || power[k] >= near(k - 1))
+            })
+            .collect();
+        lines.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
+        found.extend(lines.iter().take(LINES).map(|&k| spacing * (k + 1) as f64));
+    }
+    found.sort_by(f64::total_cmp);
+    found.dedup();
+    // Logs on one clock resolve finer than one log alone: offer what lies between, too.
+    let fine = PI / (total.1 - total.0).max(longest);
+    let around = ((0.5 * spacing / fine).ceil() as i32).clamp(1, 6);
+    found
+        .iter()
+        .flat_map(|&w| (-around..=around).map(move |k| w + fine * f64::from(k)))
+        .filter(|&w| w > 0.0 && w < TAU * 1e9)
+        .collect()
+}
+
+/// Power of the residual at one angular frequency, summed over windows and columns.
+fn power_at(fitted: &Fitted, omega: f64, n_columns: usize, differenced: bool) -> f64 {
+    let mut power = 0.0;
+    for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
+        let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
+        // Long windows are thinned to what the frequency needs: eight samples a period.
+        let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
+        let stride = ((TAU / omega / 8.0 / period) as usize).max(1);
+        for c in 0..n_columns {
+            let (mut real, mut imaginary) = (0.0, 0.0);
+            let mut last = 0.0;
+            for (i, &t) in time.iter().enumerate().step_by(stride) {
+                let value = residual[i * n_columns + c];
+                if !value.is_finite() {
+                    continue;
+                }
+                let used = if differenced { value - last } else { value };
+                last = value;
+                let (s, k) = (omega * t).sin_cos();
+                real += used * k;
+                imaginary += used * s;
+            }
+            power += (real * real + imaginary * imaginary) * (stride * stride) as f64 / time.len() as f64;
+        }
+    }
+    power
+}

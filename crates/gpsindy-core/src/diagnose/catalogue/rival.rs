@@ -1,0 +1,103 @@
+//! Non-parametric rivals: what any smooth function of some variables could explain, without a name.
+//!
+//! They answer two questions that relative evidence can't: whether something is left that no effect of
+//! the catalogue covers, and on which variables it depends.
+
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::hypothesis::{Applied, Combine, Start};
+use crate::expression::{Expression, Function};
+use crate::model::{Model, Parameter};
+
+/// A family of functions without a name, added to the equation of a state.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Rival {
+    pub(crate) state: usize,
+    /// What it depends on; `t` is time.
+    pub(crate) variables: Vec<String>,
+    basis: Vec<Expression>,
+}
+
+/// Hat functions over a range: corners `count`, value one at a corner and zero at the next.
+fn hats(z: &Expression, low: f64, high: f64, count: usize) -> Vec<Expression> {
+    let width = (high - low) / (count - 1) as f64;
+    (0..count)
+        .map(|k| {
+            let centre = Expression::Number(low + width * k as f64);
+            let distance = z.clone().minus(centre).over(Expression::Number(width)).apply(Function::Abs);
+            let hat = Expression::Number(1.0).minus(distance);
+            Expression::Call(Function::Max, vec![Expression::Number(0.0), hat])
+        })
+        .collect()
+}
+
+/// Products of two families.
+fn products(a: &[Expression], b: &[Expression]) -> Vec<Expression> {
+    a.iter().flat_map(|x| b.iter().map(|y| x.clone().times(y.clone()))).collect()
+}
+
+/// Every rival of a model: functions of one variable, of two, of time, and of each control's past.
+pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<Rival> {
+    let states = (0..n_nominal).map(|j| (model.states[j].name.as_str(), &scene.states[j]));
+    let controls = model.controls.iter().zip(&scene.controls).map(|(c, e)| (c.name.as_str(), e));
+    let moving: Vec<(&str, f64, f64)> =
+        states.chain(controls).filter(|(_, e)| e.range() > 0.0).map(|(n, e)| (n, e.low, e.high)).collect();
+    let (first, last) = scene.times;
+    let mut all = Vec::new();
+    for j in (0..n_nominal).filter(|&j| !model.is_kinematic(j)) {
+        let mut push = |variables: &[&str], basis: Vec<Expression>| {
+            let variables = variables.iter().map(|v| (*v).to_string()).collect();
+            all.push(Rival { state: j, variables, basis });
+        };
+        for (i, &(name, low, high)) in moving.iter().enumerate() {
+            let z = Expression::variable(name);
+            push(&[name], hats(&z, low, high, 8));
+            for &(other, other_low, other_high) in &moving[i + 1..] {
+                let second = hats(&Expression::variable(other), other_low, other_high, 4);
+                push(&[name, other], products(&hats(&z, low, high, 4), &second));
+            }
+        }
+        push(&["t"], hats(&Expression::Time, first, last, 16));
+        for (control, excursion) in model.controls.iter().zip(&scene.controls).filter(|(_, e)| e.range() > 0.0) {
+            let u = || Expression::variable(control.name.clone());
+            let late = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0]
+                .map(|k| Expression::Call(Function::Delay, vec![u(), Expression::Number(k * scene.period)]));
+            let dragged = [0.1, 0.3, 0.6]
+                .map(|w| Expression::Call(Function::Play, vec![u(), Expression::Number(w * excursion.range())]));
+            push(&[&control.name, "history"], late.into_iter().chain(dragged).collect());
+        }
+    }
+    all
+}
+
+impl Rival {
+    /// Writes the family into a model, every member with an amplitude of its own.
+    pub(crate) fn apply(&self, model: &Model, scene: &Scene) -> Applied {
+        let mut model = model.clone();
+        let first = model.parameters.len();
+        let mut equation = model.states[self.state].equation.clone();
+        for (k, member) in self.basis.iter().enumerate() {
+            let name = format!("rival_{k}");
+            model.parameters.push(Parameter::new(name.clone(), 0.0));
+            equation = equation.plus(Expression::variable(name).times(member.clone()));
+        }
+        model.states[self.state].equation = equation;
+        let small = 1e-3 * scene.rates[self.state];
+        let count = self.basis.len();
+        let columns = (0..count).map(|k| (0..count).map(|i| if i == k { small } else { 0.0 }).collect()).collect();
+        let added = |k: usize| crate::diagnose::catalogue::hypothesis::Added {
+            symbol: format!("{k}"),
+            name: format!("rival_{k}"),
+            unit: String::new(),
+            scale: scene.rates[self.state],
+            lower: f64::NEG_INFINITY,
+            upper: f64::INFINITY,
+        };
+        let fitted = (0..count).map(|k| (first + k, added(k))).collect();
+        Applied {
+            model,
+            fitted,
+            parts: vec![count],
+            starts: vec![Start { columns, combine: Combine::Span, amplitudes: Vec::new() }],
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The noise floor without a model: held-out runs that repeat the same controls from the same start.
+//!
+//! What differs between such runs neither the nominal nor any corrected model can follow: sensor noise, disturbances
+//! of their own, and what a start to within the noise makes of itself.
+
+use crate::refine::Log;
+
+/// Share of a control's spread by which repeated commands may differ: rounding, not another command.
+const SAME: f64 = 1e-3;
+
+/// Share of the noise below which runs do not differ by chance: they are copies.
+const LEAST: f64 = 0.3;
+
+/// First samples whose mean tells the start, and how many of its standard deviations two starts may differ.
+const FIRST: usize = 5;
+const NEAR: f64 = 4.0;
+
+/// Standard deviation of every column between runs that repeat each other, in its unit; `None` without such runs.
+///
+/// The variance about the mean of each group, sample by sample, with one degree of freedom less than runs.
+pub(crate) fn between_runs(logs: &[Log], noise: &[f64]) -> Option<Vec<f64>> {
+    let mut groups: Vec<Vec<&Log>> = Vec::new();
+    for log in logs {
+        match groups.iter_mut().find(|group| repeats(group[0], log, noise)) {
+            Some(group) => group.push(log),
+            None => groups.push(vec![log]),
+        }
+    }
+    groups.retain(|group| group.len() > 1);
+    let one = |c: usize| {
+        let (mut sum, mut degrees) = (0.0, 0usize);
+        for group in &groups {
+            let samples = group.iter().map(|l| l.time.len()).min().unwrap_or(0);
+            for i in 0..samples {
+                let values: Vec<f64> = group.iter().map(|l| l.measured[c][i]).filter(|v| v.is_finite()).collect();
+                if values.len() > 1 {
+                    let mean = values.iter().sum::<f64>() / values.len() as f64;
+                    sum += values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+                    degrees += values.len() - 1;
+                }
+            }
+        }
+        (degrees > 0).then(|| (sum / degrees as f64).sqrt())
+    };
+    let floor: Option<Vec<f64>> = (0..noise.len()).map(one).collect();
+    // Copies of one log are no repetition of the experiment.
+    let is_new = |floor: &Vec<f64>| floor.iter().zip(noise).all(|(floor, noise)| *floor > LEAST * noise);
+    floor.filter(|floor| !groups.is_empty() && is_new(floor))
+}
+
+/// Whether two runs have the same times from their start, the same controls and the same start.
+fn repeats(one: &Log, other: &Log, noise: &[f64]) -> bool {
+    // One may end a little earlier.
+    let samples = one.time.len().min(other.time.len());
+    if 10 * samples < 9 * one.time.len().max(other.time.len()) || samples < 2 * FIRST {
+        return false;
+    }
+    let period = (one.time[samples - 1] - one.time[0]) / (samples - 1) as f64;
+    let clock = |i: usize| (one.time[i] - one.time[0]) - (other.time[i] - other.time[0]);
+    let same_times = (0..samples).all(|i| clock(i).abs() < 0.05 * period);
+    same_times && same_controls(one, other, samples) && same_start(one, other, noise)
+}
+
+fn same_controls(one: &Log, other: &Log, samples: usize) -> bool {
+    one.controls.iter().zip(&other.controls).all(|(a, b)| {
+        let (a, b) = (&a[..samples], &b[..samples]);
+        let size = a.iter().fold(0.0, |s: f64, v| s.max(v.abs()));
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME * size)
+    })
+}
+
+fn same_start(one: &Log, other: &Log, noise: &[f64]) -> bool {
+    one.measured.iter().zip(&other.measured).zip(noise).all(|((a, b), &noise)| {
+        let differences: Vec<f64> = a.iter().zip(b).take(FIRST).map(|(a, b)| a - b).filter(|d| d.is_finite()).collect();
+        let count = differences.len() as f64;
+        // The mean difference of `count` pairs has the deviation noise*sqrt(2/count).
+        !differences.is_empty()
+            && (differences.iter().sum::<f64>() / count).abs() <= NEAR * noise * (2.0 / count).sqrt()
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::power::copies::normal;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    const NOISE: f64 = 0.02;
+
+    fn log(seed: u64, start: f64, gain: f64) -> Log {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let time: Vec<f64> = (0..400).map(|i| 7.0 * seed as f64 + 0.05 * f64::from(i)).collect();
+        // A disturbance of every run's own doubles the variance in its second half.
+        let measured = (0..400)
+            .map(|i| {
+                let own = if i >= 200 { 3f64.sqrt() } else { 1.0 };
+                start * (-0.05 * f64::from(i)).exp() + own * NOISE * normal(&mut random)
+            })
+            .collect();
+        let control = (0..400).map(|i| gain * (0.1 * f64::from(i)).sin()).collect();
+        Log { name: format!("{seed}"), time, controls: vec![control], measured: vec![measured] }
+    }
+
+    #[test]
+    fn the_spread_between_repeated_runs_is_the_floor() {
+        let floor = between_runs(&[log(1, 1.0, 2.0), log(2, 1.0, 2.0), log(3, 1.0, 2.0)], &[NOISE]).unwrap();
+        // Half the samples have the noise's variance, half three times as much; 800 degrees of freedom tell 2.5 %.
+        assert!((floor[0] / (2f64.sqrt() * NOISE) - 1.0).abs() < 0.1, "{floor:?}");
+    }
+
+    #[test]
+    fn another_command_or_another_start_is_no_repetition() {
+        assert_eq!(between_runs(&[log(1, 1.0, 2.0), log(2, 1.0, 2.1)], &[NOISE]), None);
+        assert_eq!(between_runs(&[log(1, 1.0, 2.0), log(2, 1.2, 2.0)], &[NOISE]), None);
+        assert_eq!(between_runs(&[log(1, 1.0, 2.0)], &[NOISE]), None);
+        assert_eq!(between_runs(&[log(1, 1.0, 2.0), log(1, 1.0, 2.0)], &[NOISE]), None);
+    }
+
+    #[test]
+    fn runs_that_stand_alone_do_not_count() {
+        let pair = between_runs(&[log(1, 1.0, 2.0), log(2, 1.0, 2.0)], &[NOISE]);
+        let with_another = between_runs(&[log(1, 1.0, 2.0), log(4, 1.0, 5.0), log(2, 1.0, 2.0)], &[NOISE]);
+        assert!(pair.is_some() && pair == with_another);
+    }
+}

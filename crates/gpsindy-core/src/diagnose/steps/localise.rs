@@ -1,0 +1,292 @@
+//! Where the gap lies: by equation, by region of a variable, and over time.
+//!
+//! The gap of an equation is the difference between the rates of the corrected and of the nominal model along
+//! the corrected trajectory. The corrected model is the winner, or the best function without a name.
+
+use crate::diagnose::catalogue::excited::trajectories;
+use crate::diagnose::catalogue::rival::Rival;
+use crate::diagnose::fit::evidence::chi_squared_tail;
+use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::report::{
+    Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned,
+};
+use crate::diagnose::steps::attribute::Outcome;
+use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::detect::Detected;
+use crate::model::Dynamics;
+
+/// Parts into which a variable's range and a run's time are cut.
+const BINS: usize = 8;
+
+/// What is missing in every nominal equation, along every training window.
+struct Missing {
+    /// One list a window, one row a nominal state.
+    rates: Vec<Vec<Vec<f64>>>,
+    paths: Vec<Vec<Vec<f64>>>,
+}
+
+/// The gap by place, and its pictures.
+pub(crate) struct Located {
+    pub(crate) gap: Gap,
+    pub(crate) figures: Vec<ResidualFigure>,
+}
+
+pub(crate) fn gap(
+    contest: &Contest<'_>,
+    nominal: &Fitted,
+    outcome: &Outcome,
+    rivals: &[Rival],
+    gains: &[(f64, usize)],
+    detected: &Detected,
+) -> Located {
+    let empty = |gap: Gap| Located { gap, figures: Vec::new() };
+    let bare = Gap {
+        detected: detected.gap,
+        p_value: detected.p_value,
+        by_state: Vec::new(),
+        by_region: Vec::new(),
+        by_window: Vec::new(),
+    };
+    if !detected.gap {
+        return empty(bare);
+    }
+    let corrected = corrected(contest, outcome, rivals);
+    let Some(missing) = missing(nominal, &corrected) else { return empty(bare) };
+    let shares = shares(nominal, outcome, rivals, gains);
+    let mut located = empty(bare);
+    let model = nominal.system.model();
+    let mut order: Vec<usize> = (0..shares.len()).filter(|&j| shares[j] > 0.005).collect();
+    order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
+    for &j in &order {
+        let state = &model.states[j];
+        let unit = state.rate_unit();
+        let rms = root_mean_square(&missing, j);
+        let own = rivals.iter().zip(gains).filter(|(r, _)| r.state == j);
+        let tails = own.map(|(_, &(gain, degrees))| chi_squared_tail(gain, degrees));
+        let p_value = (tails.fold(1.0, f64::min) * rivals.len() as f64).min(1.0);
+        located.gap.by_state.push(GapState {
+            state: state.name.clone(),
+            share: shares[j],
+            // A sensor's fault leaves its equation right, but the state is where it shows.
+            p_value: if p_value < 1.0 { p_value } else { detected.p_value },
+            residual_rms: rms,
+            noise_rms: rms * relative_error(&corrected, j),
+            unit: unit.clone(),
+        });
+        if let Some(variable) = strongest_variable(nominal, &missing, j) {
+            regions(nominal, &missing, j, &variable, shares[j], &mut located.gap.by_region);
+            located.figures.push(figure(nominal, &missing, j, &variable, unit));
+        }
+    }
+    if let Some(&j) = order.first() {
+        windows(nominal, &missing, j, &mut located.gap.by_window);
+    }
+    located.gap.by_region.sort_by(|a, b| b.share.total_cmp(&a.share));
+    located.gap.by_region.truncate(12);
+    located.gap.by_window.sort_by(|a, b| b.share.total_cmp(&a.share));
+    located.gap.by_window.truncate(12);
+    located
+}
+
+/// The winner, or without one the best function without a name, fitted.
+fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Fitted {
+    let Some(left) = outcome.left.as_ref().filter(|_| outcome.best.hypotheses.is_empty()) else {
+        return outcome.best.clone();
+    };
+    let rival = rivals.iter().find(|r| r.state == left.state && r.variables == left.depends_on);
+    let fitted = rival.and_then(|rival| {
+        let applied = rival.apply(outcome.best.system.model(), &contest.scene);
+        let hypothesis = crate::diagnose::catalogue::hypothesis::Hypothesis::catalogue(
+            crate::diagnose::Effect::Bias,
+            rival.state,
+            &[],
+        );
+        let start = vec![0.0; applied.fitted.len()];
+        outcome.best.with(&hypothesis, &applied, &start, &contest.settings).ok()
+    });
+    fitted.unwrap_or_else(|| outcome.best.clone())
+}
+
+fn missing(nominal: &Fitted, corrected: &Fitted) -> Option<Missing> {
+    let n = nominal.system.n_states();
+    let paths = trajectories(
+        &corrected.system,
+        &corrected.experiment,
+        &corrected.refined.parameters,
+        &corrected.refined.initial,
+    );
+    let mut rates = Vec::with_capacity(paths.len());
+    let mut simulated = vec![0.0; n];
+    for (window, path) in corrected.experiment.windows.iter().zip(&paths) {
+        let log = &corrected.experiment.logs[window.log];
+        let samples = window.last - window.first;
+        let mut rows = vec![Vec::with_capacity(samples); n];
+        for i in 0..samples {
+            let step = log.time[window.first + i + 1] - log.time[window.first + i];
+            let middle: Vec<f64> = (0..n).map(|j| 0.5 * (path[j][i] + path[j][i + 1])).collect();
+            let controls: Vec<f64> = log.controls.iter().map(|c| c[window.first + i]).collect();
+            let time = log.time[window.first + i] + 0.5 * step;
+            nominal.system.derivative(time, &middle, &controls, &mut simulated).ok()?;
+            for j in 0..n {
+                let rate = (path[j][i + 1] - path[j][i]) / step - simulated[j];
+                rows[j].push(if rate.is_finite() { rate } else { 0.0 });
+            }
+        }
+        rates.push(rows);
+    }
+    Some(Missing { rates, paths })
+}
+
+/// Share of the gap by nominal state: of every included effect what it removes, of the rest where a function without a name fits.
+fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, usize)]) -> Vec<f64> {
+    let mut energy = vec![0.0; nominal.system.n_states()];
+    for (hypothesis, removed) in outcome.best.hypotheses.iter().zip(&outcome.removed) {
+        energy[hypothesis.state] += removed.max(1e-9);
+    }
+    if let Some(left) = &outcome.left {
+        energy[left.state] += left.energy;
+    }
+    if outcome.best.hypotheses.is_empty() {
+        for (rival, &(gain, degrees)) in rivals.iter().zip(gains) {
+            energy[rival.state] =
+                energy[rival.state].max(1e-3 * (gain - degrees as f64).max(0.0) / nominal.count().max(1) as f64);
+        }
+    }
+    let total: f64 = energy.iter().sum();
+    if total > 0.0 { energy.iter().map(|e| e / total).collect() } else { energy }
+}
+
+/// Relative standard deviation of the first parameter of the effects in equation `j`.
+fn relative_error(corrected: &Fitted, j: usize) -> f64 {
+    let own = corrected.hypotheses.iter().zip(&corrected.added).filter(|(h, _)| h.state == j);
+    let errors = own.filter_map(|(_, added)| {
+        let (index, _) = added.first()?;
+        Some((corrected.deviation(*index) / corrected.refined.parameters[*index]).abs())
+    });
+    let largest = errors.filter(|e| e.is_finite()).fold(0.0, f64::max);
+    largest.min(1.0)
+}
+
+fn root_mean_square(missing: &Missing, j: usize) -> f64 {
+    let values = || missing.rates.iter().flat_map(|w| w[j].iter());
+    (values().map(|v| v * v).sum::<f64>() / values().count().max(1) as f64).sqrt()
+}
+
+/// Values of a state or control beside the missing rates of one window.
+fn variable_along(nominal: &Fitted, missing: &Missing, window: usize, name: &str) -> Vec<f64> {
+    let model = nominal.system.model();
+    let count = missing.rates[window][0].len();
+    if let Some(j) = model.state_index(name) {
+        return missing.paths[window][j][..count].to_vec();
+    }
+    let span = &nominal.experiment.windows.get(window).or(nominal.experiment.windows.last());
+    let (Some(c), Some(span)) = (model.control_index(name), span) else { return vec![0.0; count] };
+    let values = &nominal.experiment.logs[span.log].controls[c];
+    (0..count).map(|i| values.get(span.first + i).copied().unwrap_or(0.0)).collect()
+}
+
+/// Pairs of a variable and the missing rate, in rising order of the variable.
+fn pairs(nominal: &Fitted, missing: &Missing, j: usize, name: &str) -> Vec<(f64, f64)> {
+    let mut all: Vec<(f64, f64)> = (0..missing.rates.len())
+        .flat_map(|w| variable_along(nominal, missing, w, name).into_iter().zip(missing.rates[w][j].clone()))
+        .collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all
+}
+
+/// The variable whose bins explain most of the missing rate's variance.
+fn strongest_variable(nominal: &Fitted, missing: &Missing, j: usize) -> Option<String> {
+    let model = nominal.system.model();
+    let names = model.states.iter().map(|s| &s.name).chain(model.controls.iter().map(|c| &c.name));
+    let explained = |name: &String| {
+        let pairs = pairs(nominal, missing, j, name);
+        let size = pairs.len().div_ceil(3 * BINS).max(1);
+        pairs.chunks(size).map(|bin| bin.iter().map(|p| p.1).sum::<f64>().powi(2) / bin.len() as f64).sum::<f64>()
+    };
+    names.map(|n| (n.clone(), explained(n))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name)
+}
+
+fn regions(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, share: f64, all: &mut Vec<GapRegion>) {
+    let pairs = pairs(nominal, missing, j, variable);
+    let total: f64 = pairs.iter().map(|p| p.1 * p.1).sum();
+    if pairs.is_empty() || total <= 0.0 {
+        return;
+    }
+    for bin in pairs.chunks(pairs.len().div_ceil(BINS)) {
+        all.push(GapRegion {
+            state: nominal.system.model().states[j].name.clone(),
+            variable: variable.into(),
+            from: bin[0].0,
+            to: bin[bin.len() - 1].0,
+            share: share * bin.iter().map(|p| p.1 * p.1).sum::<f64>() / total,
+        });
+    }
+}
+
+fn windows(nominal: &Fitted, missing: &Missing, j: usize, all: &mut Vec<GapWindow>) {
+    let total: f64 = missing.rates.iter().flat_map(|w| w[j].iter()).map(|v| v * v).sum();
+    if total <= 0.0 {
+        return;
+    }
+    // Windows of the corrected fit follow each other as the logs do.
+    for (rates, span) in missing.rates.iter().zip(&nominal.experiment.windows) {
+        let log = &nominal.experiment.logs[span.log];
+        let size = rates[j].len().div_ceil(BINS).max(1);
+        for (part, bin) in rates[j].chunks(size).enumerate() {
+            let first = (span.first + part * size).min(log.time.len() - 1);
+            let last = (first + bin.len()).min(log.time.len() - 1);
+            all.push(GapWindow {
+                run: log.name.clone(),
+                from: log.time[first],
+                to: log.time[last],
+                share: bin.iter().map(|v| v * v).sum::<f64>() / total,
+            });
+        }
+    }
+}
+
+fn figure(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, unit: String) -> ResidualFigure {
+    let model = nominal.system.model();
+    let pairs = pairs(nominal, missing, j, variable);
+    let size = pairs.len().div_ceil(80).max(1);
+    let bins: Vec<&[(f64, f64)]> = pairs.chunks(size).collect();
+    let mean = |bin: &[(f64, f64)], pick: fn(&(f64, f64)) -> f64| bin.iter().map(pick).sum::<f64>() / bin.len() as f64;
+    let y: Vec<f64> = bins.iter().map(|b| mean(b, |p| p.1)).collect();
+    let band = bins
+        .iter()
+        .zip(&y)
+        .map(|(b, m)| {
+            let variance = b.iter().map(|p| (p.1 - m).powi(2)).sum::<f64>() / b.len() as f64;
+            1.96 * (variance / b.len() as f64).sqrt()
+        })
+        .collect();
+    let variable_unit = model
+        .state_index(variable)
+        .map(|i| model.states[i].unit.clone())
+        .or_else(|| model.control_index(variable).map(|i| model.controls[i].unit.clone()));
+    let curve = ResidualCurve {
+        variable: variable.into(),
+        unit: variable_unit.unwrap_or_default(),
+        x: bins.iter().map(|b| mean(b, |p| p.0)).collect(),
+        y,
+        band,
+        explained: Vec::new(),
+    };
+    let traces = missing
+        .rates
+        .iter()
+        .zip(&nominal.experiment.windows)
+        .take(4)
+        .map(|(rates, span)| {
+            let log = &nominal.experiment.logs[span.log];
+            let kept = thinned(rates[j].len());
+            ResidualTrace {
+                run: log.name.clone(),
+                time: kept.iter().map(|&i| log.time[(span.first + i).min(log.time.len() - 1)]).collect(),
+                y: kept.iter().map(|&i| rates[j][i]).collect(),
+                band: vec![0.0; kept.len()],
+            }
+        })
+        .collect();
+    ResidualFigure { state: model.states[j].name.clone(), unit, curve: Some(curve), traces }
+}

@@ -1,0 +1,7 @@
+//! The lines of the paper's Algorithm 1: smooth, rows, one sparse regression a state; and how the controls act.
+
+pub(crate) mod regress;
+pub(crate) mod rows;
+pub(crate) mod smooth;
+pub(crate) mod timing;
+pub(crate) mod track;

@@ -1,0 +1,206 @@
+//! The sparse regression of one state: which terms, by held-out error, BIC or a given number, under the constraints.
+
+use crate::error::Result;
+use crate::identify::algorithm1::rows::Rows;
+use crate::regress::{Candidates, Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
+use faer::Mat;
+
+/// What the regression of one state may do.
+pub(crate) struct Task<'a> {
+    /// Columns that may enter.
+    pub(crate) allowed: &'a [usize],
+    /// Columns that are in whatever the rows say.
+    pub(crate) kept: &'a [usize],
+    /// Sign that each column's coefficient must have, `Some(true)` above 0.
+    pub(crate) signs: &'a [Option<bool>],
+    pub(crate) regressor: &'a dyn Regressor,
+    pub(crate) selection: &'a Selection,
+    /// Whether columns and target are brought to unit size before the regression.
+    pub(crate) standardize: bool,
+}
+
+/// A chosen equation of one state, and the sparser and denser ones it was chosen from.
+#[derive(Debug, Clone)]
+pub(crate) struct Chosen {
+    /// p coefficients.
+    pub(crate) coefficients: Vec<f64>,
+    /// The tuning value: lambda, threshold or number of terms.
+    pub(crate) level: f64,
+    /// Held-out mean squared error in units of the noise, or the criterion's value; NaN for a given number.
+    pub(crate) score: f64,
+    /// Mean squared residual in units of the noise.
+    pub(crate) residual: f64,
+    /// p standard errors, 0 where a term is out.
+    pub(crate) errors: Vec<f64>,
+    /// Every candidate of the path, p coefficients each.
+    pub(crate) path: Vec<Vec<f64>>,
+    /// Place of the candidate of the best evidence by its own rows; the chosen one may be sparser.
+    pub(crate) best: Option<usize>,
+}
+
+/// Place of the smallest `n ln(residual / n) + k (ln n + 2 ln p)`, n rows, k of p terms.
+fn best_of(fits: &[Fit], n: usize, p: usize) -> Option<usize> {
+    let (rows, terms) = (n as f64, p.max(1) as f64);
+    let evidence = |fit: &Fit| {
+        rows * (fit.residual.max(f64::MIN_POSITIVE) / rows).ln() + fit.n_terms() as f64 * (rows.ln() + 2.0 * terms.ln())
+    };
+    let told = (0..fits.len()).filter(|&i| 2 * fits[i].n_terms() < n);
+    told.min_by(|&a, &b| evidence(&fits[a]).total_cmp(&evidence(&fits[b])))
+}
+
+/// An orthonormal basis of the columns `kept` of theta.
+fn directions(theta: &Mat<f64>, kept: &[usize]) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(kept.len());
+    for &k in kept {
+        let mut column = theta.col_as_slice(k).to_vec();
+        let before = norm(&column);
+        // Twice, since once leaves the rounding errors of nearly dependent columns.
+        for _ in 0..2 {
+            basis.iter().for_each(|direction| take_out(direction, &mut column));
+        }
+        let left = norm(&column);
+        if left > 1e-10 * before {
+            column.iter_mut().for_each(|v| *v /= left);
+            basis.push(column);
+        }
+    }
+    basis
+}
+
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// Takes the part along the unit vector `direction` out of `values`.
+fn take_out(direction: &[f64], values: &mut [f64]) {
+    let along: f64 = direction.iter().zip(values.iter()).map(|(d, v)| d * v).sum();
+    values.iter_mut().zip(direction).for_each(|(v, d)| *v -= along * d);
+}
+
+/// Folds of the cross-validation.
+const FOLDS: usize = 5;
+
+impl Task<'_> {
+    /// Runs the regression; a term that comes out with a forbidden sign is taken out and the regression runs again.
+    pub(crate) fn choose(&self, rows: &Rows) -> Result<Chosen> {
+        let mut allowed = self.allowed.to_vec();
+        loop {
+            let chosen = self.choose_among(rows, &allowed)?;
+            let wrong = |j: usize| match self.signs[j] {
+                Some(positive) => chosen.coefficients[j] != 0.0 && (chosen.coefficients[j] > 0.0) != positive,
+                None => false,
+            };
+            let before = allowed.len();
+            allowed.retain(|&j| !wrong(j) || self.kept.contains(&j));
+            if allowed.len() == before || allowed.is_empty() {
+                return Ok(chosen);
+            }
+        }
+    }
+
+    fn choose_among(&self, rows: &Rows, allowed: &[usize]) -> Result<Chosen> {
+        let (theta, scales, size) = self.scaled(rows, allowed);
+        let target: Vec<f64> = rows.target.iter().map(|v| v / size).collect();
+        let problem = Reduced::new(theta.as_ref(), &target)?;
+        let Candidates { fits, scores, .. } = &self.candidates(rows, allowed, (&theta, &target), &problem)?;
+        let index = fits.len() - 1;
+        let (chosen, path) = (&fits[index], &fits[..index]);
+        let p = self.signs.len();
+        let spread = |values: &[f64]| {
+            let mut all = vec![0.0; p];
+            for ((&j, &value), scale) in allowed.iter().zip(values).zip(&scales) {
+                all[j] = value * size / scale;
+            }
+            all
+        };
+        let support = chosen.support();
+        let freedom = rows.target.len().saturating_sub(support.len() + rows.lengths.len()).max(1) as f64;
+        let noise = (chosen.residual / freedom).sqrt();
+        let mut errors = vec![0.0; scales.len()];
+        for (&j, error) in support.iter().zip(problem.standard_errors(&support, noise)) {
+            errors[j] = error;
+        }
+        Ok(Chosen {
+            coefficients: spread(&chosen.coefficients),
+            level: chosen.level,
+            score: scores[index] * size * size,
+            residual: noise * noise * size * size,
+            errors: spread(&errors),
+            path: path.iter().map(|fit| spread(&fit.coefficients)).collect(),
+            best: best_of(path, rows.target.len(), allowed.len()),
+        })
+    }
+
+    /// The path, and behind it the chosen fit.
+    ///
+    /// Terms that are kept are taken out of the target and of all other columns first, so that any regression can
+    /// choose among the others; then every candidate is fitted again with them.
+    fn candidates(
+        &self,
+        rows: &Rows,
+        allowed: &[usize],
+        (theta, target): (&Mat<f64>, &[f64]),
+        problem: &Reduced,
+    ) -> Result<Candidates> {
+        let gap = (rows.target.len() / (FOLDS * 20)).min(10);
+        let folds = Folds::new(&rows.lengths, FOLDS.min(rows.target.len() / 2).max(2), gap)?;
+        let choose = |theta: &Mat<f64>, target: &[f64]| {
+            let choice = self.selection.choose(self.regressor, theta.as_ref(), target, &folds)?;
+            let mut candidates = choice.candidates;
+            candidates.scores.push(candidates.scores[choice.index]);
+            candidates.fits.push(choice.fit);
+            Ok(candidates)
+        };
+        let (kept, open): (Vec<usize>, Vec<usize>) = (0..allowed.len()).partition(|&k| self.kept.contains(&allowed[k]));
+        if kept.is_empty() {
+            return choose(theta, target);
+        }
+        let with_kept = |fit: &Fit| {
+            let support: Vec<usize> = kept.iter().copied().chain(fit.support().iter().map(|&k| open[k])).collect();
+            Fit { level: fit.level, ..problem.refit(&support) }
+        };
+        if open.is_empty() {
+            let fit = problem.refit(&kept);
+            return Ok(Candidates {
+                fits: vec![fit.clone(), fit],
+                scores: vec![f64::NAN; 2],
+                errors: vec![f64::NAN; 2],
+            });
+        }
+        let mut left = Mat::from_fn(theta.nrows(), open.len(), |i, k| theta[(i, open[k])]);
+        let mut target = target.to_vec();
+        for direction in directions(theta, &kept) {
+            for k in 0..open.len() {
+                take_out(&direction, left.col_as_slice_mut(k));
+            }
+            take_out(&direction, &mut target);
+        }
+        let mut candidates = choose(&left, &target)?;
+        candidates.fits = candidates.fits.iter().map(with_kept).collect();
+        Ok(candidates)
+    }
+
+    /// Allowed columns, their scales, and the target's.
+    fn scaled(&self, rows: &Rows, allowed: &[usize]) -> (Mat<f64>, Vec<f64>, f64) {
+        let n = rows.target.len();
+        let size_of = |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / n as f64).sqrt();
+        let usable = |size: f64| if self.standardize && size > 0.0 { size } else { 1.0 };
+        let scales: Vec<f64> =
+            allowed.iter().map(|&j| usable(size_of(&mut (0..n).map(|i| rows.theta[(i, j)])))).collect();
+        let theta = Mat::from_fn(n, allowed.len(), |i, k| rows.theta[(i, allowed[k])] / scales[k]);
+        (theta, scales, usable(size_of(&mut rows.target.iter().copied())))
+    }
+
+    /// The same regression on block bootstraps of the rows, at the tuning value chosen; p inclusion probabilities.
+    pub(crate) fn stability(&self, rows: &Rows, level: f64, ensemble: &Ensemble) -> Result<Vec<f64>> {
+        let (theta, _, size) = self.scaled(rows, self.allowed);
+        let target: Vec<f64> = rows.target.iter().map(|v| v / size).collect();
+        let Stability { inclusion, .. } =
+            ensemble.run(self.regressor, level, theta.as_ref(), &target, &rows.lengths)?;
+        let mut all = vec![0.0; self.signs.len()];
+        for (&j, share) in self.allowed.iter().zip(inclusion) {
+            all[j] = share;
+        }
+        Ok(all)
+    }
+}

@@ -1,0 +1,267 @@
+//! Of several equations that explain a log about as well, those that stay near it in long rollouts and that the others bear
+//! out where the log says nothing.
+//!
+//! Short rollouts with free starts say little about where an approximation leads in the end; long ones from the smoothed states
+//! do. And under a controller every control follows the states, and a relation of the loop (a speed that depends on the place
+//! where the car always slows down) passes for an equation. Such relations break when the controls of one stretch of the log are
+//! given to the states of another, each in its own way, while equations near the truth still move alike.
+//!
+//! Source for the loop: Ljung 1999, System Identification, section 13.4; for equations judged by their long rollouts: Piroddi and
+//! Spinelli 2003, An identification algorithm for polynomial NARX models based on simulation error minimization.
+
+use crate::data::{Channel, Run};
+use crate::error::{Error, Result};
+use crate::identify::prepare::Plan;
+use crate::identify::support::lengthen::Refinement;
+use crate::model::System;
+use crate::simulate::{Excitation, Method, Simulate};
+use faer::Mat;
+use rayon::prelude::*;
+
+/// Stretches of the logs whose states and controls are exchanged.
+const STRETCHES: usize = 8;
+
+/// Length of a stretch as a share of the longest run.
+const LENGTH: f64 = 0.5;
+
+/// Share of the first member's score that another one must stay below: the evidence counts for something, too.
+const LEAD: f64 = 0.75;
+
+/// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other.
+const APART: f64 = 3.0;
+
+/// Root mean square distance of long rollouts from the smoothed log, in units of the noise, from which equations are
+/// approximations: the systematic part is larger than the noise.
+const OFF: f64 = 2.0;
+
+/// A rollout's states by samples in units of their spread; none where it diverged.
+type Path = Option<Vec<f64>>;
+
+/// A part of a run.
+#[derive(Clone, Copy)]
+struct Stretch {
+    run: usize,
+    first: usize,
+    length: usize,
+}
+
+/// What equations do from the smoothed start of every stretch: under its own controls, and under those of every other.
+struct Paths {
+    own: Vec<Path>,
+    exchanged: Vec<Path>,
+}
+
+impl Plan {
+    /// Whether long rollouts of `member` leave the logs by more than the noise.
+    pub(crate) fn off_course(&self, member: &Refinement) -> Result<bool> {
+        let (spread, stretches) = (self.spreads(), self.stretches());
+        let roller = Roller::new(self, member, &spread)?;
+        let noise = &member.trial.noise;
+        let mut squares = 0.0;
+        for &stretch in &stretches {
+            let log = self.log(stretch, &spread);
+            squares += roller.path(stretch, &roller.excitation(stretch)?)?.map_or(f64::INFINITY, |path| {
+                let in_noise = |i: usize| (path[i] - log[i]) * spread[i % spread.len()] / noise[i % spread.len()];
+                (0..log.len()).map(|i| in_noise(i).powi(2)).sum::<f64>() / log.len() as f64
+            });
+        }
+        Ok(squares > OFF.powi(2) * stretches.len() as f64)
+    }
+
+    /// Place of the member of the smallest `course^2 + apart^2`, its distance from the logs in long rollouts and its mean
+    /// distance from the other members under exchanged controls, in units of the spread; the first where none leads clearly.
+    pub(crate) fn consensus(&self, members: &[Refinement]) -> Result<usize> {
+        let (spread, stretches) = (self.spreads(), self.stretches());
+        if stretches.len() < 2 {
+            return Ok(0);
+        }
+        let logs: Vec<Path> = stretches.iter().map(|&stretch| Some(self.log(stretch, &spread))).collect();
+        let paths =
+            members.par_iter().map(|member| self.paths(member, &stretches, &spread)).collect::<Result<Vec<_>>>()?;
+        let score = |k: usize| {
+            let others = paths.iter().enumerate().filter(|(other, _)| *other != k).map(|(_, other)| other);
+            let total: f64 = others.map(|other| apart(&paths[k].exchanged, &other.exchanged)).sum();
+            apart(&paths[k].own, &logs).powi(2) + (total / (paths.len() - 1).max(1) as f64).powi(2)
+        };
+        let scores: Vec<f64> = (0..members.len()).map(score).collect();
+        let best = (0..members.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
+        Ok(if scores[best] < LEAD * scores[0] { best } else { 0 })
+    }
+
+    /// Spread of every state; of one that stands still the smallest there is, so that whatever moves it is apart.
+    fn spreads(&self) -> Vec<f64> {
+        self.spread.iter().map(|spread| spread.max(f64::MIN_POSITIVE)).collect()
+    }
+
+    /// Stretches of equal length, spread over the logs.
+    fn stretches(&self) -> Vec<Stretch> {
+        let count = |k: usize| self.tracks[k].n_samples();
+        let longest = (0..self.tracks.len()).map(count).max().unwrap_or(0);
+        let length = ((LENGTH * longest as f64) as usize).max(2);
+        let long: Vec<usize> = (0..self.tracks.len()).filter(|&k| count(k) > length).collect();
+        let place = |k: usize| {
+            let run = long[k * long.len() / STRETCHES];
+            let own: Vec<usize> = (0..STRETCHES).filter(|&k| long[k * long.len() / STRETCHES] == run).collect();
+            let before = own.iter().filter(|&&other| other < k).count();
+            Stretch { run, first: before * (count(run) - length - 1) / (own.len() - 1).max(1), length }
+        };
+        if long.is_empty() { Vec::new() } else { (0..STRETCHES).map(place).collect() }
+    }
+
+    fn paths(&self, member: &Refinement, stretches: &[Stretch], spread: &[f64]) -> Result<Paths> {
+        let roller = Roller::new(self, member, spread)?;
+        let excitations = stretches.iter().map(|&stretch| roller.excitation(stretch)).collect::<Result<Vec<_>>>()?;
+        let mut paths = Paths { own: Vec::new(), exchanged: Vec::new() };
+        for (a, &start) in stretches.iter().enumerate() {
+            for (b, excitation) in excitations.iter().enumerate() {
+                let path = roller.path(start, excitation)?;
+                if a == b { paths.own.push(path) } else { paths.exchanged.push(path) }
+            }
+        }
+        Ok(paths)
+    }
+
+    /// The smoothed log of a stretch.
+    fn log(&self, stretch: Stretch, spread: &[f64]) -> Vec<f64> {
+        in_spreads(&self.tracks[stretch.run].mean, stretch.first, stretch.length, spread)
+    }
+}
+
+/// Rolls the equations of one member out.
+struct Roller<'a> {
+    plan: &'a Plan,
+    system: System,
+    controls: Vec<Channel>,
+    simulate: Simulate,
+    spread: &'a [f64],
+}
+
+impl<'a> Roller<'a> {
+    fn new(plan: &'a Plan, member: &Refinement, spread: &'a [f64]) -> Result<Self> {
+        let equations = &member.trial.equations;
+        let system = equations.model(&equations.support(), false).compile()?;
+        let controls = equations.controls.iter().map(|(name, _)| Channel::new(name)).collect();
+        // The steps of the fits: an approximation may lead to where accurate ones would never end.
+        let method = Method::RungeKutta4 { substeps: plan.substeps() };
+        Ok(Self {
+            plan,
+            system,
+            controls,
+            simulate: Simulate { hold: member.hold, method, ..Simulate::default() },
+            spread,
+        })
+    }
+
+    /// The controls of a stretch.
+    fn excitation(&self, Stretch { run, first, length }: Stretch) -> Result<Excitation> {
+        let track = &self.plan.tracks[run];
+        let run = Run {
+            name: "exchanged".into(),
+            time: track.time[first..first + length].to_vec(),
+            values: Mat::from_fn(length, self.controls.len(), |i, k| track.controls[(first + i, k)]),
+        };
+        Excitation::of_run(&self.system, &run, &self.controls, self.simulate.hold)
+    }
+
+    /// The rollout from the smoothed start of a stretch under these controls.
+    fn path(&self, start: Stretch, excitation: &Excitation) -> Result<Path> {
+        let mean = &self.plan.tracks[start.run].mean;
+        let initial: Vec<f64> = (0..self.spread.len()).map(|s| mean[(start.first, s)]).collect();
+        match self.simulate.rollout(&self.system, excitation, &initial) {
+            Ok(rollout) => Ok(Some(in_spreads(&rollout.states, 0, start.length, self.spread))),
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            Err(_) => Ok(None),
+        }
+    }
+}
+
+/// Rows of `states` by samples, in units of the spread.
+fn in_spreads(states: &Mat<f64>, first: usize, length: usize, spread: &[f64]) -> Vec<f64> {
+    let row = |i: usize| spread.iter().enumerate().map(move |(s, spread)| states[(i, s)] / spread);
+    (first..first + length).flat_map(row).collect()
+}
+
+/// Root mean square difference of rollouts in units of the spread, none beyond [`APART`], as a mean over the rollouts.
+fn apart(own: &[Path], other: &[Path]) -> f64 {
+    let pair = |(own, other): (&Path, &Path)| match (own, other) {
+        (Some(own), Some(other)) => {
+            let squares = own.iter().zip(other).map(|(a, b)| (a - b).abs().min(APART).powi(2));
+            (squares.sum::<f64>() / own.len().max(1) as f64).sqrt()
+        }
+        _ => APART,
+    };
+    own.iter().zip(other).map(pair).sum::<f64>() / own.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Dataset;
+    use crate::identify::Identify;
+    use crate::library::LibrarySettings;
+    use crate::progress::Silent;
+    use crate::refine::Hold;
+
+    /// Members with these terms, fitted to a log of x' = u - x whose control keeps x on a path that climbs, so that its mean
+    /// slope passes for an equation.
+    fn members(terms: &[&[&str]]) -> (Plan, Vec<Refinement>) {
+        let time: Vec<f64> = (0..121).map(|i| 0.1 * i as f64).collect();
+        let x = |t: f64| t + t.sin() + t.cos();
+        let control = |t: f64| 1.0 + t.cos() - t.sin() + x(t);
+        let values = Mat::from_fn(121, 2, |i, j| if j == 0 { x(time[i]) } else { control(time[i]) });
+        let run = Run { name: "a".into(), time, values };
+        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![run]).unwrap();
+        let identify = Identify {
+            states: vec!["x".into()],
+            controls: vec!["u".into()],
+            library: LibrarySettings { degree: 1, ..LibrarySettings::default() },
+            smoother: None,
+            ..Identify::default()
+        };
+        let plan = Plan::new(&identify, &data, &Silent).unwrap();
+        let empty = plan.equations(&identify).unwrap();
+        let search = plan.search(Hold::Linear);
+        let member = |terms: &&[&str]| {
+            let mut equations = empty.clone();
+            for term in *terms {
+                equations.coefficients[0][empty.library.index_of(term).unwrap()] = 0.5;
+            }
+            let trial = search.fit(&equations, 12.0, None).unwrap();
+            Refinement { trial, window: 12.0, hold: Hold::Linear, rival: None }
+        };
+        let members = terms.iter().map(member).collect();
+        (plan, members)
+    }
+
+    #[test]
+    fn a_relation_of_the_loop_is_outvoted_by_equations_that_know_the_control() {
+        // The mean slope alone, the truth, and the truth with a constant too many.
+        let (plan, members) = members(&[&["1"], &["x", "u"], &["1", "x", "u"]]);
+        assert_ne!(plan.consensus(&members).unwrap(), 0);
+    }
+
+    #[test]
+    fn the_evidence_stands_where_no_member_leads_clearly() {
+        for terms in [[&["x", "u"][..], &["1", "x", "u"]], [&["1", "x", "u"], &["x", "u"]]] {
+            let (plan, members) = members(&[terms[0], terms[1], terms[0]]);
+            assert_eq!(plan.consensus(&members).unwrap(), 0);
+        }
+    }
+
+    #[test]
+    fn long_rollouts_tell_an_approximation_from_the_truth() {
+        let (plan, mut members) = members(&[&["1"], &["x", "u"]]);
+        // The interpolated control is off by 1e-3; that is the noise here.
+        members.iter_mut().for_each(|member| member.trial.noise = vec![1e-3]);
+        assert!(plan.off_course(&members[0]).unwrap());
+        assert!(!plan.off_course(&members[1]).unwrap());
+    }
+
+    #[test]
+    fn rollouts_are_apart_by_their_difference_up_to_a_limit() {
+        let path = |value: f64| vec![Some(vec![value; 6])];
+        assert_eq!(apart(&path(1.0), &path(1.5)), 0.5);
+        assert_eq!(apart(&path(1.0), &path(50.0)), APART);
+        assert_eq!(apart(&path(1.0), &[None]), APART);
+    }
+}
