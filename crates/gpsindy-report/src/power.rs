@@ -1,6 +1,7 @@
 //! The power study for people: what these logs could reveal, from what size, and what would be taken for what.
 
 use crate::words::{effect_name, listed, number, with_unit};
+use gpsindy_core::diagnose::Effect;
 use gpsindy_core::diagnose::report::{PowerEffect, PowerReport, PowerRival};
 use maud::{Markup, html};
 
@@ -39,14 +40,12 @@ fn name(effect: &PowerEffect) -> String {
 }
 
 fn place(id: &str, state: &str, variables: &[String]) -> String {
+    let effect = Effect::from_id(id);
     let on = if variables.is_empty() { state.to_string() } else { variables.join(" and ") };
-    let word = if id == "parameter_error" { "" } else { "of " };
+    let word = if effect == Some(Effect::ParameterError) { "" } else { "of " };
     let name = format!("{} {word}{on}", effect_name(id));
-    let is_elsewhere = !variables.is_empty()
-        && !variables.iter().any(|v| v == state)
-        && !id.starts_with("input_")
-        && id != "parameter_error"
-        && id != "backlash";
+    let is_told_by_name = effect.is_some_and(|e| e.acts_on_input() || e == Effect::ParameterError);
+    let is_elsewhere = !variables.is_empty() && !variables.iter().any(|v| v == state) && !is_told_by_name;
     if is_elsewhere { format!("{name} in {state}'") } else { name }
 }
 
@@ -61,9 +60,9 @@ fn rival(rival: &PowerRival) -> String {
 /// The size from which, as `c = 0.2 m/s^2`; of a saturation the limit below which.
 fn size(effect: &PowerEffect, value: f64) -> String {
     let value = with_unit(&number(value), &effect.unit);
-    match effect.effect.as_str() {
-        "parameter_error" => format!("{value} off"),
-        "input_saturation" => format!("{value} down"),
+    match Effect::from_id(&effect.effect) {
+        Some(Effect::ParameterError) => format!("{value} off"),
+        Some(known) if known.size_is_a_limit() => format!("{value} down"),
         _ => format!("{} = {value}", effect.parameter),
     }
 }

@@ -1,5 +1,6 @@
 //! Words and numbers that the page and the terminal share: names of effects, the verdict in a sentence.
 
+use gpsindy_core::diagnose::Effect;
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Parameter, Verdict};
 
 /// A number with three significant digits and no trailing zeros.
@@ -105,65 +106,31 @@ pub(crate) fn interval(parameter: &Parameter) -> (String, Option<String>) {
 
 /// The effect in everyday words; an id that the catalogue does not know, with spaces.
 pub(crate) fn effect_name(id: &str) -> String {
-    match id {
-        "parameter_error" => "wrong parameter".into(),
-        "bias" => "constant bias".into(),
-        "coulomb_friction" => "Coulomb friction".into(),
-        "stribeck_friction" => "Stribeck friction".into(),
-        "cogging" => "cogging".into(),
-        _ => id.replace('_', " "),
-    }
+    Effect::from_id(id).map_or_else(|| id.replace('_', " "), |effect| effect.name().into())
 }
 
 /// What the effect does, for a reader who meets it first here; empty where the id is a user's own.
 pub(crate) fn effect_meaning(id: &str) -> &'static str {
-    match id {
-        "parameter_error" => "A number of the nominal model has another value.",
-        "bias" => "A constant push that the model lacks.",
-        "viscous_friction" => "Friction in proportion to the speed.",
-        "coulomb_friction" => "Dry friction: the same against every motion, whatever its speed.",
-        "stribeck_friction" => "Dry friction that is stronger near standstill than in motion.",
-        "quadratic_drag" => "Drag in proportion to the square of the speed, as air or water gives.",
-        "linear_stiffness" => "A spring.",
-        "cubic_stiffness" => "A spring that hardens (or softens) away from the middle.",
-        "gravity_load" => "A weight on an arm: its pull changes with the angle.",
-        "coupling" => "Another axis pulls along.",
-        "product_coupling" => "Two variables act together, by their product.",
-        "input_gain" => "The actuator does more or less than it is told, by a factor.",
-        "input_bias" => "The actuator adds a constant to what it is told.",
-        "input_saturation" => "The actuator can do no more than a limit.",
-        "input_dead_zone" => "The actuator does nothing for small commands.",
-        "input_delay" => "The actuator acts later than it is told.",
-        "input_lag" => "The actuator follows its command gradually.",
-        "backlash" => "Play: after a reversal some travel does nothing.",
-        "cogging" => "A force that repeats along the position.",
-        "periodic_disturbance" => "Something from outside that repeats in time.",
-        "step_disturbance" => "Something from outside that sets in at a moment.",
-        "drift" => "A number of the plant changes slowly with time.",
-        "sensor_bias" => "The sensor reads too much by a constant.",
-        "sensor_scale" => "The sensor reads too much by a factor.",
-        "sensor_delay" => "The sensor reads late.",
-        _ => "",
-    }
+    Effect::from_id(id).map_or("", Effect::meaning)
 }
 
 /// The effect and what it depends on: `Coulomb friction`, `wrong parameter b`, `input delay of u`.
 pub(crate) fn cause_name(cause: &Cause) -> String {
     let name = effect_name(&cause.effect);
     let variables = cause.variables.join(", ");
-    if cause.effect == "parameter_error" {
-        return if variables.is_empty() { name } else { format!("{name} {variables}") };
-    }
     if variables.is_empty() || variables == cause.state {
         return name;
     }
-    let acts_on = cause.effect.starts_with("input_") || matches!(cause.effect.as_str(), "backlash" | "drift");
-    if acts_on { format!("{name} of {variables}") } else { format!("{name} ({variables})") }
+    match Effect::from_id(&cause.effect) {
+        Some(Effect::ParameterError) => format!("{name} {variables}"),
+        Some(effect) if effect.acts_on_input() || effect.acts_on_parameter() => format!("{name} of {variables}"),
+        _ => format!("{name} ({variables})"),
+    }
 }
 
 /// Where the cause acts: an equation, or a logged column for a sensor effect.
 pub(crate) fn cause_place(cause: &Cause) -> String {
-    if cause.effect.starts_with("sensor_") {
+    if Effect::from_id(&cause.effect).is_some_and(Effect::acts_on_sensor) {
         format!("in the column {}", cause.state)
     } else {
         format!("in the equation of {}", cause.state)

@@ -13,7 +13,8 @@ mod power;
 pub mod report;
 mod steps;
 
-pub use catalogue::effect::{CustomEffect, CustomParameter, Effect, Family};
+pub use catalogue::definition::Family;
+pub use catalogue::effect::{CustomEffect, CustomParameter, Effect};
 pub use power::study::Power;
 pub use report::{Diagnosis, Verdict};
 

@@ -1,10 +1,11 @@
 //! Hypotheses: an effect of the catalogue at a place in a model, written into the model's equations.
 
-use crate::diagnose::catalogue::effect::{CustomEffect, Effect, Family};
+use crate::diagnose::catalogue::definition::{Family, Place};
+use crate::diagnose::catalogue::effect::{CustomEffect, Effect};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::error::{Error, Result};
 use crate::expression::Tape;
-use crate::model::{Model, State};
+use crate::model::Model;
 
 /// What acts: an effect of the catalogue or one of the user's own.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +36,15 @@ pub(crate) struct Added {
     pub(crate) scale: f64,
     pub(crate) lower: f64,
     pub(crate) upper: f64,
+    /// Whether it is an angle, which a reader has within a turn.
+    pub(crate) is_angle: bool,
+}
+
+impl Added {
+    /// A value as a reader should have it.
+    pub(crate) fn told(&self, value: f64) -> f64 {
+        if self.is_angle { value.rem_euclid(std::f64::consts::TAU) } else { value }
+    }
 }
 
 /// How the coefficients of a screening become start values of a fit.
@@ -90,9 +100,67 @@ impl Hypothesis {
         }
     }
 
+    /// The effect of the catalogue; `None` for one of the user's own.
+    pub(crate) fn effect(&self) -> Option<Effect> {
+        match &self.kind {
+            Kind::Catalogue(effect) => Some(*effect),
+            Kind::Custom(_) => None,
+        }
+    }
+
+    /// Whether it is this effect.
+    pub(crate) fn is(&self, effect: Effect) -> bool {
+        self.effect() == Some(effect)
+    }
+
+    /// The parameter whose value it sets free.
+    pub(crate) fn frees(&self) -> Option<&str> {
+        if self.is(Effect::ParameterError) { self.variables.first().map(String::as_str) } else { None }
+    }
+
+    /// Whether it reads a state before the log begins.
+    pub(crate) fn reads_the_past(&self) -> bool {
+        self.effect().is_some_and(Effect::reads_the_past)
+    }
+
+    /// Whether a control that is interpolated, not held, looks like it.
+    pub(crate) fn is_imitated_by_hold(&self) -> bool {
+        self.effect().is_some_and(Effect::is_imitated_by_hold)
+    }
+
+    /// How many states it adds to a model.
+    pub(crate) fn added_states(&self) -> usize {
+        self.effect().map_or(0, Effect::added_states)
+    }
+
+    /// Whether one size can say what is excluded.
+    pub(crate) fn has_single_size(&self) -> bool {
+        self.effect().is_none_or(Effect::has_single_size)
+    }
+
+    /// Whether a power study takes one place of each equation for all.
+    pub(crate) fn has_many_places(&self) -> bool {
+        self.effect().is_some_and(|e| e.has_many_places(&self.variables))
+    }
+
+    /// Its form with the names of the variables in it.
+    pub(crate) fn form(&self) -> String {
+        match &self.kind {
+            Kind::Catalogue(effect) => effect.form_of(&self.variables),
+            Kind::Custom(custom) => custom.form.to_string(),
+        }
+    }
+
+    /// The fitted model with it as a reader should have it.
+    pub(crate) fn tell(&self, model: &mut Model) {
+        if let Some(effect) = self.effect() {
+            effect.tell(model, self.state);
+        }
+    }
+
     /// Writes the hypothesis into `model`.
     pub(crate) fn apply(&self, model: &Model, scene: &Scene) -> Result<Applied> {
-        crate::diagnose::catalogue::write::apply(self, model, scene)
+        crate::diagnose::catalogue::writer::apply(self, model, scene)
     }
 }
 
@@ -103,29 +171,32 @@ pub(crate) fn enumerate(
     logged: &[usize],
     custom: &[CustomEffect],
 ) -> Result<Vec<Hypothesis>> {
-    let mut all = Vec::new();
-    for (j, state) in model.states.iter().enumerate() {
-        if !model.is_kinematic(j) {
-            state_hypotheses(model, j, state, &mut all);
+    let mut all: Vec<Hypothesis> = Vec::new();
+    let mut push = |effect: Effect, state: usize, variables: &[&str]| {
+        let hypothesis = Hypothesis::catalogue(effect, state, variables);
+        if !all.contains(&hypothesis) {
+            all.push(hypothesis);
+        }
+    };
+    let at = |place: Place| Effect::ALL.iter().copied().filter(move |e| e.acts_at(place));
+    for j in (0..model.states.len()).filter(|&j| !model.is_kinematic(j)) {
+        for place in Place::IN_A_ROW {
+            let choices = variables(place, model, j);
+            at(place).for_each(|effect| choices.iter().for_each(|variables| push(effect, j, variables)));
         }
     }
     for parameter in &model.parameters {
         if let Some(j) = acts_in(model, scene, &parameter.name) {
-            all.push(Hypothesis::catalogue(Effect::ParameterError, j, &[&parameter.name]));
-            all.push(Hypothesis::catalogue(Effect::Drift, j, &[&parameter.name]));
+            at(Place::Parameter).for_each(|effect| push(effect, j, &[&parameter.name]));
         }
     }
     for control in &model.controls {
         if let Some(j) = acts_in(model, scene, &control.name) {
-            for &effect in Effect::ALL.iter().filter(|e| e.acts_on_input()) {
-                all.push(Hypothesis::catalogue(effect, j, &[&control.name]));
-            }
+            at(Place::Control).for_each(|effect| push(effect, j, &[&control.name]));
         }
     }
     for &j in logged {
-        for effect in [Effect::SensorBias, Effect::SensorScale, Effect::SensorDelay] {
-            all.push(Hypothesis::catalogue(effect, j, &[]));
-        }
+        at(Place::Sensor).for_each(|effect| push(effect, j, &[]));
     }
     for effect in custom {
         let Some(j) = model.state_index(&effect.state) else {
@@ -183,38 +254,35 @@ fn influence(model: &Model, scene: &Scene, j: usize, name: &str) -> f64 {
     changes.sum::<f64>() / scene.rates[j]
 }
 
-fn state_hypotheses(model: &Model, j: usize, state: &State, all: &mut Vec<Hypothesis>) {
-    let own = state.name.as_str();
+/// What an effect at `place` in equation `j` may depend on: a list of variables for each choice.
+fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
+    let own = model.states[j].name.as_str();
     let position = model.integral_of(j).map(|i| model.states[i].name.as_str());
-    let mut push = |effect: Effect, variables: &[&str]| all.push(Hypothesis::catalogue(effect, j, variables));
-    push(Effect::Bias, &[]);
-    for effect in [Effect::ViscousFriction, Effect::CoulombFriction, Effect::StribeckFriction, Effect::QuadraticDrag] {
-        push(effect, &[own]);
-    }
-    push(Effect::CubicStiffness, &[own]);
-    if let Some(x) = position {
-        for effect in [Effect::LinearStiffness, Effect::CubicStiffness, Effect::GravityLoad, Effect::Cogging] {
-            push(effect, &[x]);
+    let states = || model.states.iter().map(|s| s.name.as_str());
+    let controls = || model.controls.iter().map(|c| c.name.as_str());
+    match place {
+        Place::Row | Place::Time => vec![Vec::new()],
+        Place::Own => vec![vec![own]],
+        Place::Position => match position {
+            Some(x) => vec![vec![x]],
+            None if is_speed(&model.states[j].unit) => Vec::new(),
+            None => vec![vec![own]],
+        },
+        Place::Other => {
+            let others = states().filter(|&n| n != own && Some(n) != position);
+            let unused = controls().filter(|n| !model.states[j].equation.contains(n));
+            others.chain(unused).map(|z| vec![z]).collect()
         }
-    } else if !state.unit.ends_with("/s") {
-        // A speed has no spring, no weight and no teeth: only what may be a place or an angle does.
-        push(Effect::LinearStiffness, &[own]);
-        push(Effect::GravityLoad, &[own]);
-        push(Effect::Cogging, &[own]);
-    }
-    let others = model.states.iter().map(|s| s.name.as_str()).filter(|&n| n != own && Some(n) != position);
-    let unused = model.controls.iter().map(|c| c.name.as_str()).filter(|n| !state.equation.contains(n));
-    for z in others.chain(unused) {
-        push(Effect::Coupling, &[z]);
-    }
-    let names: Vec<&str> =
-        model.states.iter().map(|s| s.name.as_str()).chain(model.controls.iter().map(|c| c.name.as_str())).collect();
-    for (i, &z) in names.iter().enumerate() {
-        for &w in &names[i..] {
-            push(Effect::ProductCoupling, &[z, w]);
+        Place::Pair => {
+            let names: Vec<&str> = states().chain(controls()).collect();
+            let pairs = names.iter().enumerate().flat_map(|(i, &z)| names[i..].iter().map(move |&w| vec![z, w]));
+            pairs.collect()
         }
+        Place::Parameter | Place::Control | Place::Sensor => Vec::new(),
     }
-    for effect in [Effect::PeriodicDisturbance, Effect::StepDisturbance, Effect::Drift] {
-        push(effect, &[]);
-    }
+}
+
+/// Whether a unit is one of a speed: it has no spring, no weight and no teeth. Only what may be a place or an angle does.
+fn is_speed(unit: &str) -> bool {
+    unit.ends_with("/s")
 }

@@ -60,9 +60,10 @@ pub(crate) fn frictions(model: &Model, hypotheses: &[Hypothesis]) -> Vec<Vec<usi
                 .position(|h| h.kind == Kind::Catalogue(effect) && h.state == j && h.variables == [state.name.as_str()])
         };
         let (dry, quadratic) = (place(Effect::CoulombFriction), place(Effect::QuadraticDrag));
-        let own = hypotheses.iter().enumerate().filter(|(_, h)| {
-            h.id() == "parameter_error" && h.state == j && dissipative_bounds(model, &h.variables[0]).is_some()
-        });
+        let own = hypotheses
+            .iter()
+            .enumerate()
+            .filter(|(_, h)| h.state == j && h.frees().is_some_and(|name| dissipative_bounds(model, name).is_some()));
         let mut linear: Vec<usize> = own.map(|(i, _)| i).collect();
         if linear.is_empty() {
             linear.extend(place(Effect::ViscousFriction));

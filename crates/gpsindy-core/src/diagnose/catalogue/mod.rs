@@ -1,11 +1,13 @@
 //! What may be wrong with a simulator: the effects, where they can act, and how each is written into a model.
 
 pub(crate) mod custom;
+pub(crate) mod definition;
 pub(crate) mod effect;
+mod effects;
 pub(crate) mod excited;
 pub(crate) mod hypothesis;
 pub(crate) mod joint;
 pub(crate) mod peaks;
-pub(crate) mod plant;
+pub(crate) mod planting;
 pub(crate) mod rival;
-pub(crate) mod write;
+mod writer;

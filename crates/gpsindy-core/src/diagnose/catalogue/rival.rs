@@ -91,6 +91,7 @@ impl Rival {
             scale: scene.rates[self.state],
             lower: f64::NEG_INFINITY,
             upper: f64::INFINITY,
+            is_angle: false,
         };
         let fitted = (0..count).map(|k| (first + k, added(k))).collect();
         Applied {

@@ -143,7 +143,7 @@ impl Fitted {
             settings.fit_with_jacobian(&system, experiment, &parameters, &free, Some(&initial))
         };
         let mut fitted = fit(&experiment)?;
-        if more.iter().any(|h| h.id() == "sensor_delay") {
+        if more.iter().any(|h| h.reads_the_past()) {
             // What the late sensor saw before the log is as the logs have it.
             let other = match experiment.past {
                 Past::Still => Past::Moving,
@@ -290,7 +290,7 @@ impl Fitted {
 
     /// Number of states without those that hypotheses added (lagging inputs).
     pub(crate) fn nominal_states(&self) -> usize {
-        self.system.n_states() - self.hypotheses.iter().filter(|h| h.id() == "input_lag").count()
+        self.system.n_states() - self.hypotheses.iter().map(Hypothesis::added_states).sum::<usize>()
     }
 
     /// Number of values that were compared.

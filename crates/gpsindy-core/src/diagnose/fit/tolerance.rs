@@ -121,9 +121,7 @@ pub(crate) fn charge_tolerated(
     let mut causes = Vec::new();
     for &index in &charged {
         let parameter = &nominal.system.model().parameters[index];
-        let Some(hypothesis) =
-            contest.hypotheses.iter().find(|h| h.id() == "parameter_error" && h.variables[0] == parameter.name)
-        else {
+        let Some(hypothesis) = contest.hypotheses.iter().find(|h| h.frees() == Some(&parameter.name)) else {
             return Ok((nominal, best));
         };
         causes.push((hypothesis, vec![best.refined.parameters[index]]));

@@ -1,7 +1,7 @@
 //! Simulated copies of the user's logs: the same times, controls and gaps, the noise that the diagnosis found.
 
 use crate::data::{Dataset, Run};
-use crate::diagnose::catalogue::plant::Planted;
+use crate::diagnose::catalogue::planting::Planted;
 use crate::diagnose::fit::evidence::Colour;
 use crate::diagnose::fit::fitted::Fitted;
 use crate::diagnose::fit::tolerance::tolerated;
@@ -186,11 +186,12 @@ impl Bench {
 
     /// The strength at which the gap is `target` times the noise, and that gap; `None` where none within reach is.
     pub(crate) fn strength(&self, planted: &Planted, target: f64, known: &mut Vec<(f64, f64)>) -> Option<(f64, f64)> {
-        if !(planted.first > 0.0 && planted.most > 0.0) {
+        let (first, most) = planted.range();
+        if !(first > 0.0 && most > 0.0) {
             return None;
         }
         let close = |gap: f64| (gap / target).ln().abs() < CLOSE;
-        let mut next = planted.first.min(planted.most);
+        let mut next = first.min(most);
         for _ in 0..16 {
             if let Some(&hit) = known.iter().find(|k| close(k.1)) {
                 return Some(hit);
@@ -202,11 +203,11 @@ impl Bench {
                 .fold(None, |best: Option<(f64, f64)>, k| if best.is_none_or(|b| k.0 > b.0) { Some(*k) } else { best });
             let above = known.iter().filter(|k| k.1 >= target).map(|k| k.0).fold(f64::INFINITY, f64::min);
             if let Some((strength, gap)) = below {
-                if strength >= planted.most {
+                if strength >= most {
                     return None;
                 }
                 let guess = strength * (target / gap.max(1e-9 * target)).clamp(1.02, 30.0);
-                next = if guess < above { guess.min(planted.most) } else { (strength * above).sqrt() };
+                next = if guess < above { guess.min(most) } else { (strength * above).sqrt() };
             } else if let Some(&(strength, gap)) = known.iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
                 next = strength * if gap.is_finite() { (target / gap).clamp(1.0 / 30.0, 0.98) } else { 0.1 };
             }

@@ -6,10 +6,9 @@
 
 use crate::data::Dataset;
 use crate::diagnose::Diagnose;
-use crate::diagnose::catalogue::effect::Effect;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::catalogue::plant::{Planted, plant};
+use crate::diagnose::catalogue::planting::{Planted, plant};
 use crate::diagnose::fit::fitted::Fitted;
 use crate::diagnose::power::copies::Bench;
 use crate::diagnose::power::trial::Table;
@@ -131,12 +130,7 @@ impl Study<'_> {
         let mut random = ChaCha8Rng::seed_from_u64(self.power.seed);
         let mut chosen: Vec<&Hypothesis> = Vec::new();
         for hypothesis in self.hypotheses {
-            let is_many = match Effect::from_id(hypothesis.id()) {
-                Some(Effect::Coupling | Effect::ProductCoupling) => true,
-                Some(Effect::Drift) => !hypothesis.variables.is_empty(),
-                _ => false,
-            };
-            if !is_many {
+            if !hypothesis.has_many_places() {
                 chosen.push(hypothesis);
                 continue;
             }
@@ -150,7 +144,7 @@ impl Study<'_> {
                 chosen.push(all[(random.next_u64() % all.len() as u64) as usize]);
             }
         }
-        let order = |h: &&Hypothesis| (h.state, Effect::ALL.iter().position(|e| e.id() == h.id()));
+        let order = |h: &&Hypothesis| (h.state, h.effect());
         chosen.sort_by_key(order);
         chosen
     }

@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::catalogue::plant::Planted;
+use crate::diagnose::catalogue::planting::Planted;
 use crate::diagnose::power::copies::{Bench, normal};
 use crate::diagnose::power::study::{Count, Study};
 use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, PowerTrial};
@@ -77,7 +77,7 @@ impl Table<'_> {
             let Some((strength, gap)) = strength else {
                 let largest = known.iter().filter(|k| k.1.is_finite()).fold(0.0, |a: f64, k| a.max(k.1));
                 let why =
-                    if planted.end.is_empty() { "the free starts and tolerances take it up" } else { planted.end };
+                    if planted.end().is_empty() { "the free starts and tolerances take it up" } else { planted.end() };
                 found.limit = Some(format!("a gap above {:.2} times the noise is out of reach: {why}", largest));
                 // Smaller ones may still be in reach.
                 if way > 0 || size == 0 {
@@ -115,8 +115,8 @@ impl Table<'_> {
             effect: hypothesis.id().into(),
             state: self.system.model().states[hypothesis.state].name.clone(),
             variables: hypothesis.variables.clone(),
-            parameter: planted.symbol.into(),
-            unit: planted.unit.clone(),
+            parameter: planted.symbol().into(),
+            unit: planted.unit().into(),
             detected_from: None,
             named_from: None,
             group: Vec::new(),

@@ -360,8 +360,7 @@ impl Contest<'_> {
 impl Fitted {
     /// Whether the hypothesis frees a parameter that a hypothesis of this contestant has freed.
     fn refit_already(&self, hypothesis: &Hypothesis) -> bool {
-        hypothesis.id() == "parameter_error"
-            && self.added.iter().flatten().any(|(_, added)| hypothesis.variables.contains(&added.name))
+        hypothesis.frees().is_some_and(|name| self.added.iter().flatten().any(|(_, added)| added.name == name))
     }
 }
 

@@ -42,7 +42,7 @@ pub(crate) fn reconsider_hold(
     } else {
         return Ok(held);
     };
-    let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.id() == "input_delay");
+    let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.is_imitated_by_hold());
     let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + CLEARLY;
     // A delay under interpolation that the held control does not need is the phantom of half a sample.
     let phantom = delayed(&interpolated) && !delayed(&held);

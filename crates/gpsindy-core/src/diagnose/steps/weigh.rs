@@ -2,7 +2,7 @@
 
 use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;
-use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::fitted::Fitted;
 use crate::diagnose::report::{
     Cause, Closure, Diagnosis, EquationFigure, Excluded, Figures, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
@@ -15,7 +15,6 @@ use crate::diagnose::steps::prune::{REST, STRUCTURE};
 use crate::diagnose::steps::verify::Verification;
 use crate::diagnose::{Diagnose, Diagnosed};
 use crate::error::Result;
-use crate::expression::{Expression, Function, Operator};
 use crate::model::Model;
 use std::cmp::Ordering;
 
@@ -217,10 +216,7 @@ fn cause(
     let parameters = fit.added[place]
         .iter()
         .map(|(index, added)| {
-            let value = match added.symbol.as_str() {
-                "phase" => fit.refined.parameters[*index].rem_euclid(std::f64::consts::TAU),
-                _ => fit.refined.parameters[*index],
-            };
+            let value = added.told(fit.refined.parameters[*index]);
             let deviation = fit.deviation(*index);
             Parameter {
                 name: added.symbol.clone(),
@@ -238,40 +234,11 @@ fn cause(
         variables: hypothesis.variables.clone(),
         included,
         probability: probability.clamp(0.0, 1.0),
-        form: form(hypothesis),
+        form: hypothesis.form(),
         parameters,
         equivalent,
         next_experiment,
     }
-}
-
-/// The catalogue's form with the names of the variables in it.
-fn form(hypothesis: &Hypothesis) -> String {
-    let effect = match &hypothesis.kind {
-        Kind::Custom(custom) => return custom.form.to_string(),
-        Kind::Catalogue(effect) => effect,
-    };
-    let text = effect.form();
-    let variables = &hypothesis.variables;
-    if effect.acts_on_input() {
-        return match variables.first() {
-            Some(u) => text
-                .replace("u becomes", &format!("{u} becomes"))
-                .replace("(u,", &format!("({u},"))
-                .replace("*u", &format!("*{u}"))
-                .replace("u + c", &format!("{u} + c")),
-            None => text.into(),
-        };
-    }
-    let Ok(parsed) = Expression::parse(text) else { return text.into() };
-    let mut written = parsed;
-    for (symbol, variable) in ["z", "w"].iter().zip(variables) {
-        let is_shape = *symbol == "w" && effect.id() == "stribeck_friction";
-        if !is_shape {
-            written = written.substitute(symbol, &Expression::variable(variable.clone()));
-        }
-    }
-    written.to_string()
 }
 
 fn normal_quantile(p: f64) -> f64 {
@@ -285,28 +252,11 @@ fn tidy(best: &Fitted) -> Model {
     for (hypothesis, added) in best.hypotheses.iter().zip(&best.added) {
         for (index, parameter) in added {
             let value = &mut model.parameters[*index].value;
-            if parameter.symbol == "phase" {
-                *value = value.rem_euclid(std::f64::consts::TAU);
-            }
+            *value = parameter.told(*value);
         }
-        if hypothesis.id() == "step_disturbance" {
-            let equation = &mut model.states[hypothesis.state].equation;
-            *equation = equation.map(&with_sharp_edges);
-        }
+        hypothesis.tell(&mut model);
     }
     model
-}
-
-/// The ramp that stood for an edge in the fit, as the edge.
-fn with_sharp_edges(part: Expression) -> Expression {
-    if let Expression::Call(Function::Clamp, arguments) = &part
-        && let Expression::Binary(Operator::Divide, ramp, _) = &arguments[0]
-        && let Expression::Binary(Operator::Subtract, left, _) = &**ramp
-        && **left == Expression::Time
-    {
-        return (**ramp).clone().apply(Function::Step);
-    }
-    part
 }
 
 fn equations(before: &Model, after: &Model) -> Vec<EquationFigure> {
@@ -338,7 +288,7 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
     for (hypothesis, summary) in contest.hypotheses.iter().zip(&outcome.screened) {
         let Some((deviation, unit)) = &summary.resolution else { continue };
         let is_quiet = summary.gain < 9.0 && !outcome.best.hypotheses.contains(hypothesis);
-        if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.id() != "product_coupling" {
+        if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
             let state = model.states[hypothesis.state].name.clone();
             if !all.iter().any(|e| e.effect == hypothesis.id() && e.state == state) {
                 all.push(Excluded {

@@ -1,0 +1,40 @@
+//! A constant rate.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude};
+use crate::error::Result;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "constant bias",
+    meaning: "A constant push that the model lacks.",
+    family: Family::Parameter,
+    form: "c",
+    symbols: &[],
+    parameters: "c: constant rate",
+    signature: "a steady push that does not depend on anything",
+    places: &[Place::Row],
+    twins: &[
+        (Effect::SensorBias, experiment::TURN_THE_RIG),
+        (Effect::InputBias, experiment::TURN_THE_RIG),
+        (Effect::CoulombFriction, experiment::TURN_THE_RIG),
+    ],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let (rate, unit) = (writer.rate(), writer.unit_of_rate());
+    let c = writer.add("c", 0.0, rate, FREE, &unit);
+    writer.add_term(c);
+    Ok(vec![amplitude(&[writer.small()])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("c", &[])?;
+    Ok(Some(Size::added(planting.rate_unit(), planting.rate())))
+}

@@ -1,0 +1,45 @@
+//! Dry friction: the same against every motion.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::error::Result;
+use crate::expression::{Expression, Function};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "Coulomb friction",
+    meaning: "Dry friction: the same against every motion, whatever its speed.",
+    family: Family::Friction,
+    form: "-c*sign(z)",
+    symbols: &["z"],
+    parameters: "c: friction level, w: speed within which the sign is smoothed",
+    signature: "decay by equal steps, standing still, a jump of the rate at every reversal",
+    places: &[Place::Own],
+    twins: &[
+        (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
+        (Effect::StribeckFriction, experiment::SLOW_REVERSALS),
+        (Effect::QuadraticDrag, experiment::SLOW_REVERSALS),
+    ],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let z = writer.variable(0)?;
+    let (rate, size, unit) = (writer.rate(), writer.size(0), writer.unit_of_rate());
+    let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
+    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    writer.add_term(c.times(z.over(w).apply(Function::Tanh)).negated());
+    Ok(vec![amplitude(&[writer.small(), 0.02 * size])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let z = Expression::variable(planting.name(0));
+    let term = planting.written("-c*sign(z)", "c", &[("z", z)])?;
+    planting.add_term(planting.with_corners(term));
+    Ok(Some(Size::added(planting.rate_unit(), planting.rate())))
+}

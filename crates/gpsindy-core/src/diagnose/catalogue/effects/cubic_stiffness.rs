@@ -1,0 +1,37 @@
+//! A spring that hardens away from the middle.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
+use crate::error::Result;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "cubic stiffness",
+    meaning: "A spring that hardens (or softens) away from the middle.",
+    family: Family::Stiffness,
+    form: "-c*z^3",
+    symbols: &["z"],
+    parameters: "c: hardening",
+    signature: "resonance shifts with amplitude",
+    places: &[Place::Own, Place::Position],
+    twins: &[(Effect::GravityLoad, experiment::LARGER), (Effect::LinearStiffness, experiment::LARGER)],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let z = writer.variable(0)?;
+    let (rate, size) = (writer.rate(), writer.size(0));
+    let c = writer.add("c", 0.0, rate / size.powi(3), FREE, "");
+    writer.add_term(c.times(z.power(number(3.0))).negated());
+    Ok(vec![amplitude(&[writer.small() / size.powi(3)])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("-c*z^3", &[])?;
+    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(0).powi(3))))
+}

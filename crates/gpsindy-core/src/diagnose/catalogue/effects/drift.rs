@@ -1,0 +1,50 @@
+//! A parameter or a bias that changes slowly with time.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
+use crate::error::Result;
+use crate::expression::Expression;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "drift",
+    meaning: "A number of the plant changes slowly with time.",
+    family: Family::Time,
+    form: "a parameter or bias changes slowly with time: c*t",
+    symbols: &[],
+    parameters: "c: change per second",
+    signature: "the beginning fits, the end does not",
+    places: &[Place::Time, Place::Parameter],
+    twins: &[(Effect::Bias, experiment::THE_SAME_AGAIN), (Effect::StepDisturbance, experiment::THE_SAME_AGAIN)],
+    traits: Traits { has_many_places: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let span = writer.span().2;
+    let Some(name) = writer.hypothesis.variables.first().cloned() else {
+        let c = writer.add("c", 0.0, writer.rate() / span, FREE, "");
+        writer.add_term(c.times(Expression::Time));
+        return Ok(vec![amplitude(&[writer.small() / span])]);
+    };
+    let c = writer.add("c", 0.0, 1.0 / span, FREE, "1/s");
+    let changed = number(1.0).plus(c.times(Expression::Time)).times(Expression::variable(name.clone()));
+    writer.replace(&name, &changed);
+    Ok(vec![amplitude(&[1e-3 / span])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let span = planting.span();
+    let name = planting.name(0);
+    if name.is_empty() {
+        planting.add("c*t", &[])?;
+        return Ok(Some(Size::added(String::new(), planting.rate() / span)));
+    }
+    let changed = planting.written("1 + c*t", "c", &[])?;
+    planting.replace(&name, &changed.times(Expression::variable(name.clone())));
+    Ok(Some(Size::within("c", "1/s".into(), (0.02 / span, 3.0 / span), "")))
+}

@@ -1,0 +1,38 @@
+//! A weight on an arm.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{FREE, Writer, sinusoid};
+use crate::error::Result;
+use crate::expression::{Expression, Function};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "gravity load",
+    meaning: "A weight on an arm: its pull changes with the angle.",
+    family: Family::Stiffness,
+    form: "c*sin(z + phase)",
+    symbols: &["z"],
+    parameters: "c: largest load, phase: where it vanishes",
+    signature: "a load that depends on the angle",
+    places: &[Place::Position],
+    twins: &[],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let z = writer.variable(0)?;
+    let (rate, unit) = (writer.rate(), writer.unit_of_rate());
+    let c = writer.add("c", 0.0, rate, FREE, &unit);
+    let phase = writer.add_phase();
+    writer.add_term(c.times(z.plus(phase).apply(Function::Sin)));
+    Ok(vec![sinusoid(&[writer.small(), 0.0])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("c*sin(z + phase)", &[("phase", Expression::Number(0.4))])?;
+    Ok(Some(Size::added(planting.rate_unit(), planting.rate())))
+}

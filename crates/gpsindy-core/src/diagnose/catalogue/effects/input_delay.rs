@@ -1,0 +1,41 @@
+//! The control acts later.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::Writer;
+use crate::error::Result;
+use crate::expression::{Expression, Function};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "input delay",
+    meaning: "The actuator acts later than it is told.",
+    family: Family::InputDynamic,
+    form: "u becomes delay(u, tau)",
+    symbols: &["u"],
+    parameters: "tau: delay, s",
+    signature: "everything happens later by the same time",
+    places: &[Place::Control],
+    twins: &[
+        (Effect::InputLag, "a step, or a chirp beyond 1/(2 pi tau), sampled faster"),
+        (Effect::SensorDelay, "log an echo of the command or a second sensor, or close the loop over it"),
+    ],
+    traits: Traits { imitated_by_hold: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let drive = writer.drive()?;
+    let longest = 0.3 * writer.scene.duration;
+    let tau = writer.add("tau", 0.0, writer.scene.period, (0.0, longest), "s");
+    writer.replace(&drive.name, &Expression::Call(Function::Delay, vec![drive.u, tau]));
+    Ok(writer.times(1.5, 14))
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.drive("delay(u, tau)", "tau")?;
+    Ok(Some(planting.late()))
+}

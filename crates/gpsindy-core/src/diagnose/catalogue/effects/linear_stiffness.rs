@@ -1,0 +1,36 @@
+//! A spring.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude};
+use crate::error::Result;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "linear stiffness",
+    meaning: "A spring.",
+    family: Family::Stiffness,
+    form: "-c*z",
+    symbols: &["z"],
+    parameters: "c: stiffness",
+    signature: "a shifted resonance, a spring that pulls back",
+    places: &[Place::Position],
+    twins: &[],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let z = writer.variable(0)?;
+    let (rate, size) = (writer.rate(), writer.size(0));
+    let c = writer.add("c", 0.0, rate / size, FREE, "");
+    writer.add_term(c.times(z).negated());
+    Ok(vec![amplitude(&[writer.small() / size])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("-c*z", &[])?;
+    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(0))))
+}

@@ -1,0 +1,38 @@
+//! Two variables act by their product.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
+use crate::error::Result;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "product coupling",
+    meaning: "Two variables act together, by their product.",
+    family: Family::Coupling,
+    form: "c*z*w",
+    symbols: &["z", "w"],
+    parameters: "c: gain of the product",
+    signature: "grows when two motions happen together",
+    places: &[Place::Pair],
+    twins: &[],
+    traits: Traits { has_many_places: true, has_no_single_size: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let (z, w) = (writer.variable(0)?, writer.variable(1)?);
+    let (rate, both) = (writer.rate(), writer.size(0) * writer.size(1));
+    let c = writer.add("c", 0.0, rate / both, FREE, "");
+    let product = if z == w { z.power(number(2.0)) } else { z.times(w) };
+    writer.add_term(c.times(product));
+    Ok(vec![amplitude(&[writer.small() / both])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("c*z*w", &[])?;
+    let both = planting.size_of(0) * planting.size_of(1);
+    Ok(Some(Size::added(String::new(), planting.rate() / both)))
+}

@@ -1,0 +1,37 @@
+//! Drag in proportion to the square of the speed.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::error::Result;
+use crate::expression::Function;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "quadratic drag",
+    meaning: "Drag in proportion to the square of the speed, as air or water gives.",
+    family: Family::Friction,
+    form: "-c*z*abs(z)",
+    symbols: &["z"],
+    parameters: "c: drag coefficient",
+    signature: "top speed saturates, slow motion is untouched",
+    places: &[Place::Own],
+    twins: &[],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let z = writer.variable(0)?;
+    let (rate, size) = (writer.rate(), writer.size(0));
+    let c = writer.add("c", 0.0, rate / (size * size), POSITIVE, "");
+    writer.add_term(c.times(z.clone()).times(z.apply(Function::Abs)).negated());
+    Ok(vec![amplitude(&[writer.small() / (size * size)])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("-c*z*abs(z)", &[])?;
+    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(0).powi(2))))
+}

@@ -1,0 +1,37 @@
+//! Friction in proportion to the speed.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::error::Result;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "viscous friction",
+    meaning: "Friction in proportion to the speed.",
+    family: Family::Friction,
+    form: "-c*z",
+    symbols: &["z"],
+    parameters: "c: damping rate",
+    signature: "oscillations die faster, steady speed falls in proportion",
+    places: &[Place::Own],
+    twins: &[(Effect::QuadraticDrag, "steady motion at three or more speeds, or a coast-down")],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let z = writer.variable(0)?;
+    let (rate, size) = (writer.rate(), writer.size(0));
+    let c = writer.add("c", 0.0, rate / size, POSITIVE, "");
+    writer.add_term(c.times(z).negated());
+    Ok(vec![amplitude(&[writer.small() / size])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    planting.add("-c*z", &[])?;
+    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(0))))
+}

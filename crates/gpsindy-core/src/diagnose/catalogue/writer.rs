@@ -1,0 +1,196 @@
+//! Writes a hypothesis into the equations of a model, with start values for its parameters.
+//!
+//! What an effect writes stands in its own file of `effects/`; here are the words in which it is written.
+
+use crate::diagnose::catalogue::effect::CustomEffect;
+use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Start};
+use crate::error::{Error, Result};
+use crate::expression::Expression;
+use crate::model::{Model, Parameter};
+use std::f64::consts::PI;
+
+/// Fewest repetitions within the logs before something may be called periodic: less is any smooth curve.
+pub(crate) const RIPPLES: f64 = 1.25;
+
+/// Bounds of a parameter of either sign.
+pub(crate) const FREE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+/// Bounds of a size that only takes energy out.
+pub(crate) const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
+
+/// A model into which a hypothesis is written.
+pub(crate) struct Writer<'a> {
+    pub(crate) model: Model,
+    pub(crate) scene: &'a Scene,
+    pub(crate) hypothesis: &'a Hypothesis,
+    pub(crate) fitted: Vec<(usize, Added)>,
+}
+
+/// A control on which an effect acts.
+pub(crate) struct Drive<'a> {
+    pub(crate) name: String,
+    pub(crate) unit: String,
+    /// The control as an expression.
+    pub(crate) u: Expression,
+    pub(crate) excursion: &'a Excursion,
+}
+
+pub(crate) fn number(value: f64) -> Expression {
+    Expression::Number(value)
+}
+
+/// A start whose first value is a size: a small one, drawn to its length by the screening.
+pub(crate) fn amplitude(values: &[f64]) -> Start {
+    Start { columns: vec![values.to_vec()], combine: Combine::Amplitude, amplitudes: vec![(0, 0.0)] }
+}
+
+/// A start from where nothing is a straight line.
+pub(crate) fn keep(values: &[f64]) -> Start {
+    Start { columns: vec![values.to_vec()], combine: Combine::Keep, amplitudes: Vec::new() }
+}
+
+/// A start whose first value is a size and whose last a phase.
+pub(crate) fn sinusoid(values: &[f64]) -> Start {
+    let mut turned = values.to_vec();
+    if let Some(phase) = turned.last_mut() {
+        *phase += 0.5 * PI;
+    }
+    Start { columns: vec![values.to_vec(), turned], combine: Combine::Sinusoid, amplitudes: Vec::new() }
+}
+
+pub(crate) fn apply(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Result<Applied> {
+    let mut writer = Writer { model: model.clone(), scene, hypothesis, fitted: Vec::new() };
+    let starts = match &hypothesis.kind {
+        Kind::Catalogue(effect) => (effect.definition().write)(&mut writer)?,
+        Kind::Custom(custom) => writer.custom(custom)?,
+    };
+    let parts = vec![writer.fitted.len()];
+    Ok(Applied { model: writer.model, fitted: writer.fitted, parts, starts })
+}
+
+impl<'a> Writer<'a> {
+    /// Adds a parameter that the fit may change, and returns it as an expression.
+    pub(crate) fn add(&mut self, symbol: &str, value: f64, scale: f64, bounds: (f64, f64), unit: &str) -> Expression {
+        let name = self.model.free_name(&format!("{}_{symbol}", self.hypothesis.id()));
+        let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
+        self.model.parameters.push(Parameter { unit: unit.into(), ..Parameter::new(name.clone(), value) });
+        let added = Added {
+            symbol: symbol.into(),
+            name: name.clone(),
+            unit: unit.into(),
+            scale,
+            lower: bounds.0,
+            upper: bounds.1,
+            is_angle: false,
+        };
+        self.fitted.push((self.model.parameters.len() - 1, added));
+        Expression::variable(name)
+    }
+
+    /// Adds the phase of a sine, which a reader has within a turn.
+    pub(crate) fn add_phase(&mut self) -> Expression {
+        let phase = self.add("phase", 0.0, 1.0, FREE, "rad");
+        if let Some((_, added)) = self.fitted.last_mut() {
+            added.is_angle = true;
+        }
+        phase
+    }
+
+    /// Adds a term to the right side of the equation in which the effect acts.
+    pub(crate) fn add_term(&mut self, term: Expression) {
+        let state = &mut self.model.states[self.hypothesis.state];
+        state.equation = state.equation.clone().plus(term);
+    }
+
+    /// Puts `replacement` in the place of `name`, wherever it acts.
+    pub(crate) fn replace(&mut self, name: &str, replacement: &Expression) {
+        for state in &mut self.model.states {
+            state.equation = state.equation.substitute(name, replacement);
+            state.measured = state.measured.as_ref().map(|m| m.substitute(name, replacement));
+        }
+    }
+
+    /// A variable of the hypothesis.
+    pub(crate) fn variable(&self, index: usize) -> Result<Expression> {
+        let name = self.hypothesis.variables.get(index).ok_or_else(|| {
+            Error::invalid(format!("effect `{}` needs a variable that it depends on", self.hypothesis.id()))
+        })?;
+        Ok(Expression::variable(name.clone()))
+    }
+
+    /// How a variable of the hypothesis moves; `None` for what is neither state nor control.
+    pub(crate) fn excursion(&self, index: usize) -> Option<&'a Excursion> {
+        let name = self.hypothesis.variables.get(index)?;
+        match self.model.state_index(name) {
+            Some(j) => self.scene.states.get(j),
+            None => self.model.control_index(name).map(|c| &self.scene.controls[c]),
+        }
+    }
+
+    /// Typical size of a variable: of a state or of a control.
+    pub(crate) fn size(&self, index: usize) -> f64 {
+        self.excursion(index).map_or(1.0, Excursion::size)
+    }
+
+    /// Typical rate of the equation in which the effect acts.
+    pub(crate) fn rate(&self) -> f64 {
+        self.scene.rates[self.hypothesis.state.min(self.scene.rates.len() - 1)]
+    }
+
+    /// A rate so small that a straight line holds.
+    pub(crate) fn small(&self) -> f64 {
+        1e-3 * self.rate()
+    }
+
+    pub(crate) fn unit_of_rate(&self) -> String {
+        self.model.states[self.hypothesis.state].rate_unit()
+    }
+
+    /// First and last time of the logs, and what lies between.
+    pub(crate) fn span(&self) -> (f64, f64, f64) {
+        let (first, last) = self.scene.times;
+        (first, last, (last - first).max(self.scene.period))
+    }
+
+    /// The control on which the effect acts.
+    pub(crate) fn drive(&self) -> Result<Drive<'a>> {
+        let name = self.hypothesis.variables.first().cloned().unwrap_or_default();
+        let Some(control) = self.model.control_index(&name) else {
+            return Err(Error::unknown("control", &name, self.model.controls.iter().map(|c| &c.name)));
+        };
+        let unit = self.model.controls[control].unit.clone();
+        Ok(Drive { u: Expression::variable(name.clone()), name, unit, excursion: &self.scene.controls[control] })
+    }
+
+    /// Times at which a delay or a lag is tried: from half a sample up by `ratio`, to a tenth of the longest log.
+    pub(crate) fn times(&self, ratio: f64, most: usize) -> Vec<Start> {
+        let longest = 0.1 * self.scene.duration;
+        let times = std::iter::successors(Some(0.5 * self.scene.period), |t| Some(t * ratio));
+        times.take(most).take_while(|&t| t <= longest).map(|t| keep(&[t])).collect()
+    }
+
+    /// What the column of the hypothesis reads now.
+    pub(crate) fn reads(&self) -> Expression {
+        let state = &self.model.states[self.hypothesis.state];
+        state.measured.clone().unwrap_or_else(|| Expression::variable(state.name.clone()))
+    }
+
+    /// The column of the hypothesis reads something else.
+    pub(crate) fn read_as(&mut self, measured: Expression) {
+        self.model.states[self.hypothesis.state].measured = Some(measured);
+    }
+
+    fn custom(&mut self, custom: &CustomEffect) -> Result<Vec<Start>> {
+        let starts = crate::diagnose::catalogue::custom::starts(custom, &self.model, self.scene, self.hypothesis.state);
+        let mut form = custom.form.clone();
+        for parameter in &custom.parameters {
+            let value = 0.5 * (parameter.low + parameter.high);
+            let scale = parameter.high - parameter.low;
+            let bounds = (parameter.low, parameter.high);
+            let own = self.add(&parameter.name, value, scale, bounds, &parameter.unit);
+            form = form.substitute(&parameter.name, &own);
+        }
+        self.add_term(form);
+        Ok(starts)
+    }
+}
