@@ -9,12 +9,15 @@ mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod fixture;
+mod limits;
+mod notes;
 mod power;
 pub mod report;
 mod steps;
 
 pub use catalogue::definition::Family;
 pub use catalogue::effect::{CustomEffect, CustomParameter, Effect};
+pub use notes::Note;
 pub use power::study::Power;
 pub use report::{Diagnosis, Verdict};
 
@@ -22,15 +25,17 @@ use crate::data::Dataset;
 use crate::error::{Error, Result};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
-use crate::refine::{Experiment, Hold, Refine};
-use catalogue::excited::Scene;
+use crate::refine::{Experiment, Hold};
 use catalogue::{hypothesis, joint, rival};
-use fit::fitted::Fitted;
+use fit::fitter::Fitter;
+use fit::outputs::scene_of;
 use fit::tolerance;
+use limits::Budget;
+use notes::Notes;
 use power::study;
 use std::sync::Arc;
 use steps::contest::Contest;
-use steps::{attribute, check, hold, localise, prepare, verify, weigh};
+use steps::{attribute, check, detect, findings, hold, localise, prepare, verify, weigh};
 
 /// Settings of a diagnosis.
 ///
@@ -87,6 +92,8 @@ pub struct Diagnosed {
     pub diagnosis: Diagnosis,
     /// The nominal model with the included causes added.
     pub augmented: Model,
+    /// What the report's notes say, as data.
+    pub notes: Vec<Note>,
 }
 
 /// Training and held-out logs of one diagnosis.
@@ -146,9 +153,9 @@ impl Diagnose {
     ) -> Result<Diagnosed> {
         self.check()?;
         let model = system.model();
-        let mut notes = Vec::new();
+        let notes = Notes::default();
         let (train, holdout) =
-            (&prepare::unwrapped(model, train, &mut notes)?, &prepare::unwrapped(model, holdout, &mut Vec::new())?);
+            (&prepare::unwrapped(model, train, &notes)?, &prepare::unwrapped(model, holdout, &Notes::default())?);
 
         check::values(model, train)?;
         check::values(model, holdout)?;
@@ -158,46 +165,46 @@ impl Diagnose {
             ));
         }
         if !check::moves(model, holdout) {
-            notes.push("no state moves in the held-out logs, so the closure tells little; hold out other ones".into());
+            notes.say(Note::StillHoldout);
         }
 
         // Prepare: noise, outliers, hold, windows, integration steps.
-        let experiment = prepare::experiment(system, train, self.hold, &mut notes)?;
+        let experiment = prepare::experiment(system, train, self.hold, &notes)?;
         let tolerated = tolerance::tolerated(model);
-        let mut nominal = Fitted::nominal(system.clone(), experiment, tolerated, &Refine::default())?;
+        let fitter = Fitter { model_error: self.error_of(model, &experiment) };
+        let nominal = fitter.nominal(system.clone(), experiment, tolerated, Budget::Nominal)?;
         check::nominal(&nominal)?;
-        nominal.model_error = self.error_of(model, &nominal.experiment);
-        let scene = Scene::new(system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
+        let scene = scene_of(&nominal);
 
         // Detect and attribute: does any suspect, or any smooth function, explain more than noise would; and which?
         let logged = nominal.experiment.columns.clone();
         let hypotheses = self.suspects(hypothesis::enumerate(model, &scene, &logged, &self.custom)?)?;
-        let settings = Refine { max_iterations: 15, tolerance: 1e-5 };
         let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
         let most = self.most_effects;
-        let contest = Contest { hypotheses, joint, most, scene, settings, progress };
-        let rivals = rival::enumerate(model, &contest.scene, model.states.len());
-        let held = attribute::judge(&contest, nominal, &rivals, self, &mut notes)?;
+        let rivals = rival::enumerate(model, &scene, model.states.len());
+        let contest = Contest { hypotheses, joint, rivals, most, scene, fitter, progress, notes: &notes };
+        let suspected = detect::detect(&contest, nominal, self.confidence)?;
+        let start = suspected.nominal.clone();
+        let held = attribute::attribute(&contest, suspected)?;
         // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
         let samples: usize = held.nominal.experiment.logs.iter().map(|l| l.time.len()).sum();
         let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
         let judged = match self.hold {
             Some(_) => held,
             None if is_averaged => held,
-            None => hold::reconsider_hold(&contest, held, &rivals, self, &mut notes)?,
+            None => hold::reconsider_hold(&contest, &start, held, self.confidence)?,
         };
-        let attribute::Judged { nominal, detected, free_gains, outcome } = judged;
+        let findings::Judged { nominal, detected, nameless, outcome } = judged;
 
         // Verify on held-out logs, localise, and write it down.
-        let nominal = outcome.nominal.as_ref().unwrap_or(&nominal);
-        let closure = verify::closure(nominal, &outcome.best, holdout, self.confidence, &mut notes)?;
-        let gap = localise::gap(&contest, nominal, &outcome, &rivals, &free_gains, &detected);
+        let closure = verify::closure(&nominal, &outcome.best, holdout, self.confidence, &notes)?;
+        let gap = localise::gap(&contest, &nominal, &outcome, &contest.rivals, &nameless, &detected);
         let mut diagnosed =
-            weigh::report(self, &contest, nominal, &outcome, &detected, gap, closure, (train, holdout), notes)?;
+            weigh::report(self, &contest, &nominal, &outcome, &detected, gap, closure, (train, holdout))?;
         if let Some(power) = &self.power {
             let (hypotheses, scene) = (&contest.hypotheses, &contest.scene);
             let study = study::Study { settings: self, power, hypotheses, scene, progress };
-            diagnosed.diagnosis.power = Some(study.run(nominal, &outcome.best, train, holdout)?);
+            diagnosed.diagnosis.power = Some(study.run(&nominal, &outcome.best, train, holdout)?);
         }
         Ok(diagnosed)
     }

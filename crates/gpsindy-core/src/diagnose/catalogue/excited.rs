@@ -1,7 +1,7 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
 use crate::model::System;
-use crate::refine::{Experiment, lanes::Lanes};
+use crate::refine::Experiment;
 
 /// How a variable moves over all training logs.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,9 +68,9 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    pub(crate) fn new(system: &System, experiment: &Experiment, parameters: &[f64], initial: &[Vec<f64>]) -> Self {
+    /// What the logs of `experiment` excite where the states of `system` take the `paths`: one list a window, one row a state.
+    pub(crate) fn new(system: &System, experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> Self {
         let n = system.n_states();
-        let paths = trajectories(system, experiment, parameters, initial);
         let states: Vec<Excursion> = (0..n)
             .map(|j| {
                 // A logged state is described by its log, which a bad nominal model can't spoil.
@@ -95,33 +95,9 @@ impl Scene {
             .iter()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(l.time[0]), b.max(l.time[l.time.len() - 1])));
         let duration = experiment.logs.iter().map(length).fold(period, f64::max);
-        let rates = (0..n).map(|j| typical_rate(experiment, &paths, j, states[j].size() / duration)).collect();
+        let rates = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         Self { states, controls, rates, period, times, duration, peaks: Vec::new() }
     }
-}
-
-/// All states along every window: one list a window, one row a state.
-pub(crate) fn trajectories(
-    system: &System,
-    experiment: &Experiment,
-    parameters: &[f64],
-    initial: &[Vec<f64>],
-) -> Vec<Vec<Vec<f64>>> {
-    let n = system.n_states();
-    let parameters: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
-    experiment
-        .windows
-        .iter()
-        .zip(initial)
-        .map(|(window, start)| {
-            let log = &experiment.logs[window.log];
-            let mut lanes = Lanes::<1>::new(system, log, (experiment.hold, experiment.past), &parameters);
-            let start: Vec<[f64; 1]> = start.iter().map(|&v| [v]).collect();
-            let mut path = vec![Vec::with_capacity(window.last - window.first + 1); n];
-            lanes.roll_states((window.first, window.last), &start, experiment.substeps, |_, j, v| path[j].push(v[0]));
-            path
-        })
-        .collect()
 }
 
 /// Root mean square of the rate of state `j` along the trajectories; `least` where it never moves.

@@ -7,7 +7,6 @@ mod effects;
 pub(crate) mod excited;
 pub(crate) mod hypothesis;
 pub(crate) mod joint;
-pub(crate) mod peaks;
 pub(crate) mod planting;
 pub(crate) mod rival;
 mod writer;

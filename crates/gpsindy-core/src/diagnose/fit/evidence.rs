@@ -1,108 +1,102 @@
-//! How well residuals fit, when the sensor's noise may be coloured: autoregressive noise, one model a column.
-//!
-//! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
+//! What judges a contestant: its residuals as noise, the beliefs that it strains, and the chances of gains.
 
-/// Highest order of the noise models.
-pub(crate) const MAX_ORDER: usize = 6;
+use crate::diagnose::fit::colour::{Colour, colours};
+use crate::diagnose::fit::tolerance;
+use crate::diagnose::limits::{FAR, NEGLIGIBLE};
+use crate::refine::{Experiment, Free, Refined, prior_cost};
 
-/// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Colour {
-    pub(crate) coefficients: Vec<f64>,
-    /// Variance of the innovations, in squared noise units.
-    pub(crate) innovation: f64,
-    /// Variance of the residual itself, and its covariances up to one lag less than there are coefficients.
-    pub(crate) covariance: Vec<f64>,
-    /// Values that are there.
-    pub(crate) count: usize,
+/// What the logs say of one contestant, in numbers.
+#[derive(Debug, Clone)]
+pub(crate) struct Evidence {
+    /// The noise that each column would need.
+    pub(crate) colours: Vec<Colour>,
+    /// Mean squared structure (noise units) that the model owes to its own making and not to the machine.
+    pub(crate) model_error: f64,
+    /// Mean squared change of the outputs (noise units) that the tolerated parameters make together.
+    pub(crate) strain: f64,
+    /// Squared distances of the tolerated parameters from what is believed of them, in their deviations.
+    beliefs: f64,
+    complexity: usize,
+    spent: usize,
 }
 
-/// Noise models of every column, pooled over the windows. `residuals`: sample by sample, NaN is missing.
-pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
-    (0..n_columns)
-        .map(|column| {
-            let series: Vec<Vec<f64>> =
-                residuals.iter().map(|w| w.iter().skip(column).step_by(n_columns).copied().collect()).collect();
-            let count = series.iter().flatten().filter(|e| e.is_finite()).count();
-            let variance =
-                series.iter().flatten().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>() / count.max(1) as f64;
-            let covariance: Vec<f64> = (0..=MAX_ORDER).map(|lag| variance * autocorrelation(&series, lag)).collect();
-            levinson(&covariance, count)
-        })
-        .collect()
-}
-
-/// Correlation of values `lag` samples apart, as if the ends of all windows were padded with zeros, which keeps the
-/// autoregression stable (Brockwell and Davis 1991, section 7.2).
-///
-/// Over the pairs that are there, products stand beside their own squares, so that a hole beside a large value biases
-/// nothing; what the squares of all pairs would be is told by the values that are there.
-fn autocorrelation(series: &[Vec<f64>], lag: usize) -> f64 {
-    let (mut products, mut squares) = (0.0, 0.0);
-    // Squares and their number: of all values, and of those in pairs, which counts values near an end half.
-    let (mut all, mut paired) = ((0.0, 0.0), (0.0, 0.0));
-    let (mut values, mut pairs) = (0usize, 0usize);
-    for window in series {
-        values += window.len();
-        pairs += window.len().saturating_sub(lag);
-        for (i, value) in window.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-            let share = 0.5 * (f64::from(i >= lag) + f64::from(i + lag < window.len()));
-            all = (all.0 + value * value, all.1 + 1.0);
-            paired = (paired.0 + share * value * value, paired.1 + share);
-        }
-        for (a, b) in window.iter().zip(window.iter().skip(lag)).filter(|(a, b)| (*a * *b).is_finite()) {
-            products += a * b;
-            squares += 0.5 * (a * a + b * b);
-        }
-    }
-    if !(squares > 0.0 && paired.1 > 0.0) {
-        return 0.0;
-    }
-    let whole = paired.0 / paired.1 * pairs as f64 / (all.0 / all.1 * values as f64);
-    products / squares * whole
-}
-
-/// The autoregressive model of the order with the lowest BIC.
-fn levinson(covariance: &[f64], count: usize) -> Colour {
-    let tiny = f64::MIN_POSITIVE;
-    let mut coefficients: Vec<f64> = Vec::new();
-    let mut innovation = covariance[0].max(tiny);
-    let score = |v: f64, order: usize| count as f64 * v.ln() + (order as f64) * (count.max(2) as f64).ln();
-    let mut best = (score(innovation, 0), coefficients.clone(), innovation);
-    for order in 1..covariance.len().min(count / 10 + 1) {
-        let predicted: f64 = coefficients.iter().enumerate().map(|(k, a)| a * covariance[order - 1 - k]).sum();
-        let reflection = (covariance[order] - predicted) / innovation;
-        if !(reflection.abs() < 1.0) {
-            break;
-        }
-        let reversed: Vec<f64> = coefficients.iter().rev().map(|a| reflection * a).collect();
-        coefficients.iter_mut().zip(reversed).for_each(|(a, b)| *a -= b);
-        coefficients.push(reflection);
-        innovation = (innovation * (1.0 - reflection * reflection)).max(tiny);
-        if score(innovation, order) < best.0 {
-            best = (score(innovation, order), coefficients.clone(), innovation);
-        }
-    }
-    let covariance = covariance[..best.1.len().max(1)].to_vec();
-    Colour { coefficients: best.1, innovation: best.2, covariance, count }
-}
-
-impl Colour {
-    /// Variance of the residual, in squared noise units.
-    pub(crate) fn variance(&self) -> f64 {
-        self.covariance[0]
+impl Evidence {
+    /// The evidence of a fit in which hypotheses brought `complexity` parameters.
+    pub(crate) fn of(
+        experiment: &Experiment,
+        refined: &Refined,
+        free: &[Free],
+        complexity: usize,
+        model_error: f64,
+    ) -> Self {
+        let colours = colours(&refined.residuals, experiment.columns.len());
+        let initial = refined.initial.iter().map(Vec::len).sum::<usize>();
+        let spent = initial + free.len() + colours.iter().map(|c| c.coefficients.len() + 1).sum::<usize>();
+        let beliefs = prior_cost(&refined.parameters, free);
+        let mut evidence = Self { colours, model_error, strain: 0.0, beliefs, complexity, spent };
+        evidence.strain = tolerance::strain(refined, free, evidence.count());
+        evidence
     }
 
-    /// Variance of the innovations, as far as the residual can be noise.
-    ///
-    /// Differences of samples see a sensor's innovations, whatever its colour (a random walk's as 3.6). Innovations far
-    /// above that belong to structure, and say how smooth it is, not how large: an effect that leaves a large smooth rest
-    /// would win over one that leaves a small rough one. Such a rest counts by its size, less what the slowest noise
-    /// (a coefficient of 0.975) would keep of it.
-    fn noise_like(&self) -> f64 {
-        const ROUGH: f64 = 4.0;
-        const SLOWEST: f64 = 20.0;
-        self.innovation.max((self.variance() / SLOWEST).min(self.innovation * self.innovation / ROUGH))
+    /// Number of values that were compared.
+    pub(crate) fn count(&self) -> usize {
+        self.colours.iter().map(|c| c.count).sum()
+    }
+
+    /// Number of values that were fitted already: initial states, free parameters, noise models.
+    pub(crate) fn spent(&self) -> usize {
+        self.spent
+    }
+
+    /// Number of parameters that the hypotheses brought.
+    pub(crate) fn complexity(&self) -> usize {
+        self.complexity
+    }
+
+    /// Mean squared residual in noise units.
+    pub(crate) fn misfit(&self) -> f64 {
+        let sum: f64 = self.colours.iter().map(|c| c.variance() * c.count as f64).sum();
+        sum / self.count().max(1) as f64
+    }
+
+    /// Mean squared structure (noise units) that no test calls a gap.
+    pub(crate) fn negligible(&self) -> f64 {
+        NEGLIGIBLE + self.model_error
+    }
+
+    /// Sum of the squared residuals (noise units), every sample counting alike, and of the beliefs' terms.
+    pub(crate) fn squares(&self) -> f64 {
+        self.misfit() * self.count() as f64 + self.beliefs
+    }
+
+    /// Log likelihood with beliefs.
+    pub(crate) fn likelihood(&self) -> f64 {
+        log_likelihood(&self.colours) - 0.5 * self.beliefs
+    }
+
+    /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
+    pub(crate) fn score(&self) -> f64 {
+        let count = self.count().max(2) as f64;
+        self.likelihood() - 0.5 * self.complexity as f64 * count.ln()
+    }
+
+    /// Whether what is left is no noise, however coloured.
+    pub(crate) fn is_structured(&self) -> bool {
+        self.misfit() > FAR
+    }
+
+    /// Whether the residual's own past predicts nearly all of it, and it is far above the noise: a swing that is left
+    /// over and no sensor's noise, however coloured.
+    pub(crate) fn is_predictable(&self) -> bool {
+        let innovation: f64 = self.colours.iter().map(|c| c.innovation * c.count as f64).sum();
+        self.is_structured() && self.misfit() * self.count() as f64 > FAR * innovation
+    }
+
+    /// By how much coloured or large residuals carry less than their number.
+    pub(crate) fn inflation(&self) -> f64 {
+        // A slow quantity averages the noise, so the spectrum at zero frequency counts.
+        let spectrum = |c: &Colour| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3);
+        self.colours.iter().map(spectrum).fold(0.0, f64::max).max(self.misfit())
     }
 }
 
@@ -149,45 +143,6 @@ pub(crate) fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::fit::whitening::Whitener;
-    use nalgebra::DVector;
-    use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
-
-    fn noise(seed: u64, count: usize) -> Vec<f64> {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-        (0..count).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
-    }
-
-    /// Noise with a coefficient of 0.8.
-    fn slow_noise(seed: u64, count: usize) -> Vec<f64> {
-        let mut series = noise(seed, count);
-        for i in 1..count {
-            series[i] += 0.8 * series[i - 1];
-        }
-        series
-    }
-
-    #[test]
-    fn an_autoregressive_series_gives_its_coefficient_back_and_becomes_white() {
-        let series = slow_noise(1, 4000);
-        let colour = colours(std::slice::from_ref(&series), 1).remove(0);
-        // Standard error sqrt((1 - 0.8^2)/4000) = 0.01.
-        assert!((colour.coefficients[0] - 0.8).abs() < 0.04, "{colour:?}");
-        assert!((colour.innovation - 1.0).abs() < 0.1);
-        let mut white = DVector::from_vec(series);
-        Whitener::new(&[colour], &[true; 4000]).whiten(&mut white);
-        let white = colours(&[white.as_slice().to_vec()], 1).remove(0);
-        assert!(white.coefficients.is_empty(), "{white:?}");
-    }
-
-    #[test]
-    fn white_noise_is_taken_as_white() {
-        let colour = colours(&[noise(2, 3000)], 1).remove(0);
-        assert!(colour.coefficients.is_empty());
-        assert!((colour.covariance[0] - 1.0).abs() < 0.1);
-    }
 
     #[test]
     fn a_large_smooth_rest_far_above_the_noise_does_not_beat_a_small_rough_one() {
@@ -197,34 +152,5 @@ mod tests {
         assert!(rest(1e4, 5e2) > rest(1e6, 1e2));
         // Slow noise of a sensor keeps its innovations, which differences of samples see.
         assert!(rest(60.0, 1.0) > rest(30.0, 2.0));
-    }
-
-    #[test]
-    fn missing_values_are_left_out() {
-        let mut series = noise(3, 2000);
-        series.iter_mut().step_by(7).for_each(|v| *v = f64::NAN);
-        let colour = colours(&[series], 1).remove(0);
-        assert!((colour.variance() - 1.0).abs() < 0.12);
-        assert!(colour.coefficients.len() <= 1);
-    }
-
-    #[test]
-    fn without_holes_correlations_are_those_of_the_textbook() {
-        let series = noise(4, 50);
-        let products: f64 = series.iter().zip(&series[3..]).map(|(a, b)| a * b).sum();
-        let squares: f64 = series.iter().map(|e| e * e).sum();
-        assert!((autocorrelation(&[series], 3) - products / squares).abs() < 1e-14);
-    }
-
-    #[test]
-    fn holes_bias_neither_the_colour_nor_the_size_of_the_noise() {
-        let mut series = slow_noise(3, 20_000);
-        let full = colours(std::slice::from_ref(&series), 1).remove(0);
-        series.iter_mut().step_by(3).for_each(|v| *v = f64::NAN);
-        let holed = colours(&[series], 1).remove(0);
-        assert_eq!(holed.count, 13_333);
-        // Standard error sqrt((1 - 0.8^2)/20000) = 0.004, more with a third missing.
-        assert!((holed.coefficients[0] - full.coefficients[0]).abs() < 0.03, "{holed:?}");
-        assert!((holed.innovation / full.innovation - 1.0).abs() < 0.1, "{holed:?}");
     }
 }

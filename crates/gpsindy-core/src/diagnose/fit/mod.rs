@@ -1,8 +1,14 @@
 //! A contestant of the diagnosis, what fits it to the logs, and what judges it.
 
 pub(crate) mod bounded;
+pub(crate) mod colour;
+pub(crate) mod contestant;
 pub(crate) mod evidence;
-pub(crate) mod fitted;
+pub(crate) mod fitter;
+pub(crate) mod gains;
 pub(crate) mod lagging;
+pub(crate) mod outputs;
+pub(crate) mod peaks;
+pub(crate) mod substeps;
 pub(crate) mod tolerance;
 pub(crate) mod whitening;

@@ -2,14 +2,15 @@
 
 use crate::data::{Dataset, Run};
 use crate::diagnose::catalogue::planting::Planted;
-use crate::diagnose::fit::evidence::Colour;
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::colour::Colour;
+use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::tolerance::tolerated;
+use crate::diagnose::limits::{Budget, SHORTEST};
 use crate::diagnose::report::PowerNoise;
-use crate::diagnose::steps::prepare::resolution;
+use crate::diagnose::steps::noise::resolution;
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Refine};
+use crate::refine::Experiment;
 use crate::simulate::{Excitation, Simulate, StateReader};
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
@@ -17,9 +18,6 @@ use rand_core::Rng;
 
 /// A rollout further from its log than this many ranges of the column has left it: the run is then cut into pieces.
 const ASTRAY: f64 = 2.0;
-
-/// Fewest samples of a piece.
-const SHORTEST: usize = 24;
 
 /// How near the gap of a planted effect must come to the one asked for: no finding depends on a tenth.
 const CLOSE: f64 = 0.1;
@@ -53,7 +51,7 @@ pub(crate) struct Bench {
 pub(crate) type Readings = Vec<Mat<f64>>;
 
 impl Bench {
-    pub(crate) fn new(nominal: &Fitted, best: &Fitted, train: &Dataset, holdout: &Dataset) -> Result<Self> {
+    pub(crate) fn new(nominal: &Contestant, best: &Contestant, train: &Dataset, holdout: &Dataset) -> Result<Self> {
         let experiment = &best.experiment;
         let system = nominal.system.clone();
         let model = system.model();
@@ -69,7 +67,7 @@ impl Bench {
             pieces: Vec::new(),
             columns,
             noise: experiment.noise.clone(),
-            colours: best.colours.clone(),
+            colours: best.evidence.colours.clone(),
             steps,
             simulate: Simulate { hold: experiment.hold, tolerance: 1e-7, ..Simulate::default() },
             substeps: experiment.substeps,
@@ -174,10 +172,9 @@ impl Bench {
             experiment.substeps = self.substeps;
             let initial: Vec<Vec<f64>> =
                 self.pieces.iter().filter(|p| !p.held_out).map(|p| p.initial.clone()).collect();
-            let settings = Refine { max_iterations: 8, tolerance: 1e-4 };
             let values = self.nominal.parameter_values();
             let free = tolerated(self.nominal.model());
-            let fit = settings.fit(&self.nominal, &experiment, &values, &free, Some(&initial))?;
+            let fit = Budget::Power.refine().fit(&self.nominal, &experiment, &values, &free, Some(&initial))?;
             let residuals = || fit.residuals.iter().flatten().filter(|e| e.is_finite());
             Ok((residuals().map(|e| e * e).sum::<f64>() / residuals().count().max(1) as f64).sqrt())
         };

@@ -9,7 +9,7 @@ use crate::diagnose::Diagnose;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::planting::{Planted, plant};
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::power::copies::Bench;
 use crate::diagnose::power::trial::Table;
 use crate::diagnose::report::PowerReport;
@@ -96,8 +96,8 @@ impl Study<'_> {
     /// Plants and diagnoses.
     pub(crate) fn run(
         &self,
-        nominal: &Fitted,
-        best: &Fitted,
+        nominal: &Contestant,
+        best: &Contestant,
         train: &Dataset,
         holdout: &Dataset,
     ) -> Result<PowerReport> {

@@ -1,152 +1,38 @@
 //! Attribute: which effects cause the gap, and is anything left that has no name.
 
-use crate::diagnose::Diagnose;
-use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::catalogue::rival::Rival;
-use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::fit::tolerance::charge_tolerated;
-use crate::diagnose::steps::contest::{Contest, Expansion, NEAR, Summary, keep_first_of_each, sort_by_score};
-use crate::diagnose::steps::detect::{Detected, detect, rival_p_value};
-use crate::diagnose::steps::merge::merged;
-use crate::diagnose::steps::prepare;
-use crate::diagnose::steps::prune::{NAMED, gap_size, pruned, strongest};
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{ALIKE, BEAM, Budget, IN_SIGHT, NAMED};
+use crate::diagnose::steps::charge::charge_tolerated;
+use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
+use crate::diagnose::steps::detect::{Suspected, nameless_p_value};
+use crate::diagnose::steps::findings::{Judged, Left, Outcome};
+use crate::diagnose::steps::lengthen::lengthen;
+use crate::diagnose::steps::round::{Expansion, Known, expand, expand_once, survey};
+use crate::diagnose::steps::screen::nameless;
+use crate::diagnose::steps::simplify::{gap_size, merged, pruned, strongest};
 use crate::error::Result;
-use crate::refine::Refine;
 use rayon::prelude::*;
 
-/// Structure that the winner leaves.
-#[derive(Debug, Clone)]
-pub(crate) struct Left {
-    /// Mean squared residual (noise units) that a function without a name would still remove.
-    pub(crate) energy: f64,
-    /// Chance that noise alone would give as much.
-    pub(crate) p_value: f64,
-    /// State in whose equation it lies, and the variables that it depends on.
-    pub(crate) state: usize,
-    pub(crate) depends_on: Vec<String>,
-}
-
-/// What the contest found.
-pub(crate) struct Outcome {
-    /// The nominal model that the winner is compared with, where it is not the first one.
-    pub(crate) nominal: Option<Fitted>,
-    pub(crate) best: Fitted,
-    /// For every effect of the winner: contestants that differ from the winner in that effect alone, the winner included.
-    pub(crate) alternatives: Vec<Vec<Fitted>>,
-    /// Mean squared residual (noise units) that each effect of the winner removes, taken last.
-    pub(crate) removed: Vec<f64>,
-    /// Where no effect convinced: single effects, best first.
-    pub(crate) singles: Vec<Fitted>,
-    pub(crate) left: Option<Left>,
-    /// Straight-line gain of every hypothesis at the winner.
-    pub(crate) screened: Vec<Summary>,
-}
-
-impl Outcome {
-    pub(crate) fn no_gap(nominal: &Fitted, first: &Expansion) -> Self {
-        Self {
-            nominal: None,
-            best: nominal.clone(),
-            alternatives: Vec::new(),
-            removed: Vec::new(),
-            singles: first.fits.iter().filter(|f| f.hypotheses.len() == 1).cloned().collect(),
-            left: None,
-            screened: first.screened.clone(),
-        }
-    }
-}
-
-/// A nominal model, whether it has a gap, and what causes it.
-pub(crate) struct Judged {
-    pub(crate) nominal: Fitted,
-    pub(crate) detected: Detected,
-    /// Gain and degrees of freedom of every rival at the nominal model.
-    pub(crate) free_gains: Vec<(f64, usize)>,
-    pub(crate) outcome: Outcome,
-}
-
-/// A nominal model after every suspect was tried once: whether it has a gap.
-pub(crate) struct Suspected {
-    nominal: Fitted,
-    first: Expansion,
-    free_gains: Vec<(f64, usize)>,
-    pub(crate) detected: Detected,
-}
-
-impl Suspected {
-    /// The verdict where no gap was detected.
-    pub(crate) fn without_gap(self) -> Judged {
-        let outcome = Outcome::no_gap(&self.nominal, &self.first);
-        Judged { nominal: self.nominal, detected: self.detected, free_gains: self.free_gains, outcome }
-    }
-}
-
-/// Detects a gap.
-pub(crate) fn suspect(
-    contest: &Contest<'_>,
-    nominal: Fitted,
-    rivals: &[Rival],
-    settings: &Diagnose,
-) -> Result<Suspected> {
-    let (nominal, first) = suspects(contest, nominal)?;
-    let free_gains = contest.rivals(&nominal, rivals);
-    let detected = detect(&first, &free_gains, settings.confidence, &nominal);
-    Ok(Suspected { nominal, first, free_gains, detected })
-}
-
-/// Detects a gap, and where there is one finds its causes.
-pub(crate) fn judge(
-    contest: &Contest<'_>,
-    nominal: Fitted,
-    rivals: &[Rival],
-    settings: &Diagnose,
-    notes: &mut Vec<String>,
-) -> Result<Judged> {
-    let suspected = suspect(contest, nominal, rivals, settings)?;
+/// The causes of a detected gap.
+pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<Judged> {
     if !suspected.detected.gap {
         return Ok(suspected.without_gap());
     }
-    let Suspected { nominal, first, free_gains, detected } = suspected;
-    let outcome = attribute(contest, &nominal, first, rivals, settings.most_effects, notes)?;
-    Ok(Judged { nominal, detected, free_gains, outcome })
-}
-
-/// Every hypothesis tried at the nominal model, with integration steps short enough for the best of them.
-///
-/// Ripples and edges need shorter ones than the nominal model does, and lose the contest without.
-fn suspects(contest: &Contest<'_>, mut nominal: Fitted) -> Result<(Fitted, Expansion)> {
-    loop {
-        let first = contest.expand(&nominal, "suspects")?;
-        let finer = first.fits.first().and_then(Fitted::finer);
-        let Some(finer) = finer else { return Ok((nominal, first)) };
-        nominal = nominal.on(&finer, &contest.settings)?;
-    }
-}
-
-/// The contest from first suspects to a winner, its rivals and what it leaves.
-fn attribute(
-    contest: &Contest<'_>,
-    nominal: &Fitted,
-    first: Expansion,
-    rivals: &[Rival],
-    most: usize,
-    notes: &mut Vec<String>,
-) -> Result<Outcome> {
-    let singles: Vec<Fitted> = first.fits.iter().filter(|f| f.hypotheses.len() == 1).map(Fitted::slim).collect();
-    let (rough, mut known) = contest.run(nominal, first, most)?;
-    let (rough, _) = pruned(contest, nominal, rough, rivals);
+    let Suspected { nominal: first_nominal, first, nameless: first_nameless, detected } = suspected;
+    let singles = first.singles();
+    let (rough, mut known) = run(contest, &first_nominal, first)?;
+    let (rough, _) = pruned(contest, &first_nominal, rough)?;
     let windows = rough.experiment.windows.clone();
-    let (lengthened, rough) = lengthen(nominal, rough, notes)?;
+    let (lengthened, rough) = lengthen(contest.fitter, contest.notes, first_nominal, rough)?;
     let n_tolerated = lengthened.free.len();
-    let (nominal, charged) = charge_tolerated(contest, lengthened, rough, notes)?;
+    let (nominal, charged) = charge_tolerated(contest, lengthened, rough)?;
     // Once more, because longer rollouts show what an effect is worth.
-    let (mut best, is_structured) = pruned(contest, &nominal, charged, rivals);
+    let (mut best, is_structured) = pruned(contest, &nominal, charged)?;
     let unchanged = best.experiment.windows == windows && nominal.free.len() == n_tolerated;
     if !unchanged {
         known.clear();
     }
-    let thorough = Refine { max_iterations: 60, tolerance: 1e-6 };
-    let mut alternatives: Vec<Vec<Fitted>> = Vec::new();
+    let mut alternatives: Vec<Vec<Contestant>> = Vec::new();
     let mut removed: Vec<f64> = Vec::new();
     // Swap: leave each effect out in turn, and let all others apply for its place.
     let mut swaps = 0;
@@ -163,18 +49,18 @@ fn attribute(
             removed.clear();
             place = 0;
         }
-        let Ok(rest) = without(contest, &nominal, &best, place) else {
+        let Some(rest) = contest.without(&nominal, &best, &[place])? else {
             // Without this one the others can't even be simulated: it has no alternative.
             alternatives.push(vec![best.clone()]);
             removed.push(gap_size(&nominal, &best).max(0.0));
             place += 1;
             continue;
         };
-        let mut fits = contest.expand_once(&rest, "alternatives", &mut known)?;
+        let mut fits = expand_once(contest, &rest, "alternatives", &mut known)?;
         // Several that apply together for the place of one must convince; they are no alternatives to one.
         let several = fits.iter().find(|f| f.hypotheses.len() > best.hypotheses.len());
         if let Some(richer) = several.filter(|f| swaps < 4 && contest.is_convincing(f, &best)) {
-            best = richer.clone().again(&thorough);
+            best = contest.fitter.carried_on(richer.clone(), Budget::Thorough)?;
             alternatives.clear();
             removed.clear();
             swaps += 1;
@@ -183,15 +69,21 @@ fn attribute(
         }
         // While structure is left, its use to a more flexible effect is no evidence for that one.
         let slight = NAMED * gap_size(&nominal, &best);
-        let is_plain =
-            |f: &Fitted| !is_structured || f.complexity() <= best.complexity() || f.misfit() < best.misfit() - slight;
+        let is_plain = |f: &Contestant| {
+            !is_structured
+                || f.evidence.complexity() <= best.evidence.complexity()
+                || f.evidence.misfit() < best.evidence.misfit() - slight
+        };
         fits.retain(|f| f.hypotheses.len() == best.hypotheses.len() && is_plain(f));
         fits.push(best.clone());
         let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
-        let finish = |f: Fitted| if contest.score(&f) > leader - NEAR { f.again(&thorough) } else { f };
-        let mut fits: Vec<Fitted> = fits.into_par_iter().map(finish).collect();
-        sort_by_score(&mut fits, |f| contest.score(f));
-        keep_first_of_each(&mut fits);
+        let finish = |f: Contestant| match contest.score(&f) > leader - IN_SIGHT {
+            true => contest.fitter.carried_on(f, Budget::Thorough),
+            false => Ok(f),
+        };
+        let mut fits = fits.into_par_iter().map(finish).collect::<Result<Vec<Contestant>>>()?;
+        contest.sort(&mut fits);
+        let fits = keep_first_of_each(fits);
         let gain = contest.score(&fits[0]) - contest.score(&best);
         let same = fits[0].hypotheses.iter().all(|h| best.hypotheses.contains(h));
         if !contest.is_convincing(&best, &rest) && best.hypotheses.len() > 1 {
@@ -211,132 +103,80 @@ fn attribute(
             continue;
         }
         alternatives.push(fits);
-        removed.push((rest.misfit() - best.misfit()).max(0.0));
+        removed.push((rest.evidence.misfit() - best.evidence.misfit()).max(0.0));
         place += 1;
     }
-    let last = contest.survey(&best, "what is left")?;
-    let gains = contest.rivals(&best, rivals);
-    let left = left_over(&best, &last, &gains, rivals);
-    Ok(Outcome { nominal: Some(nominal), best, alternatives, removed, singles, left, screened: last.screened })
+    let last = survey(contest, &best, "what is left")?;
+    let left = left_over(contest, &best, &last)?;
+    let outcome = Outcome { best, alternatives, removed, singles, left, screened: last.screened };
+    Ok(Judged { nominal, detected, nameless: first_nameless, outcome })
 }
 
-/// Fitted values of the effect at `place`.
-pub(crate) fn values(best: &Fitted, place: usize) -> Vec<f64> {
-    best.added[place].iter().map(|(index, _)| best.refined.parameters[*index]).collect()
-}
-
-/// `base` with effects and their values, fitted all at once from where `best` stands: one at a time, the first would
-/// be fitted without the others and might not find back.
-pub(crate) fn again_with(
-    contest: &Contest<'_>,
-    base: &Fitted,
-    best: &Fitted,
-    effects: &[(&Hypothesis, Vec<f64>)],
-) -> Result<Fitted> {
-    let hypotheses: Vec<&Hypothesis> = effects.iter().map(|e| e.0).collect();
-    let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
-    let applied = crate::diagnose::catalogue::joint::apply(&hypotheses, base.system.model(), &contest.scene)?;
-    base.from(best).with_all(&hypotheses, &applied, &[values], &contest.settings)
-}
-
-/// The winner without the effect at `place`, fitted again from the nominal model.
-pub(crate) fn without(contest: &Contest<'_>, nominal: &Fitted, best: &Fitted, place: usize) -> Result<Fitted> {
-    let others = (0..best.hypotheses.len()).filter(|i| *i != place);
-    let effects: Vec<_> = others.map(|i| (&best.hypotheses[i], values(best, i))).collect();
-    again_with(contest, nominal, best, &effects)
-}
-
-/// Once the model is better, rollouts may be longer: whole runs again where the winner allows it.
-fn lengthen(nominal: &Fitted, best: Fitted, notes: &mut Vec<String>) -> Result<(Fitted, Fitted)> {
-    let is_whole = nominal.experiment.windows.len() == nominal.experiment.logs.len();
-    if is_whole || best.hypotheses.is_empty() {
-        return Ok((nominal.clone(), best));
-    }
-    // A constant error of a force makes four times the error of a place in twice the time.
-    const STEADY: f64 = 16.0;
-    // Where structure is left, rollouts that leave more of it tell of its piling up, and pull the effects after it.
-    const PILED: f64 = 1.25;
-    let settings = Refine { max_iterations: 60, tolerance: 1e-5 };
-    let mut moved = best.clone();
-    // From one length to the next, so that each fit starts near its end.
-    while let Some(longer) = prepare::doubled(&moved.experiment) {
-        let Ok(next) = moved.on(&longer, &settings) else { break };
-        let growth = if moved.is_structured() { PILED } else { STEADY };
-        let is_steady = next.misfit() <= growth * moved.misfit().max(1.0);
-        let residuals = &next.refined.residuals;
-        let is_near = prepare::stays_near(&next.experiment, residuals, &next.jacobian);
-        if !is_steady || !is_near || prepare::is_loud(&next.system, &next.experiment, residuals) {
+/// Adds effects as long as they convince; returns the winner, and what was tried on the way.
+fn run(contest: &Contest<'_>, nominal: &Contestant, first: Expansion) -> Result<(Contestant, Vec<Known>)> {
+    let mut best = nominal.clone();
+    let mut known = vec![Known::new(nominal, &first.fits)];
+    let mut beam = different(first.fits);
+    for round in 1..=contest.most {
+        let Some(leader) = beam.first() else { break };
+        if !contest.is_convincing(leader, &best) {
             break;
         }
-        moved = next;
+        best = leader.clone();
+        // With as many effects as may be, or nothing left, no more are added.
+        if round == contest.most || best.hypotheses.len() >= contest.most || best.evidence.misfit() < 1e-12 {
+            break;
+        }
+        let mut next = Vec::new();
+        for (place, contestant) in beam.iter().filter(|f| f.hypotheses.len() < contest.most).enumerate() {
+            // Where nothing is left at the leader, the others need not be tried with more.
+            if place > 0 && next.is_empty() {
+                break;
+            }
+            let stage = format!("effects together: {}", round + 1);
+            let fits = expand(contest, contestant, &stage)?.fits;
+            known.push(Known::new(contestant, &fits));
+            next.extend(fits.into_iter().take(2 * BEAM));
+        }
+        contest.sort(&mut next);
+        beam = different(keep_first_of_each(next));
     }
-    if moved.experiment.windows.len() == best.experiment.windows.len() {
-        return Ok((nominal.clone(), best));
+    Ok((best, known))
+}
+
+/// The first contestants whose outputs differ: what cannot be told apart now need not be carried on twice, and
+/// leaves room for another account of the logs. The final swaps bring the twins back.
+fn different(fits: Vec<Contestant>) -> Vec<Contestant> {
+    let mut kept: Vec<Contestant> = Vec::with_capacity(BEAM);
+    for fit in fits {
+        if kept.len() == BEAM {
+            break;
+        }
+        let is_known =
+            |other: &Contestant| other.distance(&fit) < ALIKE * other.evidence.misfit().min(fit.evidence.misfit());
+        if !kept.iter().any(is_known) {
+            kept.push(fit);
+        }
     }
-    let Ok(base) = nominal.on(&moved.experiment, &settings) else { return Ok((nominal.clone(), best)) };
-    notes.push("the corrected model stays near the logs for longer, so its fit uses longer rollouts".into());
-    Ok((base, moved))
+    kept
 }
 
 /// Structure that a function without a name, or one more effect, would still remove.
-fn left_over(best: &Fitted, last: &Expansion, gains: &[(f64, usize)], rivals: &[Rival]) -> Option<Left> {
-    let (place, energy) = strongest(best, gains)?;
-    let p_value = (2.0 * rival_p_value(gains, best).min(last.p_value(best))).min(1.0);
-    let rival = &rivals[place];
-    Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() })
+fn left_over(contest: &Contest<'_>, best: &Contestant, last: &Expansion) -> Result<Option<Left>> {
+    let gains = nameless(contest, best)?;
+    let Some((place, energy)) = strongest(best, &gains) else { return Ok(None) };
+    let p_value = (2.0 * nameless_p_value(&gains, best).min(last.p_value(best))).min(1.0);
+    let rival = &contest.rivals[place];
+    Ok(Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() }))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::*;
-    use crate::diagnose::catalogue::excited::Scene;
-    use crate::diagnose::catalogue::hypothesis::enumerate;
     use crate::diagnose::fixture::drive;
     use crate::diagnose::report::Verdict;
-    use crate::diagnose::{Diagnosed, hold_out};
-    use crate::model::System;
+    use crate::diagnose::{Diagnose, Diagnosed, hold_out};
     use crate::progress::Silent;
-    use crate::refine::{Experiment, Refined, Starts};
-
-    /// The fits of a drive that loses `loses(x)` in windows of 0.4 s: nominal, with a quadratic drag, and that one on longer
-    /// windows where they tell more.
-    fn in_short_windows(loses: impl Fn(f64) -> f64) -> (Fitted, Fitted, Fitted) {
-        let (model, data) = drive(None, loses, 0.002, (2, 400));
-        let system = System::new(&model).unwrap();
-        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap().with_windows_of(0.4);
-        let settings = Refine::default();
-        let nominal = Fitted::nominal(system.clone(), experiment, Vec::new(), &settings).unwrap();
-        let scene = Scene::new(&system, &nominal.experiment, &nominal.refined.parameters, &nominal.refined.initial);
-        let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
-        let drag = hypotheses.iter().find(|h| h.id() == "quadratic_drag").unwrap();
-        let applied = drag.apply(&model, &scene).unwrap();
-        let fit = nominal.with(drag, &applied, &[0.5], &settings).unwrap().again(&settings);
-        let (_, longer) = lengthen(&nominal, fit.clone(), &mut Vec::new()).unwrap();
-        (nominal, fit, longer)
-    }
-
-    #[test]
-    fn rollouts_grow_longer_where_nothing_is_left() {
-        let (nominal, fit, longer) = in_short_windows(|x| x + 0.8 * x * x.abs());
-        assert!(nominal.is_structured() && !fit.is_structured(), "{}, {}", nominal.misfit(), fit.misfit());
-        assert_eq!(longer.experiment.windows.len(), 2);
-        // What is left is noise, so that all samples count alike.
-        assert_eq!(fit.starts().more, 0.0);
-    }
-
-    #[test]
-    fn rollouts_stay_short_and_start_at_the_logs_where_something_is_left_that_piles_up() {
-        let (_, fit, longer) = in_short_windows(|x| x + 0.8 * x * x.abs() + 0.3);
-        assert!(fit.is_structured(), "{}", fit.misfit());
-        assert_eq!(longer.experiment.windows, fit.experiment.windows);
-        // Where every sample counts alike, the starts are where they take up as much as they can.
-        let alike = Experiment { starts: Starts::default(), ..fit.experiment.clone() };
-        let parameters = &fit.refined.parameters;
-        let free = Refine::default().fit(&fit.system, &alike, parameters, &fit.free, None).unwrap();
-        let first = |fit: &Refined| fit.residuals.iter().map(|window| window[0].powi(2)).sum::<f64>();
-        assert!(first(&fit.refined) < 0.1 * first(&free), "{}, {}", first(&fit.refined), first(&free));
-    }
 
     /// A drive with a tolerance of 5 % whose true rate is 1.03/s.
     fn slightly_off(noise: f64) -> Diagnosed {

@@ -1,12 +1,10 @@
 //! What no diagnosis can be made from, told before any work: logs without values or motion, a model that leaves them at once.
 
 use crate::data::{Dataset, Run};
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::ASTRAY;
 use crate::error::{Error, Result};
 use crate::model::Model;
-
-/// Misses of this many spreads of a column on the shortest rollouts are no gap to explain but another model's logs.
-const ASTRAY: f64 = 1e3;
 
 /// Position and values of every logged state, run by run.
 fn logged(model: &Model, data: &Dataset) -> Vec<(String, Vec<Vec<f64>>)> {
@@ -38,9 +36,9 @@ pub(crate) fn moves(model: &Model, data: &Dataset) -> bool {
 }
 
 /// Refuses a nominal model whose rollouts are nowhere near the logs, however short they are.
-pub(crate) fn nominal(fitted: &Fitted) -> Result<()> {
+pub(crate) fn nominal(fitted: &Contestant) -> Result<()> {
     let experiment = &fitted.experiment;
-    for (c, colour) in fitted.colours.iter().enumerate() {
+    for (c, colour) in fitted.evidence.colours.iter().enumerate() {
         let missed = experiment.noise[c] * colour.variance().sqrt();
         let state = experiment.columns[c];
         let spread = experiment.scale[state];

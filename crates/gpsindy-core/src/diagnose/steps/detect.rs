@@ -1,61 +1,96 @@
-//! Is there a gap: beyond noise, what no test should find, and what the user tolerates?
+//! Detect: is there a gap beyond noise, beyond what no test should find, and beyond what the user tolerates?
 
+use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
-use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::fit::tolerance::Moved;
-use crate::diagnose::steps::contest::Expansion;
+use crate::diagnose::fit::substeps::finer;
+use crate::diagnose::fit::tolerance::{Moved, moved};
+use crate::diagnose::limits::{Budget, TOLERABLE};
+use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::findings::{Detected, Judged, Outcome};
+use crate::diagnose::steps::round::{Expansion, expand};
+use crate::diagnose::steps::screen::nameless;
+use crate::error::Result;
 
-/// Whether there is a gap.
-#[derive(Debug, Clone)]
-pub(crate) struct Detected {
-    pub(crate) gap: bool,
-    pub(crate) p_value: f64,
+/// A nominal model after every suspect was tried once: whether it has a gap.
+pub(crate) struct Suspected {
+    pub(crate) nominal: Contestant,
+    pub(crate) first: Expansion,
+    pub(crate) nameless: Vec<(f64, usize)>,
+    pub(crate) detected: Detected,
 }
 
-/// Structure (mean square, noise units) that no test calls a gap: a fourteenth of the noise's standard deviation.
-///
-/// A coarse integration, a rounded column or a control logged with few digits leave as much, and in a long
-/// log a test of exactly nothing would find them.
-pub(crate) const NEGLIGIBLE: f64 = 0.005;
+impl Suspected {
+    /// The verdict where no gap was detected.
+    pub(crate) fn without_gap(self) -> Judged {
+        let outcome = Outcome {
+            best: self.nominal.clone(),
+            alternatives: Vec::new(),
+            removed: Vec::new(),
+            singles: self.first.singles(),
+            left: None,
+            screened: self.first.screened,
+        };
+        Judged { nominal: self.nominal, detected: self.detected, nameless: self.nameless, outcome }
+    }
+}
 
-/// Mean squared change of the outputs (noise units) that a parameter may make within its tolerance and be no cause.
+/// Tries every suspect, and every function without a name, once.
+pub(crate) fn detect(contest: &Contest<'_>, nominal: Contestant, confidence: f64) -> Result<Suspected> {
+    let (nominal, first) = suspects(contest, nominal)?;
+    let nameless = nameless(contest, &nominal)?;
+    let detected = judge(&first, &nameless, confidence, &nominal);
+    Ok(Suspected { nominal, first, nameless, detected })
+}
+
+/// Every hypothesis tried at the nominal model, with integration steps short enough for the best of them.
 ///
-/// Half the noise's standard deviation: the user expects the parameter to be off by as much, and does not see it.
-pub(crate) const TOLERABLE: f64 = 0.25;
+/// Ripples and edges need shorter ones than the nominal model does, and lose the contest without.
+fn suspects(contest: &Contest<'_>, mut nominal: Contestant) -> Result<(Contestant, Expansion)> {
+    loop {
+        let first = expand(contest, &nominal, "suspects")?;
+        let Some(finer) = first.fits.first().and_then(finer) else { return Ok((nominal, first)) };
+        nominal = contest.fitter.on(&nominal, &finer, Budget::Usual)?;
+    }
+}
 
 /// Chance that noise and negligible structure give as large a gain as the best rival (Bonferroni).
-pub(crate) fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
-    let (count, spent) = (at.count(), at.spent());
-    let allowed = at.negligible() * count as f64;
+pub(crate) fn nameless_p_value(gains: &[(f64, usize)], at: &Contestant) -> f64 {
+    let (count, spent) = (at.evidence.count(), at.evidence.spent());
+    let allowed = at.evidence.negligible() * count as f64;
     let tail =
         |&(gain, degrees): &(f64, usize)| gain_tail(with_fitted_level(gain - allowed, count), degrees, count, spent);
-    (gains.iter().map(tail).fold(1.0, f64::min) * gains.len() as f64).min(1.0)
+    Searches::of(gains.len()).pay(gains.iter().map(tail).fold(1.0, f64::min))
 }
 
 /// Judges the nominal model by all that was tried at it.
-pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
-    let strain = |moved: Moved| {
-        let allowed = if moved.is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
-        chi_squared_tail(moved.squared - allowed * nominal.count() as f64, 1)
-    };
-    let moved = nominal.moved();
-    // Several tolerated parameters may stand for each other: then none is told by itself, but all together are.
-    let is_believed = moved.iter().all(|m| m.is_believed);
-    let allowed = if is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
-    let together = (nominal.strain() - allowed) * nominal.count() as f64 / nominal.inflation();
-    let together = chi_squared_tail(together, nominal.free.len());
-    let alone = moved.into_iter().map(strain).fold(1.0, f64::min) * nominal.free.len().max(1) as f64;
-    let strained = alone.min(together);
+fn judge(first: &Expansion, nameless: &[(f64, usize)], confidence: f64, nominal: &Contestant) -> Detected {
+    let evidence = &nominal.evidence;
+    let count = evidence.count();
+    let allowed = evidence.negligible() * count as f64;
     // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
-    let count = nominal.count();
-    let allowed = nominal.negligible() * count as f64;
     let refitted = first.fits.iter().map(|fit| {
-        let gain = 2.0 * (log_likelihood(&fit.colours) - log_likelihood(&nominal.colours));
-        gain_tail(gain - allowed, fit.complexity(), count, nominal.spent())
+        let gain = 2.0 * (log_likelihood(&fit.evidence.colours) - log_likelihood(&evidence.colours));
+        gain_tail(gain - allowed, fit.evidence.complexity(), count, evidence.spent())
     });
-    let refitted = (refitted.fold(1.0, f64::min) * first.tried as f64).min(1.0);
-    let smallest = refitted.min(first.p_value(nominal)).min(rival_p_value(rivals, nominal)).min(strained.min(1.0));
-    // Four searches, each paid for.
-    let p_value = (4.0 * smallest).min(1.0);
+    let refitted = first.searches.pay(refitted.fold(1.0, f64::min));
+    let searches = [refitted, first.p_value(nominal), nameless_p_value(nameless, nominal), strained(nominal)];
+    let p_value = Searches::of(searches.len()).pay(searches.into_iter().fold(1.0, f64::min));
     Detected { gap: p_value <= 1.0 - confidence, p_value }
+}
+
+/// Chance that the tolerated parameters move as far where the nominal model is right.
+fn strained(nominal: &Contestant) -> f64 {
+    let (evidence, free) = (&nominal.evidence, &nominal.free);
+    let count = evidence.count() as f64;
+    let allowed = |is_believed: bool| match is_believed {
+        true => TOLERABLE + evidence.model_error,
+        false => evidence.negligible(),
+    };
+    let moved = moved(nominal);
+    // Several tolerated parameters may stand for each other: then none is told by itself, but all together are.
+    let together = evidence.strain - allowed(moved.iter().all(|m| m.is_believed));
+    let together = chi_squared_tail(together * count / evidence.inflation(), free.len());
+    let one = |moved: &Moved| chi_squared_tail(moved.squared - allowed(moved.is_believed) * count, 1);
+    let alone = Searches::of(free.len()).pay(moved.iter().map(one).fold(1.0, f64::min));
+    alone.min(together)
 }

@@ -1,40 +1,44 @@
-//! Held or interpolated: what the control does between its samples.
+//! Hold: what the control does between its samples, held or interpolated.
 
-use crate::diagnose::Diagnose;
-use crate::diagnose::catalogue::rival::Rival;
-use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::steps::attribute::{Judged, judge, suspect};
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::unless_refused;
+use crate::diagnose::limits::{Budget, HOLD};
+use crate::diagnose::notes::Note;
+use crate::diagnose::steps::attribute::attribute;
 use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::detect::detect;
+use crate::diagnose::steps::findings::Judged;
 use crate::error::Result;
 use crate::refine::{Experiment, Hold};
 
-/// The verdict under interpolated controls, where that is clearly the better account of the logs.
+/// The verdict under interpolated controls, where that is clearly the better account of the logs; `start` is the nominal
+/// model that was judged with held ones.
 ///
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
 pub(crate) fn reconsider_hold(
     contest: &Contest<'_>,
+    start: &Contestant,
     held: Judged,
-    rivals: &[Rival],
-    settings: &Diagnose,
-    notes: &mut Vec<String>,
+    confidence: f64,
 ) -> Result<Judged> {
-    /// Far beyond what chance gives one binary choice, in nats.
-    const CLEARLY: f64 = 10.0;
     if !held.detected.gap || held.nominal.system.n_controls() == 0 {
         return Ok(held);
     }
-    let linear = |fit: &Fitted| {
+    let linear = |fit: &Contestant| {
         let experiment = Experiment { hold: Hold::Linear, ..fit.experiment.clone() };
-        fit.on(&experiment, &contest.settings)
+        contest.fitter.on(fit, &experiment, Budget::Usual)
     };
-    let is_better = |fit: &Fitted| linear(fit).is_ok_and(|other| contest.score(&other) > contest.score(fit) + CLEARLY);
-    let mut own_notes = Vec::new();
-    let interpolated = if is_better(&held.outcome.best) {
-        judge(contest, linear(&held.nominal)?, rivals, settings, &mut own_notes)?
-    } else if is_better(&held.nominal) {
+    let is_better = |fit: &Contestant| -> Result<bool> {
+        let other = unless_refused(linear(fit))?;
+        Ok(other.is_some_and(|other| contest.score(&other) > contest.score(fit) + HOLD))
+    };
+    let before = contest.notes.mark();
+    let interpolated = if is_better(&held.outcome.best)? {
+        attribute(contest, detect(contest, linear(start)?, confidence)?)?
+    } else if is_better(start)? {
         // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
-        let suspected = suspect(contest, linear(&held.nominal)?, rivals, settings)?;
+        let suspected = detect(contest, linear(start)?, confidence)?;
         if suspected.detected.gap {
             return Ok(held);
         }
@@ -43,14 +47,14 @@ pub(crate) fn reconsider_hold(
         return Ok(held);
     };
     let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.is_imitated_by_hold());
-    let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + CLEARLY;
+    let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + HOLD;
     // A delay under interpolation that the held control does not need is the phantom of half a sample.
     let phantom = delayed(&interpolated) && !delayed(&held);
     let still_gaping = interpolated.detected.gap && !wins;
     if phantom || still_gaping {
+        contest.notes.forget_since(before);
         return Ok(held);
     }
-    notes.append(&mut own_notes);
-    notes.push("the control looks interpolated between samples, not held: no delay below one sample is claimed".into());
+    contest.notes.say(Note::Interpolated);
     Ok(interpolated)
 }

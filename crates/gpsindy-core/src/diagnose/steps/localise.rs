@@ -3,16 +3,18 @@
 //! The gap of an equation is the difference between the rates of the corrected and of the nominal model along
 //! the corrected trajectory. The corrected model is the winner, or the best function without a name.
 
-use crate::diagnose::catalogue::excited::trajectories;
 use crate::diagnose::catalogue::rival::Rival;
+use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::evidence::chi_squared_tail;
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::outputs::trajectories;
+use crate::diagnose::fit::tolerance::deviation;
+use crate::diagnose::limits::Budget;
 use crate::diagnose::report::{
     Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned,
 };
-use crate::diagnose::steps::attribute::Outcome;
+
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::detect::Detected;
+use crate::diagnose::steps::findings::{Detected, Outcome};
 use crate::model::Dynamics;
 
 /// Parts into which a variable's range and a run's time are cut.
@@ -33,7 +35,7 @@ pub(crate) struct Located {
 
 pub(crate) fn gap(
     contest: &Contest<'_>,
-    nominal: &Fitted,
+    nominal: &Contestant,
     outcome: &Outcome,
     rivals: &[Rival],
     gains: &[(f64, usize)],
@@ -89,7 +91,7 @@ pub(crate) fn gap(
 }
 
 /// The winner, or without one the best function without a name, fitted.
-fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Fitted {
+fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Contestant {
     let Some(left) = outcome.left.as_ref().filter(|_| outcome.best.hypotheses.is_empty()) else {
         return outcome.best.clone();
     };
@@ -102,12 +104,13 @@ fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Fitt
             &[],
         );
         let start = vec![0.0; applied.fitted.len()];
-        outcome.best.with(&hypothesis, &applied, &start, &contest.settings).ok()
+        let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::NONE };
+        contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual).ok()
     });
     fitted.unwrap_or_else(|| outcome.best.clone())
 }
 
-fn missing(nominal: &Fitted, corrected: &Fitted) -> Option<Missing> {
+fn missing(nominal: &Contestant, corrected: &Contestant) -> Option<Missing> {
     let n = nominal.system.n_states();
     let paths = trajectories(
         &corrected.system,
@@ -138,7 +141,7 @@ fn missing(nominal: &Fitted, corrected: &Fitted) -> Option<Missing> {
 }
 
 /// Share of the gap by nominal state: of every included effect what it removes, of the rest where a function without a name fits.
-fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, usize)]) -> Vec<f64> {
+fn shares(nominal: &Contestant, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, usize)]) -> Vec<f64> {
     let mut energy = vec![0.0; nominal.system.n_states()];
     for (hypothesis, removed) in outcome.best.hypotheses.iter().zip(&outcome.removed) {
         energy[hypothesis.state] += removed.max(1e-9);
@@ -148,8 +151,8 @@ fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, 
     }
     if outcome.best.hypotheses.is_empty() {
         for (rival, &(gain, degrees)) in rivals.iter().zip(gains) {
-            energy[rival.state] =
-                energy[rival.state].max(1e-3 * (gain - degrees as f64).max(0.0) / nominal.count().max(1) as f64);
+            energy[rival.state] = energy[rival.state]
+                .max(1e-3 * (gain - degrees as f64).max(0.0) / nominal.evidence.count().max(1) as f64);
         }
     }
     let total: f64 = energy.iter().sum();
@@ -157,11 +160,11 @@ fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, 
 }
 
 /// Relative standard deviation of the first parameter of the effects in equation `j`.
-fn relative_error(corrected: &Fitted, j: usize) -> f64 {
+fn relative_error(corrected: &Contestant, j: usize) -> f64 {
     let own = corrected.hypotheses.iter().zip(&corrected.added).filter(|(h, _)| h.state == j);
     let errors = own.filter_map(|(_, added)| {
         let (index, _) = added.first()?;
-        Some((corrected.deviation(*index) / corrected.refined.parameters[*index]).abs())
+        Some((deviation(corrected, *index)? / corrected.refined.parameters[*index]).abs())
     });
     let largest = errors.filter(|e| e.is_finite()).fold(0.0, f64::max);
     largest.min(1.0)
@@ -173,7 +176,7 @@ fn root_mean_square(missing: &Missing, j: usize) -> f64 {
 }
 
 /// Values of a state or control beside the missing rates of one window.
-fn variable_along(nominal: &Fitted, missing: &Missing, window: usize, name: &str) -> Vec<f64> {
+fn variable_along(nominal: &Contestant, missing: &Missing, window: usize, name: &str) -> Vec<f64> {
     let model = nominal.system.model();
     let count = missing.rates[window][0].len();
     if let Some(j) = model.state_index(name) {
@@ -186,7 +189,7 @@ fn variable_along(nominal: &Fitted, missing: &Missing, window: usize, name: &str
 }
 
 /// Pairs of a variable and the missing rate, in rising order of the variable.
-fn pairs(nominal: &Fitted, missing: &Missing, j: usize, name: &str) -> Vec<(f64, f64)> {
+fn pairs(nominal: &Contestant, missing: &Missing, j: usize, name: &str) -> Vec<(f64, f64)> {
     let mut all: Vec<(f64, f64)> = (0..missing.rates.len())
         .flat_map(|w| variable_along(nominal, missing, w, name).into_iter().zip(missing.rates[w][j].clone()))
         .collect();
@@ -195,7 +198,7 @@ fn pairs(nominal: &Fitted, missing: &Missing, j: usize, name: &str) -> Vec<(f64,
 }
 
 /// The variable whose bins explain most of the missing rate's variance.
-fn strongest_variable(nominal: &Fitted, missing: &Missing, j: usize) -> Option<String> {
+fn strongest_variable(nominal: &Contestant, missing: &Missing, j: usize) -> Option<String> {
     let model = nominal.system.model();
     let names = model.states.iter().map(|s| &s.name).chain(model.controls.iter().map(|c| &c.name));
     let explained = |name: &String| {
@@ -206,7 +209,7 @@ fn strongest_variable(nominal: &Fitted, missing: &Missing, j: usize) -> Option<S
     names.map(|n| (n.clone(), explained(n))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name)
 }
 
-fn regions(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, share: f64, all: &mut Vec<GapRegion>) {
+fn regions(nominal: &Contestant, missing: &Missing, j: usize, variable: &str, share: f64, all: &mut Vec<GapRegion>) {
     let pairs = pairs(nominal, missing, j, variable);
     let total: f64 = pairs.iter().map(|p| p.1 * p.1).sum();
     if pairs.is_empty() || total <= 0.0 {
@@ -223,7 +226,7 @@ fn regions(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, share:
     }
 }
 
-fn windows(nominal: &Fitted, missing: &Missing, j: usize, all: &mut Vec<GapWindow>) {
+fn windows(nominal: &Contestant, missing: &Missing, j: usize, all: &mut Vec<GapWindow>) {
     let total: f64 = missing.rates.iter().flat_map(|w| w[j].iter()).map(|v| v * v).sum();
     if total <= 0.0 {
         return;
@@ -245,7 +248,7 @@ fn windows(nominal: &Fitted, missing: &Missing, j: usize, all: &mut Vec<GapWindo
     }
 }
 
-fn figure(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, unit: String) -> ResidualFigure {
+fn figure(nominal: &Contestant, missing: &Missing, j: usize, variable: &str, unit: String) -> ResidualFigure {
     let model = nominal.system.model();
     let pairs = pairs(nominal, missing, j, variable);
     let size = pairs.len().div_ceil(80).max(1);

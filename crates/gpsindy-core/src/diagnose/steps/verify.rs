@@ -1,9 +1,12 @@
 //! Closure: how far the corrected model's held-out rollouts come from the nominal ones to the noise floor.
 
 use crate::data::Dataset;
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::outputs::outputs;
+use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::report::{Closure, ClosureState, RolloutFigure, finite, thinned};
-use crate::diagnose::steps::prepare::{Purpose, choose_windows, noise_levels, remove_outliers};
+use crate::diagnose::steps::noise::{noise_levels, remove_outliers};
+use crate::diagnose::steps::windows::{Purpose, choose_windows};
 use crate::error::Result;
 use crate::refine::{Experiment, Jacobian, Point, Refine, Window, guess_initial};
 use rand_chacha::ChaCha8Rng;
@@ -23,7 +26,7 @@ pub(crate) struct Verification {
 }
 
 /// Starts of the held-out rollouts, fitted to their first samples only, with every parameter fixed.
-fn starts(fitted: &Fitted, parameters: &[f64], own: &Experiment) -> Vec<Vec<f64>> {
+fn starts(fitted: &Contestant, parameters: &[f64], own: &Experiment) -> Vec<Vec<f64>> {
     let beginning = Experiment { windows: beginnings(&own.windows), ..own.clone() };
     let guess = crate::diagnose::fit::lagging::with_lagging(
         &fitted.system,
@@ -36,10 +39,10 @@ fn starts(fitted: &Fitted, parameters: &[f64], own: &Experiment) -> Vec<Vec<f64>
 }
 
 /// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
-fn rollouts(fitted: &Fitted, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
+fn rollouts(fitted: &Contestant, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
     let own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
     let initial = starts(fitted, parameters, &own);
-    let scaled = crate::diagnose::steps::screen::outputs(&fitted.system, &own, parameters, &initial);
+    let scaled = outputs(&fitted.system, &own, parameters, &initial);
     let n_columns = own.columns.len();
     let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();
     scaled.into_iter().map(unscale).collect()
@@ -54,11 +57,11 @@ struct Block {
 }
 
 pub(crate) fn closure(
-    nominal: &Fitted,
-    best: &Fitted,
+    nominal: &Contestant,
+    best: &Contestant,
     holdout: &Dataset,
     confidence: f64,
-    notes: &mut Vec<String>,
+    notes: &Notes,
 ) -> Result<Verification> {
     let system = &nominal.system;
     let mut experiment = Experiment::new(system, holdout, None)?;
@@ -77,9 +80,7 @@ pub(crate) fn closure(
         let length = longest.map_or(fitted, |(_, cut)| cut.unwrap_or(f64::INFINITY).max(fitted));
         if length.is_finite() {
             experiment = experiment.with_windows_of(length);
-            notes.push(format!(
-                "held-out rollouts are restarted every {length:.3} s: longer ones magnify any error of the start"
-            ));
+            notes.say(Note::HoldoutRestarted { length });
         }
     }
     // Before: the model exactly as it was handed in, tolerated parameters included.
@@ -126,8 +127,9 @@ pub(crate) fn closure(
 
 /// What noise alone leaves, by column in its unit: the winner's residual where it is about as small as the
 /// noise of differences (it then shows coloured noise, too), else the noise of differences.
-fn noise_floor(best: &Fitted, noise: &[f64]) -> Vec<f64> {
-    best.colours
+fn noise_floor(best: &Contestant, noise: &[f64]) -> Vec<f64> {
+    best.evidence
+        .colours
         .iter()
         .zip(noise)
         .zip(&best.experiment.noise)
@@ -149,7 +151,7 @@ fn beginnings(windows: &[Window]) -> Vec<Window> {
 
 /// The floor with what noise does to the starts: they are fitted to a few noisy samples, and the rollout carries their
 /// error on. In an unstable plant that is most of what noise leaves.
-fn with_start(best: &Fitted, experiment: &Experiment, floor: Vec<f64>) -> Vec<f64> {
+fn with_start(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> Vec<f64> {
     let own = Experiment { scale: best.experiment.scale.clone(), noise: floor.clone(), ..experiment.clone() };
     let beginning = beginnings(&own.windows);
     let initial = starts(best, &best.refined.parameters, &own);

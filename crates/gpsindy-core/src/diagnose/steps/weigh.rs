@@ -3,19 +3,20 @@
 use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::tolerance::deviation;
+use crate::diagnose::limits::{REST, STRUCTURE};
+use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
-    Cause, Closure, Diagnosis, EquationFigure, Excluded, Figures, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
+    Cause, Closure, Diagnosis, Excluded, Figures, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
 };
-use crate::diagnose::steps::attribute::Outcome;
+use crate::diagnose::steps::augment::{equations, tidy};
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::detect::Detected;
+use crate::diagnose::steps::findings::{Detected, Outcome};
 use crate::diagnose::steps::localise::Located;
-use crate::diagnose::steps::prune::{REST, STRUCTURE};
 use crate::diagnose::steps::verify::Verification;
 use crate::diagnose::{Diagnose, Diagnosed};
 use crate::error::Result;
-use crate::model::Model;
 use std::cmp::Ordering;
 
 /// Difference in BIC below which two effects count as not told apart.
@@ -34,13 +35,12 @@ const INCOMPLETE: f64 = 0.75;
 pub(crate) fn report(
     settings: &Diagnose,
     contest: &Contest<'_>,
-    nominal: &Fitted,
+    nominal: &Contestant,
     outcome: &Outcome,
     detected: &Detected,
     located: Located,
     verification: Verification,
     (train, holdout): (&Dataset, &Dataset),
-    mut notes: Vec<String>,
 ) -> Result<Diagnosed> {
     let unexplained = unexplained(nominal, outcome, detected, &verification.closure);
     let closed = verification.closure.closed;
@@ -49,8 +49,9 @@ pub(crate) fn report(
     let causes = if detected.gap { causes(settings, contest, outcome, &unexplained, keep) } else { Vec::new() };
     let augmented = if keep { tidy(&outcome.best) } else { nominal.system.model().clone() };
     if detected.gap && outcome.best.hypotheses.is_empty() {
-        notes.push("no effect of the catalogue explains a material part of the gap".into());
+        contest.notes.say(Note::NothingExplains);
     }
+    let notes = contest.notes.all();
     let equations = equations(nominal.system.model(), &augmented);
     let names = |data: &Dataset| data.runs().iter().map(|r| r.name.clone()).collect();
     let diagnosis = Diagnosis {
@@ -64,17 +65,17 @@ pub(crate) fn report(
         unexplained,
         closure: verification.closure,
         augmented_model: Some("augmented.toml".into()),
-        notes,
+        notes: notes.iter().map(ToString::to_string).collect(),
         power: None,
         figures: Some(Figures { rollouts: verification.figures, residuals: located.figures, equations }),
     };
-    Ok(Diagnosed { diagnosis, augmented })
+    Ok(Diagnosed { diagnosis, augmented, notes })
 }
 
 /// Energy of the gap above noise in the nominal fit, in noise units.
-fn gap_energy(nominal: &Fitted, outcome: &Outcome) -> f64 {
-    let floor = outcome.best.misfit().min(1.0);
-    (nominal.misfit() - floor).max(1e-12)
+fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
+    let floor = outcome.best.evidence.misfit().min(1.0);
+    (nominal.evidence.misfit() - floor).max(1e-12)
 }
 
 /// Odds that the truth is outside the catalogue although `effects` of it fit well.
@@ -101,7 +102,7 @@ fn held_out_rest(closure: &Closure) -> f64 {
     if closure.high.unwrap_or(closed) < 1.0 && excess > EXCESS { INCOMPLETE } else { 0.0 }
 }
 
-fn unexplained(nominal: &Fitted, outcome: &Outcome, detected: &Detected, closure: &Closure) -> Unexplained {
+fn unexplained(nominal: &Contestant, outcome: &Outcome, detected: &Detected, closure: &Closure) -> Unexplained {
     if !detected.gap {
         return Unexplained { probability: 0.0, share: 0.0, depends_on: Vec::new() };
     }
@@ -136,7 +137,7 @@ fn verdict(outcome: &Outcome, detected: &Detected, unexplained: &Unexplained, cl
 }
 
 /// Posterior weights of contestants that differ in one effect.
-fn weights(contest: &Contest<'_>, fits: &[Fitted]) -> Vec<f64> {
+fn weights(contest: &Contest<'_>, fits: &[Contestant]) -> Vec<f64> {
     let scores: Vec<f64> = fits.iter().map(|f| contest.score(f)).collect();
     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let raw: Vec<f64> = scores.iter().map(|s| (s - best).exp()).collect();
@@ -167,9 +168,9 @@ fn causes(
     for place in places {
         let (fits, hypothesis) = (&outcome.alternatives[place], &outcome.best.hypotheses[place]);
         let weights = weights(contest, fits);
-        let best_bic = fits.iter().map(|f| -2.0 * f.score()).fold(f64::INFINITY, f64::min);
+        let best_bic = fits.iter().map(|f| -2.0 * f.evidence.score()).fold(f64::INFINITY, f64::min);
         // The effect that each contestant has in this one's place.
-        let differing = |fit: &Fitted| {
+        let differing = |fit: &Contestant| {
             let others: Vec<&Hypothesis> = outcome.best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
             fit.hypotheses.iter().position(|h| !others.contains(&h)).unwrap_or(0)
         };
@@ -179,7 +180,7 @@ fn causes(
         for (fit, weight) in fits.iter().zip(&weights) {
             let place = differing(fit);
             let id = fit.hypotheses[place].id().to_string();
-            let is_twin = -2.0 * fit.score() - best_bic < TWINS;
+            let is_twin = -2.0 * fit.evidence.score() - best_bic < TWINS;
             if is_twin || fit.hypotheses[place] == *hypothesis {
                 class_weight += weight;
                 if id != hypothesis.id() && !equivalent.contains(&id) {
@@ -204,7 +205,7 @@ fn causes(
 
 fn cause(
     settings: &Diagnose,
-    fit: &Fitted,
+    fit: &Contestant,
     place: usize,
     probability: f64,
     included: bool,
@@ -217,7 +218,7 @@ fn cause(
         .iter()
         .map(|(index, added)| {
             let value = added.told(fit.refined.parameters[*index]);
-            let deviation = fit.deviation(*index);
+            let deviation = deviation(fit, *index).unwrap_or(f64::NAN);
             Parameter {
                 name: added.symbol.clone(),
                 value,
@@ -244,39 +245,6 @@ fn cause(
 fn normal_quantile(p: f64) -> f64 {
     use statrs::distribution::{ContinuousCDF, Normal};
     Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
-}
-
-/// The winner's model for readers: sizes positive, phases within a turn, edges as steps.
-fn tidy(best: &Fitted) -> Model {
-    let mut model = best.model();
-    for (hypothesis, added) in best.hypotheses.iter().zip(&best.added) {
-        for (index, parameter) in added {
-            let value = &mut model.parameters[*index].value;
-            *value = parameter.told(*value);
-        }
-        hypothesis.tell(&mut model);
-    }
-    model
-}
-
-fn equations(before: &Model, after: &Model) -> Vec<EquationFigure> {
-    let mut all = Vec::new();
-    for state in &after.states {
-        let old = before.states.iter().find(|s| s.name == state.name);
-        let right = old.map_or(String::new(), |s| s.equation.to_string());
-        if right != state.equation.to_string() {
-            all.push(EquationFigure {
-                left: format!("{}'", state.name),
-                before: right,
-                after: state.equation.to_string(),
-            });
-        }
-        let reads = |s: &crate::model::State| s.measured.as_ref().map_or(s.name.clone(), ToString::to_string);
-        if let Some(old) = old.filter(|old| reads(old) != reads(state)) {
-            all.push(EquationFigure { left: format!("{} reads", state.name), before: reads(old), after: reads(state) });
-        }
-    }
-    all
 }
 
 /// Effects that these logs would have shown, had they been larger than a size.

@@ -1,11 +1,11 @@
 //! Spectral lines of a residual: where a periodic effect should look.
 
-use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::fit::contestant::Contestant;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.
-pub(crate) fn peaks(fitted: &Fitted) -> Vec<f64> {
+pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     const GRID: usize = 400;
     const LINES: usize = 5;
     let experiment = &fitted.experiment;
@@ -47,7 +47,7 @@ pub(crate) fn peaks(fitted: &Fitted) -> Vec<f64> {
 }
 
 /// Power of the residual at one angular frequency, summed over windows and columns.
-fn power_at(fitted: &Fitted, omega: f64, n_columns: usize, differenced: bool) -> f64 {
+fn power_at(fitted: &Contestant, omega: f64, n_columns: usize, differenced: bool) -> f64 {
     let mut power = 0.0;
     for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
         let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];

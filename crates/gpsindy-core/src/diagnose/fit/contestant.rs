@@ -1,0 +1,119 @@
+//! A contestant: the nominal model with some hypotheses written into it, and what its fit to the training logs left.
+
+use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
+use crate::diagnose::fit::evidence::Evidence;
+use crate::error::Result;
+use crate::model::{Model, System};
+use crate::refine::{Experiment, Free, Jacobian, Point, Refined};
+
+/// How many starts the search tried that an effect was chosen from: its evidence must pay for all of them (Bonferroni).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Searches(usize);
+
+impl Searches {
+    /// Nothing was chosen: one model, one test.
+    pub(crate) const NONE: Self = Self(1);
+
+    pub(crate) fn of(starts: usize) -> Self {
+        Self(starts.max(1))
+    }
+
+    /// A chance found by the search, paid for.
+    pub(crate) fn pay(self, chance: f64) -> f64 {
+        (chance * self.0 as f64).min(1.0)
+    }
+}
+
+/// An effect that enters a contestant, and the search that chose it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Entrant<'a> {
+    pub(crate) hypothesis: &'a Hypothesis,
+    pub(crate) searches: Searches,
+}
+
+/// The nominal model with some hypotheses, and what its fit left over. Data only: [`Fitter`] makes it, [`Evidence`]
+/// judges it.
+///
+/// [`Fitter`]: crate::diagnose::fit::fitter::Fitter
+#[derive(Clone)]
+pub(crate) struct Contestant {
+    pub(crate) hypotheses: Vec<Hypothesis>,
+    /// The search that chose each hypothesis.
+    pub(crate) searches: Vec<Searches>,
+    /// Parameters that each hypothesis brought: index in the model, and what is known of them.
+    pub(crate) added: Vec<Vec<(usize, Added)>>,
+    pub(crate) system: System,
+    pub(crate) experiment: Experiment,
+    /// Tolerated parameters first, then those of the hypotheses.
+    pub(crate) free: Vec<Free>,
+    pub(crate) refined: Refined,
+    pub(crate) evidence: Evidence,
+}
+
+/// A contestant beside its residuals and their derivatives where its fit stands: what straight lines go out from.
+pub(crate) struct Linearised<'a> {
+    pub(crate) contestant: &'a Contestant,
+    pub(crate) jacobian: Jacobian,
+}
+
+impl Contestant {
+    /// Number of states without those that hypotheses added (lagging inputs).
+    pub(crate) fn nominal_states(&self) -> usize {
+        self.system.n_states() - self.hypotheses.iter().map(Hypothesis::added_states).sum::<usize>()
+    }
+
+    /// The model with the fitted values in place.
+    pub(crate) fn model(&self) -> Model {
+        let mut model = self.system.model().clone();
+        for (parameter, &value) in model.parameters.iter_mut().zip(&self.refined.parameters) {
+            parameter.value = value;
+        }
+        model
+    }
+
+    /// Fitted values of the effect at `place`.
+    pub(crate) fn values(&self, place: usize) -> Vec<f64> {
+        self.added[place].iter().map(|(index, _)| self.refined.parameters[*index]).collect()
+    }
+
+    /// The effects at all places but those in `out`, with their values.
+    pub(crate) fn entrants_without(&self, out: &[usize]) -> Vec<(Entrant<'_>, Vec<f64>)> {
+        let kept = (0..self.hypotheses.len()).filter(|place| !out.contains(place));
+        let entrant = |i: usize| Entrant { hypothesis: &self.hypotheses[i], searches: self.searches[i] };
+        kept.map(|i| (entrant(i), self.values(i))).collect()
+    }
+
+    /// Whether both have the same effects, in whatever order.
+    pub(crate) fn has_effects_of(&self, other: &Self) -> bool {
+        self.hypotheses.len() == other.hypotheses.len() && self.hypotheses.iter().all(|h| other.hypotheses.contains(h))
+    }
+
+    /// The largest search that chose an effect of this contestant which `simpler` lacks.
+    ///
+    /// Each list of starts is paid for once, where the effects that came from it are weighed; lists of earlier rounds
+    /// were paid for when theirs entered.
+    pub(crate) fn searches_beyond(&self, simpler: &Self) -> Searches {
+        let new = self.hypotheses.iter().zip(&self.searches).filter(|(h, _)| !simpler.hypotheses.contains(h));
+        new.map(|(_, &searches)| searches).max().unwrap_or(Searches::NONE)
+    }
+
+    /// The contestant beside the derivatives of its outputs.
+    ///
+    /// # Errors
+    /// A model that diverges where the fit stands.
+    pub(crate) fn linearised(&self) -> Result<Linearised<'_>> {
+        let point = Point { parameters: self.refined.parameters.clone(), initial: self.refined.initial.clone() };
+        let jacobian = Jacobian::new(&self.system, &self.experiment, &point, &self.free)?;
+        Ok(Linearised { contestant: self, jacobian })
+    }
+
+    /// Mean squared difference of the outputs from another contestant's, in noise units; infinite on other windows.
+    pub(crate) fn distance(&self, other: &Self) -> f64 {
+        if self.experiment.windows != other.experiment.windows {
+            return f64::INFINITY;
+        }
+        let pairs = self.refined.residuals.iter().flatten().zip(other.refined.residuals.iter().flatten());
+        let sum: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).filter(|d| !d.is_nan()).sum();
+        sum / self.evidence.count().max(1) as f64
+    }
+}

@@ -1,0 +1,246 @@
+//! What makes contestants: fits of a model with hypotheses in it to the training logs.
+
+use crate::diagnose::catalogue::hypothesis::Applied;
+use crate::diagnose::fit::contestant::{Contestant, Entrant};
+use crate::diagnose::fit::evidence::Evidence;
+use crate::diagnose::fit::lagging::with_lagging;
+use crate::diagnose::limits::{Budget, FAR, POOR, START_SAMPLES};
+use crate::error::{Error, Result};
+use crate::model::System;
+use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, guess_initial};
+
+/// Makes contestants of one diagnosis.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Fitter {
+    /// Mean squared structure (noise units) that the model owes to its own making and not to the machine.
+    pub(crate) model_error: f64,
+}
+
+/// Nothing where the numbers refuse; any other error stays one.
+pub(crate) fn unless_refused<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(Error::Diverged { .. } | Error::NotPositiveDefinite { .. } | Error::NotConverged { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+impl Fitter {
+    /// The nominal model with its initial states and the parameters in `free` fitted.
+    pub(crate) fn nominal(
+        self,
+        system: System,
+        experiment: Experiment,
+        free: Vec<Free>,
+        budget: Budget,
+    ) -> Result<Contestant> {
+        let refined = budget.refine().fit(&system, &experiment, &system.parameter_values(), &free, None)?;
+        let evidence = Evidence::of(&experiment, &refined, &free, 0, self.model_error);
+        let nominal = Contestant {
+            hypotheses: Vec::new(),
+            searches: Vec::new(),
+            added: Vec::new(),
+            system,
+            experiment,
+            free,
+            refined,
+            evidence,
+        };
+        if starts(&nominal).more > 0.0 { self.carried_on(nominal, budget) } else { Ok(nominal) }
+    }
+
+    /// `base` with more hypotheses at once, fitted from the best of several `values` of their parameters.
+    pub(crate) fn with(
+        self,
+        base: &Contestant,
+        entrants: &[Entrant<'_>],
+        applied: &Applied,
+        values: &[Vec<f64>],
+        budget: Budget,
+    ) -> Result<Contestant> {
+        let system = System::with_simulator(&applied.model, base.system.simulator().cloned())?
+            .with_followers(base.nominal_states())?;
+        let mut parameters = system.parameter_values();
+        parameters[..base.refined.parameters.len()].copy_from_slice(&base.refined.parameters);
+        let mut free = base.free.clone();
+        for (index, added) in &applied.fitted {
+            free.retain(|f| f.parameter != *index);
+            free.push(Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) });
+        }
+        let mut experiment = Experiment { starts: starts(base), ..base.experiment.clone() };
+        scale_lagging(&mut experiment, applied);
+        let initial = with_lagging(&system, &experiment, base.refined.initial.clone(), base.system.n_states());
+        let starts = values.iter().map(|values| {
+            let mut start = parameters.clone();
+            for ((index, added), &value) in applied.fitted.iter().zip(values) {
+                start[*index] = value.clamp(added.lower, added.upper);
+            }
+            start
+        });
+        let mut starts: Vec<Vec<f64>> = starts.collect();
+        let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
+        let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
+        let fit =
+            |experiment: &Experiment| budget.refine().fit(&system, experiment, &parameters, &free, Some(&initial));
+        let mut refined = fit(&experiment)?;
+        if entrants.iter().any(|e| e.hypothesis.reads_the_past()) {
+            // What the late sensor saw before the log is as the logs have it.
+            let other = match experiment.past {
+                Past::Still => Past::Moving,
+                Past::Moving => Past::Still,
+            };
+            let moved = Experiment { past: other, ..experiment.clone() };
+            if let Some(better) = unless_refused(fit(&moved))?.filter(|f| f.cost < refined.cost) {
+                (refined, experiment) = (better, moved);
+            }
+        }
+        let mut with = Contestant { system, experiment, free, refined, ..base.clone() };
+        with.hypotheses.extend(entrants.iter().map(|e| e.hypothesis.clone()));
+        with.searches.extend(entrants.iter().map(|e| e.searches));
+        let mut rest = &applied.fitted[..];
+        for &count in &applied.parts {
+            let (own, later) = rest.split_at(count.min(rest.len()));
+            with.added.push(own.to_vec());
+            rest = later;
+        }
+        self.judge(&mut with);
+        Ok(with)
+    }
+
+    /// The same contestant, its fit carried on.
+    pub(crate) fn carried_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
+        let Contestant { system, free, refined: Refined { parameters, initial, .. }, .. } = &contestant;
+        let fit = budget.refine().fit(system, &experiment, parameters, free, Some(initial));
+        // Where not one step further can be taken it stays where it stands.
+        let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
+        let mut carried = Contestant { refined, experiment, ..contestant };
+        self.judge(&mut carried);
+        Ok(carried)
+    }
+
+    /// The same contestant, fitted once more from the initial states that the logs show, where that is better.
+    ///
+    /// A poor model pulls the initial states of its windows off, and a better one that starts there may stay there.
+    pub(crate) fn restarted(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        if contestant.evidence.misfit() < POOR {
+            return Ok(contestant);
+        }
+        let again = self.on(&contestant, &contestant.experiment, budget);
+        let Some(other) = unless_refused(again)? else { return Ok(contestant) };
+        let is_better_in = |w: usize| {
+            let cost = |fit: &Contestant| {
+                fit.refined.residuals[w].iter().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>()
+            };
+            cost(&other) < cost(&contestant)
+        };
+        // Each window from the better of its two starts.
+        let moved: Vec<usize> = (0..contestant.experiment.windows.len()).filter(|&w| is_better_in(w)).collect();
+        if moved.is_empty() {
+            return Ok(contestant);
+        }
+        let is_better = other.evidence.squares() < contestant.evidence.squares();
+        let mut mixed = if is_better { other.clone() } else { contestant.clone() };
+        for w in 0..mixed.refined.initial.len() {
+            let from = if moved.contains(&w) { &other } else { &contestant };
+            mixed.refined.initial[w].clone_from(&from.refined.initial[w]);
+        }
+        let mixed = self.carried_on(mixed, budget)?;
+        let best = if is_better { other } else { contestant };
+        Ok(if mixed.evidence.squares() < best.evidence.squares() { mixed } else { best })
+    }
+
+    /// The same contestant on other windows or with another hold, fitted again from where it stands.
+    pub(crate) fn on(self, contestant: &Contestant, experiment: &Experiment, budget: Budget) -> Result<Contestant> {
+        let own = &contestant.experiment;
+        let experiment = Experiment { scale: own.scale.clone(), starts: starts(contestant), ..experiment.clone() };
+        let mut guess = guess_initial(&contestant.system, &experiment);
+        if experiment.windows != own.windows {
+            // A window that starts where an earlier one did starts as that one was fitted.
+            for (window, start) in experiment.windows.iter().zip(&mut guess) {
+                let same = |w: &Window| w.log == window.log && w.first == window.first;
+                if let Some(place) = own.windows.iter().position(same) {
+                    let count = start.len();
+                    start.copy_from_slice(&contestant.refined.initial[place][..count]);
+                }
+            }
+        }
+        let initial = with_lagging(&contestant.system, &experiment, guess, contestant.nominal_states());
+        let (parameters, free) = (&contestant.refined.parameters, &contestant.free);
+        let refined = budget.refine().fit(&contestant.system, &experiment, parameters, free, Some(&initial))?;
+        let mut moved = Contestant { experiment, refined, ..contestant.clone() };
+        self.judge(&mut moved);
+        Ok(moved)
+    }
+
+    /// The evidence of a contestant whose fit has changed.
+    fn judge(self, contestant: &mut Contestant) {
+        let complexity = contestant.added.iter().map(Vec::len).sum();
+        let Contestant { experiment, refined, free, .. } = &*contestant;
+        contestant.evidence = Evidence::of(experiment, refined, free, complexity, self.model_error);
+    }
+}
+
+/// By how much the first samples of the windows count more than the others: where logs are cut into windows, every
+/// state is logged, and what is left is no noise, as much as it is larger than noise can be.
+///
+/// A start for every short window could take up what an effect should explain. Where a state is not logged, the first
+/// samples do not tell the start.
+pub(crate) fn starts(contestant: &Contestant) -> Starts {
+    let experiment = &contestant.experiment;
+    let is_cut = experiment.windows.len() > experiment.logs.len();
+    if is_cut && experiment.columns.len() >= contestant.nominal_states() {
+        Starts { samples: START_SAMPLES, more: (contestant.evidence.misfit() - FAR).max(0.0) }
+    } else {
+        Starts::default()
+    }
+}
+
+/// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits.
+pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
+    let mut moved = base.clone();
+    for free in &base.free {
+        if let Some(&value) = other.refined.parameters.get(free.parameter) {
+            moved.refined.parameters[free.parameter] = value;
+        }
+    }
+    if base.experiment.windows == other.experiment.windows {
+        let n = base.system.n_states();
+        for (own, theirs) in moved.refined.initial.iter_mut().zip(&other.refined.initial) {
+            own.copy_from_slice(&theirs[..n.min(theirs.len())]);
+        }
+    }
+    moved
+}
+
+/// Typical sizes of the states that lagging inputs added: the largest value of their control.
+fn scale_lagging(experiment: &mut Experiment, applied: &Applied) {
+    for state in &applied.model.states[experiment.scale.len()..] {
+        let control = state.equation.variables().iter().find_map(|n| applied.model.control_index(n));
+        let largest = control.map_or(1.0, |c| {
+            let values = experiment.logs.iter().flat_map(|l| &l.controls[c]);
+            values.fold(0.0, |a: f64, v| a.max(v.abs()))
+        });
+        experiment.scale.push(if largest > 0.0 { largest } else { 1.0 });
+    }
+}
+
+/// Which of several sets of parameters leaves the smallest residual from the same initial states.
+fn nearest(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[Vec<f64>],
+    initial: &[Vec<f64>],
+    free: &[Free],
+) -> usize {
+    let points: Vec<Point> =
+        parameters.iter().map(|p| Point { parameters: p.clone(), initial: initial.to_vec() }).collect();
+    let costs = costs(system, experiment, &points, free);
+    (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0)
+}
+
+/// A hypothesis of the tests, which no search chose.
+#[cfg(test)]
+pub(crate) fn unsearched(hypothesis: &crate::diagnose::catalogue::hypothesis::Hypothesis) -> Entrant<'_> {
+    Entrant { hypothesis, searches: crate::diagnose::fit::contestant::Searches::NONE }
+}

@@ -1,0 +1,188 @@
+//! Every threshold of the search: its value, what it decides, why it has that value.
+//!
+//! "Development seeds" are those of the generator of random systems in `tests/suite`, 0 to 9,999. Guards against rounding
+//! and exact mathematics stand where they are used.
+
+use crate::refine::Refine;
+
+// Fits.
+
+/// How long a fit may search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Budget {
+    /// Ranks what is worth a real fit.
+    Rough,
+    /// Decides between contestants.
+    Usual,
+    /// Goes to the end: of what is reported, and of what others go on from.
+    Thorough,
+    /// Windows.
+    Windows,
+    /// Nominal.
+    Nominal,
+    /// Last.
+    Last,
+    /// Power.
+    Power,
+}
+
+impl Budget {
+    pub(crate) fn refine(self) -> Refine {
+        match self {
+            Self::Rough => Refine { max_iterations: 4, tolerance: 1e-5 },
+            Self::Usual => Refine { max_iterations: 15, tolerance: 1e-5 },
+            Self::Thorough => Refine { max_iterations: 60, tolerance: 1e-6 },
+            Self::Windows => Refine { max_iterations: 6, tolerance: 1e-3 },
+            Self::Nominal => Refine { max_iterations: 30, tolerance: 1e-6 },
+            Self::Last => Refine { max_iterations: 60, tolerance: 1e-5 },
+            Self::Power => Refine { max_iterations: 8, tolerance: 1e-4 },
+        }
+    }
+}
+
+/// Mean squared residual (noise units) that no sensor's noise has, however coloured.
+///
+/// First-order noise with innovations of one, as differences of samples see them, and a coefficient of 0.975 has
+/// `1/(1 - 0.975^2) = 20`; a sensor that remembers for longer than 40 samples is a slow state and no noise.
+pub(crate) const FAR: f64 = 20.0;
+
+/// First samples of a window that count more where the rest is no noise: two tell a place and a rate.
+pub(crate) const START_SAMPLES: usize = 2;
+
+/// Mean squared residual (noise units) from which a fit tries the logs' own starts once more: twice the noise's variance.
+pub(crate) const POOR: f64 = 2.0;
+
+/// Standard deviations of a tolerance beyond which a value is no longer tolerated: it is an error, and must win as one.
+///
+/// Three is the usual end of what a belief covers. The belief's tails would not hold it: thousands of residuals that are
+/// structure and not noise outweigh any of them, and a viscous friction of twice its value then hides a dry one before
+/// that has a name.
+pub(crate) const BELIEVED: f64 = 3.0;
+
+/// Tolerances within which a parameter's move is what the user expects: 19 in 20 of those that are right to within one.
+pub(crate) const EXPECTED: f64 = 2.0;
+
+// Logs.
+
+/// A spike this many robust standard deviations above its neighbours is taken out: none of 1e15 normal values is.
+pub(crate) const OUTLIER: f64 = 8.0;
+
+/// Fewest samples of a window: three for each of the eight values that a small model's start and colours take.
+pub(crate) const SHORTEST: usize = 24;
+
+/// Share of a column's spread beyond which a rollout is off course: windows are then halved.
+///
+/// Beyond half of the spread the model is nearer to the column's mean than to the log, and derivatives along its path say
+/// nothing of the machine's.
+pub(crate) const OFF_COURSE: f64 = 0.5;
+
+/// The same in noise deviations, where noise is most of a column.
+pub(crate) const OFF_COURSE_NOISE: f64 = 3.0;
+
+/// Growth of an initial error over a window beyond which the window is halved: two digits of a fitted start are then lost.
+pub(crate) const EXPLOSION: f64 = 100.0;
+
+/// Residual (noise units, root mean square) beyond which a longer rollout tells nothing that a shorter one does not.
+///
+/// So far above the noise every effect shows within the time of one motion. Longer rollouts only pile up what the model
+/// lacks, until two effects that are needed together look worthless alone: a bias that dry friction does not hold at rest
+/// drifts away, and dry friction without the bias creeps. Seen on drives with next to no noise.
+pub(crate) const LOUD: f64 = 30.0;
+
+/// Share of the noise, or of the residual, that the integration may add: in squares a hundredth.
+pub(crate) const ROUNDING: f64 = 0.1;
+
+/// Most integration steps between two samples: a step of a hundredth of a drive's electrical time constant at 1 kHz.
+pub(crate) const MOST_SUBSTEPS: usize = 32;
+
+/// Most samples that a search looks at: an effect of a fifth of the noise then stands 20 deviations above it, and more
+/// samples change no answer, only the time.
+pub(crate) const MOST_SAMPLES: usize = 12_000;
+
+/// Misses of this many spreads of a column on the shortest rollouts are no gap to explain but another model's logs.
+pub(crate) const ASTRAY: f64 = 1e3;
+
+/// Growth of the mean square from one length of rollouts to the next up to which the longer ones are taken: a constant
+/// error of a force makes four times the error of a place in twice the time.
+pub(crate) const STEADY: f64 = 16.0;
+
+/// The same where structure is left: rollouts that leave more of it tell of its piling up, and pull the effects after it.
+pub(crate) const PILED: f64 = 1.25;
+
+// Detection.
+
+/// Structure (mean square, noise units) that no test calls a gap: a fourteenth of the noise's standard deviation.
+///
+/// A coarse integration, a rounded column or a control logged with few digits leave as much, and in a long
+/// log a test of exactly nothing would find them.
+pub(crate) const NEGLIGIBLE: f64 = 0.005;
+
+/// Mean squared change of the outputs (noise units) that a parameter may make within its tolerance and be no cause.
+///
+/// Half the noise's standard deviation: the user expects the parameter to be off by as much, and does not see it.
+pub(crate) const TOLERABLE: f64 = 0.25;
+
+// The contest.
+
+/// How many contestants go on to the next round.
+pub(crate) const BEAM: usize = 3;
+
+/// How many contestants of a round are fitted to the end at least.
+pub(crate) const FINALISTS: usize = 5;
+
+/// Nats behind the best within which a contestant may still win after a longer fit.
+pub(crate) const IN_SIGHT: f64 = 30.0;
+
+/// How many hypotheses are refitted at a contestant.
+pub(crate) const SHORTLIST: usize = 14;
+
+/// Share of the largest gain from which the best of every family is refitted, too.
+pub(crate) const OF_FAMILY: f64 = 0.2;
+
+/// How many sets of effects that promise more together than any of them alone are refitted at a contestant.
+pub(crate) const TOGETHER: usize = 4;
+
+/// From how many starts a hypothesis is fitted.
+pub(crate) const STARTS: usize = 2;
+
+/// Most effects in one equation: more of them fit any curve.
+pub(crate) const MOST_PER_EQUATION: usize = 4;
+
+/// Mean squared residual (in noise units) that one more effect must remove to be worth a name.
+///
+/// An effect below a fifth of the sensor's noise changes no decision, and the smoothed corners of
+/// Coulomb friction, or a coarse integration, can feign one of that size in a long log.
+pub(crate) const MATERIAL: f64 = 0.04;
+
+/// Share of [`MATERIAL`] that a straight line must promise: it underrates a curved effect by half.
+pub(crate) const PROMISING: f64 = 0.5;
+
+/// Evidence (nats beyond BIC) that one more effect must bring: odds of 150, "very strong" to Kass and Raftery 1995.
+pub(crate) const CONVINCING: f64 = 5.0;
+
+/// Chance that noise gives a gain anywhere in a search, above which the gain is none.
+pub(crate) const CHANCE: f64 = 0.05;
+
+/// Mean squared difference of outputs, as a share of what is left to explain, below which two contestants are one.
+pub(crate) const ALIKE: f64 = 1e-3;
+
+/// Most parameters at the end of their tolerance that a screening lets back: all 3^4 choices of them are tried.
+pub(crate) const MOST_STRAINED: usize = 4;
+
+// Attribution.
+
+/// Share of the gap below which an effect has no name while structure without one is left.
+///
+/// Where the whole is not explained, its residual is no noise, and evidence that counts it as noise finds a use for
+/// any flexible effect.
+pub(crate) const NAMED: f64 = 0.01;
+
+/// Share of the gap that counts: a rest below it is none, and an effect that removes less is no cause of the gap.
+pub(crate) const REST: f64 = 0.002;
+
+/// Mean squared structure (in noise units) above which a rest counts as more than the model's own roughness.
+pub(crate) const STRUCTURE: f64 = 0.1;
+
+/// Evidence (nats) by which one hold of the controls must beat the other with the causes in place: odds of 20,000, far
+/// beyond what chance gives one binary choice.
+pub(crate) const HOLD: f64 = 10.0;

@@ -1,0 +1,149 @@
+//! What a reader must know beside the numbers of a diagnosis.
+
+use std::sync::{Mutex, PoisonError};
+
+/// Something that a diagnosis did, or met, that its reader must know. [`std::fmt::Display`] says it in a sentence.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Note {
+    /// The angle in this column jumped by full turns and was unwrapped.
+    Unwrapped {
+        /// The column.
+        column: String,
+    },
+    /// Isolated spikes were left out.
+    Outliers {
+        /// How many.
+        count: usize,
+    },
+    /// One sample in `stride` was used of logs that are far denser than their motion.
+    Decimated {
+        /// Every how many samples one was used.
+        stride: usize,
+    },
+    /// Of long logs only stretches were used.
+    Thinned {
+        /// Samples of the logs.
+        samples: usize,
+        /// Length of a stretch, s.
+        length: f64,
+        /// One in how many samples was seen.
+        one_in: usize,
+    },
+    /// Rollouts of the fits are shorter than the runs.
+    Restarted {
+        /// Their length, s.
+        length: f64,
+    },
+    /// Rollouts of the fits became longer once causes were in the model.
+    Lengthened,
+    /// No state moves in the held-out logs.
+    StillHoldout,
+    /// A parameter with a tolerance is a cause.
+    ChargedParameter {
+        /// The parameter.
+        name: String,
+    },
+    /// The control is interpolated between its samples, not held.
+    Interpolated,
+    /// Held-out rollouts are shorter than the runs.
+    HoldoutRestarted {
+        /// Their length, s.
+        length: f64,
+    },
+    /// No effect of the catalogue explains a material part of the gap.
+    NothingExplains,
+}
+
+impl std::fmt::Display for Note {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unwrapped { column } => write!(f, "column `{column}` jumps by full turns: it was unwrapped"),
+            Self::Outliers { count } => write!(f, "{count} isolated spike(s) in the logs were left out as outliers"),
+            Self::Decimated { stride } => {
+                write!(f, "the logs are far denser than their motion: the search used one sample in {stride}")
+            }
+            Self::Thinned { samples, length, one_in } => write!(
+                f,
+                "the logs hold {samples} samples; the search looked at stretches of {length:.3} s spread over one in {one_in} of them"
+            ),
+            Self::Restarted { length } => write!(
+                f,
+                "rollouts are restarted every {length:.3} s in the fits: on longer ones the nominal model leaves the logs, or its errors only pile up"
+            ),
+            Self::Lengthened => {
+                f.write_str("the corrected model stays near the logs for longer, so its fit uses longer rollouts")
+            }
+            Self::StillHoldout => {
+                f.write_str("no state moves in the held-out logs, so the closure tells little; hold out other ones")
+            }
+            Self::ChargedParameter { name } => write!(
+                f,
+                "the logs move parameter `{name}` from its nominal value; it is reported as a cause even where it stays within its tolerance"
+            ),
+            Self::Interpolated => f.write_str(
+                "the control looks interpolated between samples, not held: no delay below one sample is claimed",
+            ),
+            Self::HoldoutRestarted { length } => write!(
+                f,
+                "held-out rollouts are restarted every {length:.3} s: longer ones magnify any error of the start"
+            ),
+            Self::NothingExplains => f.write_str("no effect of the catalogue explains a material part of the gap"),
+        }
+    }
+}
+
+/// The notes of one diagnosis, in the order in which they were said.
+#[derive(Debug, Default)]
+pub(crate) struct Notes(Mutex<Vec<Note>>);
+
+impl Notes {
+    /// Adds a note.
+    pub(crate) fn say(&self, note: Note) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(note);
+    }
+
+    /// All notes so far.
+    pub(crate) fn all(&self) -> Vec<Note> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// How many notes there are; [`Notes::forget_since`] goes back to here.
+    pub(crate) fn mark(&self) -> usize {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    /// Takes back what was said since a mark: it belonged to something that was dropped.
+    pub(crate) fn forget_since(&self, mark: usize) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).truncate(mark);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notes_are_kept_in_their_order_and_those_of_a_dropped_attempt_are_taken_back() {
+        let notes = Notes::default();
+        notes.say(Note::Outliers { count: 2 });
+        let mark = notes.mark();
+        notes.say(Note::Lengthened);
+        notes.forget_since(mark);
+        notes.say(Note::Interpolated);
+        assert_eq!(notes.all(), [Note::Outliers { count: 2 }, Note::Interpolated]);
+    }
+
+    #[test]
+    fn no_note_names_an_option_of_a_surface() {
+        let all = [
+            Note::Unwrapped { column: "phi".into() },
+            Note::Thinned { samples: 9, length: 1.0, one_in: 2 },
+            Note::Restarted { length: 1.0 },
+            Note::StillHoldout,
+            Note::HoldoutRestarted { length: 1.0 },
+            Note::ChargedParameter { name: "k".into() },
+        ];
+        assert!(all.iter().all(|note| !note.to_string().contains("--")));
+    }
+}

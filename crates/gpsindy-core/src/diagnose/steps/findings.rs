@@ -1,0 +1,47 @@
+//! What the steps find and hand on to the next ones.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::steps::screen::Summary;
+
+/// Whether there is a gap.
+#[derive(Debug, Clone)]
+pub(crate) struct Detected {
+    pub(crate) gap: bool,
+    pub(crate) p_value: f64,
+}
+
+/// Structure that the winner leaves.
+#[derive(Debug, Clone)]
+pub(crate) struct Left {
+    /// Mean squared residual (noise units) that a function without a name would still remove.
+    pub(crate) energy: f64,
+    /// Chance that noise alone would give as much.
+    pub(crate) p_value: f64,
+    /// State in whose equation it lies, and the variables that it depends on.
+    pub(crate) state: usize,
+    pub(crate) depends_on: Vec<String>,
+}
+
+/// What the contest found.
+pub(crate) struct Outcome {
+    pub(crate) best: Contestant,
+    /// For every effect of the winner: contestants that differ from the winner in that effect alone, the winner included.
+    pub(crate) alternatives: Vec<Vec<Contestant>>,
+    /// Mean squared residual (noise units) that each effect of the winner removes, taken last.
+    pub(crate) removed: Vec<f64>,
+    /// Where no effect convinced: single effects, best first.
+    pub(crate) singles: Vec<Contestant>,
+    pub(crate) left: Option<Left>,
+    /// Straight-line gain of every hypothesis at the winner.
+    pub(crate) screened: Vec<Summary>,
+}
+
+/// A nominal model, whether it has a gap, and what causes it.
+pub(crate) struct Judged {
+    /// The model that the winner is compared with: on the same windows, with the same parameters tolerated.
+    pub(crate) nominal: Contestant,
+    pub(crate) detected: Detected,
+    /// Gain and degrees of freedom of every function without a name at the nominal model.
+    pub(crate) nameless: Vec<(f64, usize)>,
+    pub(crate) outcome: Outcome,
+}

@@ -1,0 +1,86 @@
+//! The noise of every column and the outliers in it, from the logs alone.
+
+use crate::diagnose::limits::OUTLIER;
+use crate::refine::Log;
+
+/// Noise standard deviation of each column from differences of its samples, in its unit.
+///
+/// Differences of order 2 to 5, scaled to unit noise gain; the smallest is least spoilt by the signal.
+/// Never below the noise of the sensor's step.
+pub(crate) fn noise_levels(logs: &[Log], n_columns: usize) -> Vec<f64> {
+    (0..n_columns)
+        .map(|column| {
+            let by_order = (2..=5).map(|order| difference_noise(logs, column, order));
+            let smallest = by_order.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+            let step = resolution(logs, column) / 12f64.sqrt();
+            let size = logs
+                .iter()
+                .flat_map(|l| l.measured[column].iter())
+                .filter(|v| v.is_finite())
+                .fold(0.0, |a: f64, v| a.max(v.abs()));
+            let measured = if smallest.is_finite() { smallest } else { 0.0 };
+            // Without any noise at all the arithmetic of the log's digits remains.
+            measured.max(step).max(1e-9 * size).max(f64::MIN_POSITIVE)
+        })
+        .collect()
+}
+
+fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
+    let binomial = |k: usize| (0..k).fold(1.0, |b, i| b * (order - i) as f64 / (i + 1) as f64);
+    let weights: Vec<f64> = (0..=order).map(|k| if k % 2 == 0 { binomial(k) } else { -binomial(k) }).collect();
+    let gain: f64 = weights.iter().map(|w| w * w).sum();
+    let mut squares: Vec<f64> = logs
+        .iter()
+        .flat_map(|l| l.measured[column].windows(order + 1))
+        .map(|w| w.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>().powi(2))
+        .filter(|s| s.is_finite())
+        .collect();
+    if squares.is_empty() {
+        return 0.0;
+    }
+    squares.sort_by(f64::total_cmp);
+    // The largest fiftieth may be outliers and jumps; a normal variable keeps 0.857 of its variance without it.
+    let kept = squares.len() - squares.len() / 50;
+    let trimmed = squares[..kept].iter().sum::<f64>() / kept as f64;
+    let share_kept = if squares.len() >= 50 { 0.857 } else { 1.0 };
+    (trimmed / share_kept / gain).sqrt()
+}
+
+/// Smallest step between different values, where the column looks quantised; else zero.
+pub(crate) fn resolution(logs: &[Log], column: usize) -> f64 {
+    let mut values: Vec<f64> =
+        logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite()).collect();
+    let total = values.len();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    if values.len() < 2 || values.len() * 2 > total {
+        return 0.0;
+    }
+    values.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min)
+}
+
+/// Marks isolated spikes as missing; returns how many.
+pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
+    let mut removed = 0;
+    for log in logs {
+        for (column, &noise) in log.measured.iter_mut().zip(noise) {
+            let bend: Vec<f64> = column.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
+            let mut sizes: Vec<f64> = bend.iter().map(|b| b.abs()).filter(|b| b.is_finite()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let typical = sizes.get(sizes.len() / 2).map_or(0.0, |m| 1.4826 * m).max(1.2 * noise);
+            let spikes: Vec<usize> = (1..bend.len().saturating_sub(1))
+                .filter(|&i| {
+                    // A spike bends its neighbours half as much the other way; a corner does not.
+                    let neighbours = -0.5 * bend[i];
+                    let like = |b: f64| (b - neighbours).abs() < 0.4 * bend[i].abs();
+                    bend[i].abs() > OUTLIER * typical && like(bend[i - 1]) && like(bend[i + 1])
+                })
+                .collect();
+            removed += spikes.len();
+            for i in spikes {
+                column[i + 1] = f64::NAN;
+            }
+        }
+    }
+    removed
+}

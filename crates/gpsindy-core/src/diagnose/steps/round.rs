@@ -1,0 +1,87 @@
+//! One round of the contest: everything screened at a contestant, and what is promising refitted.
+
+use crate::diagnose::fit::contestant::{Contestant, Searches};
+use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
+use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::refit::refit;
+use crate::diagnose::steps::screen::{Screened, Summary, screen};
+use crate::error::Result;
+use crate::progress::step;
+
+/// What was found one step on from a contestant.
+#[derive(Clone)]
+pub(crate) struct Expansion {
+    /// Contestants with one more effect, best first.
+    pub(crate) fits: Vec<Contestant>,
+    /// Straight-line gain of every hypothesis under coloured noise, in their order.
+    pub(crate) screened: Vec<Summary>,
+    /// How many starts were tried in all: what the search must pay for.
+    pub(crate) searches: Searches,
+}
+
+impl Expansion {
+    fn of(screened: &[Option<Screened>]) -> Self {
+        let summary = screened.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
+        let tried = screened.iter().flatten().map(|s| s.gains.len()).sum();
+        Self { fits: Vec::new(), screened: summary, searches: Searches::of(tried) }
+    }
+
+    /// Contestants with one effect.
+    pub(crate) fn singles(&self) -> Vec<Contestant> {
+        self.fits.iter().filter(|f| f.hypotheses.len() == 1).cloned().collect()
+    }
+
+    /// Chance that noise and negligible structure give as large a gain somewhere in the search.
+    pub(crate) fn p_value(&self, at: &Contestant) -> f64 {
+        let (count, spent) = (at.evidence.count(), at.evidence.spent());
+        let allowed = at.evidence.negligible() * count as f64;
+        let best = self
+            .screened
+            .iter()
+            .map(|s| gain_tail(with_fitted_level(s.gain - allowed, count), s.degrees, count, spent));
+        self.searches.pay(best.fold(1.0, f64::min))
+    }
+}
+
+/// Screens everything at `base` and refits what is promising.
+pub(crate) fn expand(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Expansion> {
+    let screened = screen(contest, base, stage)?;
+    let surveyed = Expansion::of(&screened);
+    let fits = refit(contest, base, &screened, surveyed.searches)?;
+    step(contest.progress, stage, 2, 2)?;
+    Ok(Expansion { fits, ..surveyed })
+}
+
+/// As [`expand`] without the refits: what straight lines say.
+pub(crate) fn survey(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Expansion> {
+    let screened = screen(contest, base, stage)?;
+    step(contest.progress, stage, 2, 2)?;
+    Ok(Expansion::of(&screened))
+}
+
+/// Contestants that differ by one effect from a set of effects; kept so that a set is tried once only.
+pub(crate) struct Known {
+    with: Contestant,
+    fits: Vec<Contestant>,
+}
+
+impl Known {
+    pub(crate) fn new(with: &Contestant, fits: &[Contestant]) -> Self {
+        Self { with: with.clone(), fits: fits.to_vec() }
+    }
+}
+
+/// Contestants one step on from `base`, tried now where they are not `known` yet.
+pub(crate) fn expand_once(
+    contest: &Contest<'_>,
+    base: &Contestant,
+    stage: &str,
+    known: &mut Vec<Known>,
+) -> Result<Vec<Contestant>> {
+    if let Some(known) = known.iter().find(|k| k.with.has_effects_of(base)) {
+        return Ok(known.fits.clone());
+    }
+    let fits = expand(contest, base, stage)?.fits;
+    known.push(Known::new(base, &fits));
+    Ok(fits)
+}

@@ -1,0 +1,137 @@
+//! Simplify: effects that a search picked up from what it can't explain are left out again, and one takes the place of two.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{Budget, NAMED, REST, STRUCTURE};
+use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::detect::nameless_p_value;
+use crate::diagnose::steps::round::{Known, expand_once};
+use crate::diagnose::steps::screen::nameless;
+use crate::error::Result;
+
+/// The winner without effects that remove next to nothing of the gap; where structure without a name is left anyhow,
+/// without those that remove little of it.
+///
+/// Also says whether such structure is left.
+pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Contestant) -> Result<(Contestant, bool)> {
+    loop {
+        let is_structured = is_structured(contest, &best)?;
+        if best.hypotheses.len() < 2 {
+            return Ok((best, is_structured));
+        }
+        let share = if is_structured { NAMED } else { REST };
+        // An effect without which nothing can be fitted is none to leave out.
+        let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, &best, &[place]));
+        let rests = rests.collect::<Result<Vec<_>>>()?;
+        let removed = |rest: &Contestant| rest.evidence.misfit() - best.evidence.misfit();
+        match rests.into_iter().flatten().min_by(|a, b| removed(a).total_cmp(&removed(b))) {
+            Some(rest) if removed(&rest) < share * gap_size(nominal, &best) => best = rest,
+            _ => return Ok((best, is_structured)),
+        }
+    }
+}
+
+/// Whether structure is left that has no name.
+fn is_structured(contest: &Contest<'_>, best: &Contestant) -> Result<bool> {
+    let gains = nameless(contest, best)?;
+    let is_large = strongest(best, &gains).is_some_and(|(_, energy)| energy > STRUCTURE);
+    let is_significant = nameless_p_value(&gains, best) <= 0.01;
+    Ok(is_large && is_significant || best.evidence.is_predictable())
+}
+
+/// Mean squared residual (noise units) that the nominal model leaves beyond noise.
+pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
+    nominal.evidence.misfit() - best.evidence.misfit().min(1.0)
+}
+
+/// The function without a name that gains most at `best`, and the mean squared residual that it would remove.
+pub(crate) fn strongest(best: &Contestant, gains: &[(f64, usize)]) -> Option<(usize, f64)> {
+    let count = best.evidence.count().max(1) as f64;
+    let innovation = best.evidence.colours.iter().map(|c| c.innovation * c.count as f64).sum::<f64>() / count;
+    // By Akaike's criterion, so that large families do not win by their number.
+    let (place, &(gain, degrees)) = gains
+        .iter()
+        .enumerate()
+        .max_by(|a, b| (a.1.0 - 2.0 * a.1.1 as f64).total_cmp(&(b.1.0 - 2.0 * b.1.1 as f64)))?;
+    Some((place, (gain - degrees as f64).max(0.0) / count * innovation))
+}
+
+/// The winner with one effect in the place of two, where the two say nothing that convinces beyond it. One of the two is
+/// the effect that removes least (`removed`, by effect).
+///
+/// A search that adds one effect at a time, beside tolerated parameters that give way, can come to several where one
+/// alone would do: taking one out at a time does not lead back.
+pub(crate) fn merged(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+    removed: &[f64],
+    known: &mut Vec<Known>,
+) -> Result<Option<Contestant>> {
+    let count = best.hypotheses.len();
+    let mut simplest: Option<Contestant> = None;
+    let Some(weakest) = (0..removed.len()).min_by(|&a, &b| removed[a].total_cmp(&removed[b])) else { return Ok(None) };
+    for other in (0..count).filter(|&o| o != weakest) {
+        let Some(one_less) = contest.without(nominal, best, &[weakest.max(other)])? else { continue };
+        let Some(rest) = contest.without(nominal, &one_less, &[weakest.min(other)])? else { continue };
+        let fits = expand_once(contest, &rest, "one for two", known)?;
+        let fits = fits.iter().filter(|f| f.hypotheses.len() == count - 1);
+        if let Some(fit) = fits.max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
+            && simplest.as_ref().is_none_or(|s| contest.score(fit) > contest.score(s))
+        {
+            simplest = Some(fit.clone());
+        }
+    }
+    let Some(simplest) = simplest else { return Ok(None) };
+    let simplest = contest.fitter.carried_on(simplest, Budget::Usual)?;
+    Ok(Some(simplest).filter(|s| !contest.is_convincing(best, s)))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::catalogue::hypothesis::{Hypothesis, enumerate};
+    use crate::diagnose::catalogue::joint;
+    use crate::diagnose::fit::fitter::{Fitter, unsearched};
+    use crate::diagnose::fit::outputs::scene_of;
+    use crate::diagnose::fixture::drive;
+    use crate::diagnose::limits::Budget;
+    use crate::diagnose::notes::Notes;
+    use crate::model::System;
+    use crate::progress::Silent;
+    use crate::refine::Experiment;
+
+    /// What one effect can stand for, of a cubic and a linear loss together, in a drive that loses `loses(x)`.
+    fn one_for_two(loses: impl Fn(f64) -> f64) -> Option<Vec<String>> {
+        let (model, data) = drive(None, loses, 0.002, (2, 400));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
+        let fitter = Fitter::default();
+        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Nominal).unwrap();
+        let scene = scene_of(&nominal);
+        let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
+        let (joint, rivals, notes) = (Vec::new(), Vec::new(), Notes::default());
+        let contest = Contest { hypotheses, joint, rivals, most: 6, scene, fitter, progress: &Silent, notes: &notes };
+        let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
+        let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
+        let applied = joint::apply(&both, &model, &contest.scene).unwrap();
+        let entrants = both.map(unsearched);
+        let best = fitter.with(&nominal, &entrants, &applied, &[vec![0.3, 0.3]], Budget::Nominal).unwrap();
+        let removed: Vec<f64> = (0..2)
+            .map(|place| contest.without(&nominal, &best, &[place]).unwrap().unwrap())
+            .map(|rest| rest.evidence.misfit() - best.evidence.misfit())
+            .collect();
+        let found = merged(&contest, &nominal, &best, &removed, &mut Vec::new()).unwrap();
+        found.map(|f| f.hypotheses.iter().map(|h| h.id().to_string()).collect())
+    }
+
+    #[test]
+    fn a_linear_and_a_cubic_loss_give_way_to_the_quadratic_one_that_they_stand_for() {
+        assert_eq!(one_for_two(|x| x + 0.8 * x * x.abs()), Some(vec!["quadratic_drag".to_string()]));
+    }
+
+    #[test]
+    fn two_losses_that_are_both_there_stay() {
+        assert_eq!(one_for_two(|x| 1.5 * x + 0.8 * x * x * x), None);
+    }
+}
