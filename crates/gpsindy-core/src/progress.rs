@@ -8,6 +8,14 @@ use crate::error::{Error, Result};
 pub trait Progress: Sync {
     /// `done` of `total` parts of `stage` are finished. Returns whether to go on.
     fn report(&self, stage: &str, done: usize, total: usize) -> bool;
+
+    /// Seconds since the computation began; none where nobody keeps the time, and then no time limit is kept either.
+    ///
+    /// The library has no clock of its own: results then depend on nothing but the input. A computation with a time limit
+    /// asks here, and when its time is up ends with the best that it has, which is no [`Error::Cancelled`].
+    fn seconds(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// Says nothing and never stops.

@@ -13,6 +13,7 @@ mod limits;
 mod notes;
 mod power;
 pub mod report;
+mod run;
 mod steps;
 
 pub use catalogue::definition::Family;
@@ -25,17 +26,18 @@ use crate::data::Dataset;
 use crate::error::{Error, Result};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
-use crate::refine::{Experiment, Hold};
-use catalogue::{hypothesis, joint, rival};
-use fit::fitter::Fitter;
-use fit::outputs::scene_of;
-use fit::tolerance;
-use limits::Budget;
-use notes::Notes;
-use power::study;
+use crate::refine::Hold;
+use power::study::{Found, Study};
+use run::Run;
 use std::sync::Arc;
+use steps::attribute::attribute;
 use steps::contest::Contest;
-use steps::{attribute, check, detect, findings, hold, localise, prepare, verify, weigh};
+use steps::detect::detect;
+use steps::findings::Judged;
+use steps::hold::reconsider_hold;
+use steps::prepare::{Known, Prepared, prepare};
+use steps::suspects::suspects;
+use steps::{localise, verify, weigh};
 
 /// Settings of a diagnosis.
 ///
@@ -44,10 +46,11 @@ use steps::{attribute, check, detect, findings, hold, localise, prepare, verify,
 /// | `effects` | none | ids | only these effects are suspects; empty: all |
 /// | `without` | none | ids | these effects are no suspects |
 /// | `custom` | none | | effects of the user's own |
-/// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals, and of the detection |
+/// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals; no verdict, probability or cause depends on it |
 /// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
 /// | `model_error` | none | at least 0 | what the model itself misses of the simulator, in the column's unit |
+/// | `time_limit` | none | above 0 | seconds after which the search ends with the best that it has |
 /// | `power` | none | | also study which effects these logs could reveal |
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnose {
@@ -57,7 +60,7 @@ pub struct Diagnose {
     pub without: Vec<String>,
     /// Effects of the user's own.
     pub custom: Vec<CustomEffect>,
-    /// Confidence of intervals; a gap is detected when its p-value is at most one minus this.
+    /// Confidence of intervals. A gap is detected at a level of its own: 5 % of gap-free logs, at most, show one.
     pub confidence: f64,
     /// Largest number of effects together; never more than four of them in one equation.
     pub most_effects: usize,
@@ -66,6 +69,9 @@ pub struct Diagnose {
     /// State and root mean square by which the model misses the simulator that it stands for, in the column's unit: a gap of
     /// that size is none. For a model that was identified from the simulator's logs.
     pub model_error: Vec<(String, f64)>,
+    /// Seconds after which the search ends with the best that it has; its verdict is then no `explained`. What follows it
+    /// (held-out rollouts, the report) takes a little longer. Kept where the listener has a clock, [`Progress::seconds`].
+    pub time_limit: Option<f64>,
     /// Whether and how to study which effects these logs could reveal.
     pub power: Option<Power>,
 }
@@ -80,6 +86,7 @@ impl Default for Diagnose {
             most_effects: 6,
             hold: None,
             model_error: Vec::new(),
+            time_limit: None,
             power: None,
         }
     }
@@ -144,6 +151,7 @@ impl Diagnose {
         self.run_system(&System::with_simulator(model, Some(simulator))?, train, holdout, progress)
     }
 
+    /// The diagnosis, and the study of its power where one is wanted.
     fn run_system(
         &self,
         system: &System,
@@ -152,69 +160,39 @@ impl Diagnose {
         progress: &dyn Progress,
     ) -> Result<Diagnosed> {
         self.check()?;
-        let model = system.model();
-        let notes = Notes::default();
-        let (train, holdout) =
-            (&prepare::unwrapped(model, train, &notes)?, &prepare::unwrapped(model, holdout, &Notes::default())?);
-
-        check::values(model, train)?;
-        check::values(model, holdout)?;
-        if !check::moves(model, train) {
-            return Err(Error::invalid(
-                "no state moves in the logs: every value of a column is the same; record a motion, or check the sensors",
-            ));
-        }
-        if !check::moves(model, holdout) {
-            notes.say(Note::StillHoldout);
-        }
-
-        // Prepare: noise, outliers, hold, windows, integration steps.
-        let experiment = prepare::experiment(system, train, self.hold, &notes)?;
-        let tolerated = tolerance::tolerated(model);
-        let fitter = Fitter { model_error: self.error_of(model, &experiment) };
-        let nominal = fitter.nominal(system.clone(), experiment, tolerated, Budget::Nominal)?;
-        check::nominal(&nominal)?;
-        let scene = scene_of(&nominal);
-
-        // Detect and attribute: does any suspect, or any smooth function, explain more than noise would; and which?
-        let logged = nominal.experiment.columns.clone();
-        let hypotheses = self.suspects(hypothesis::enumerate(model, &scene, &logged, &self.custom)?)?;
-        let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
-        let most = self.most_effects;
-        let rivals = rival::enumerate(model, &scene, model.states.len());
-        let contest = Contest { hypotheses, joint, rivals, most, scene, fitter, progress, notes: &notes };
-        let suspected = detect::detect(&contest, nominal, self.confidence)?;
-        let start = suspected.nominal.clone();
-        let held = attribute::attribute(&contest, suspected)?;
-        // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
-        let samples: usize = held.nominal.experiment.logs.iter().map(|l| l.time.len()).sum();
-        let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
-        let judged = match self.hold {
-            Some(_) => held,
-            None if is_averaged => held,
-            None => hold::reconsider_hold(&contest, &start, held, self.confidence)?,
-        };
-        let findings::Judged { nominal, detected, nameless, outcome } = judged;
-
-        // Verify on held-out logs, localise, and write it down.
-        let closure = verify::closure(&nominal, &outcome.best, holdout, self.confidence, &notes)?;
-        let gap = localise::gap(&contest, &nominal, &outcome, &contest.rivals, &nameless, &detected);
-        let mut diagnosed =
-            weigh::report(self, &contest, &nominal, &outcome, &detected, gap, closure, (train, holdout))?;
+        let (mut diagnosed, found) = self.body(system, [train, holdout], progress)?;
         if let Some(power) = &self.power {
-            let (hypotheses, scene) = (&contest.hypotheses, &contest.scene);
-            let study = study::Study { settings: self, power, hypotheses, scene, progress };
-            diagnosed.diagnosis.power = Some(study.run(&nominal, &outcome.best, train, holdout)?);
+            // The copies are judged as the logs were, but each in its own time.
+            let settings = Self { power: None, time_limit: None, ..self.clone() };
+            let diagnose = |train: &Dataset, holdout: &Dataset, progress: &dyn Progress| {
+                Ok(settings.body(system, [train, holdout], progress)?.0.diagnosis)
+            };
+            let study = Study { diagnose: &diagnose, power, found: &found, progress };
+            diagnosed.diagnosis.power = Some(study.run()?);
         }
         Ok(diagnosed)
     }
 
-    /// Mean square of the model's own error over the logged columns, in units of their noise.
-    fn error_of(&self, model: &Model, experiment: &Experiment) -> f64 {
-        let of = |&state: &usize| self.model_error.iter().find(|(name, _)| *name == model.states[state].name);
-        let errors = experiment.columns.iter().map(of).zip(&experiment.noise);
-        let sum: f64 = errors.map(|(error, noise)| error.map_or(0.0, |(_, rms)| (rms / noise).powi(2))).sum();
-        sum / experiment.columns.len() as f64
+    /// The steps of a diagnosis, in their order.
+    fn body(&self, system: &System, logs: [&Dataset; 2], progress: &dyn Progress) -> Result<(Diagnosed, Found)> {
+        let run = Run::new(progress, self.time_limit);
+        let known = Known { hold: self.hold, model_error: &self.model_error };
+        let prepared = prepare(&run, system, logs, &known)?;
+        let suspects = suspects(&prepared.nominal, &self.effects, &self.without, &self.custom)?;
+        let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
+        let suspected = detect(&contest, prepared.nominal.clone())?;
+        let judged = attribute(&contest, suspected)?;
+        let judged = reconsider_hold(&contest, &prepared, judged)?;
+        run.say_if_cut();
+        let Judged { nominal, detected, nameless, outcome } = &judged;
+        let closure = verify::closure(nominal, &outcome.best, &prepared.holdout, self.confidence, &run.notes)?;
+        let gap = localise::gap(&contest, nominal, outcome, &contest.rivals, nameless, detected);
+        let logs = (&prepared.train, &prepared.holdout);
+        let diagnosed = weigh::report(self, &contest, nominal, outcome, detected, gap, closure, logs)?;
+        let Contest { hypotheses, scene, .. } = contest;
+        let Judged { nominal, outcome, .. } = judged;
+        let Prepared { train, holdout, .. } = prepared;
+        Ok((diagnosed, Found { nominal, best: outcome.best, hypotheses, scene, train, holdout }))
     }
 
     fn check(&self) -> Result<()> {
@@ -223,6 +201,9 @@ impl Diagnose {
         }
         if !(1..=6).contains(&self.most_effects) {
             return Err(Error::range("most_effects", "between 1 and 6", self.most_effects));
+        }
+        if let Some(seconds) = self.time_limit.filter(|s| !(*s > 0.0)) {
+            return Err(Error::range("time_limit", "above 0 s", seconds));
         }
         if let Some(power) = &self.power {
             power.check()?;
@@ -234,16 +215,5 @@ impl Diagnose {
             }
         }
         Ok(())
-    }
-
-    fn suspects(&self, mut all: Vec<hypothesis::Hypothesis>) -> Result<Vec<hypothesis::Hypothesis>> {
-        all.retain(|h| {
-            let chosen = self.effects.is_empty() || self.effects.iter().any(|e| e == h.id());
-            chosen && !self.without.iter().any(|e| e == h.id())
-        });
-        if all.is_empty() {
-            return Err(Error::invalid("no effect of the chosen ones can act in this model; choose others"));
-        }
-        Ok(all)
     }
 }

@@ -53,6 +53,11 @@ pub enum Note {
     },
     /// No effect of the catalogue explains a material part of the gap.
     NothingExplains,
+    /// The search ended before it was through, because time was up.
+    TimeUp {
+        /// The limit, s.
+        seconds: f64,
+    },
 }
 
 impl std::fmt::Display for Note {
@@ -87,6 +92,10 @@ impl std::fmt::Display for Note {
             Self::HoldoutRestarted { length } => write!(
                 f,
                 "held-out rollouts are restarted every {length:.3} s: longer ones magnify any error of the start"
+            ),
+            Self::TimeUp { seconds } => write!(
+                f,
+                "time was up after {seconds:.0} s: the search ended with the best that it had, and more time may name other causes"
             ),
             Self::NothingExplains => f.write_str("no effect of the catalogue explains a material part of the gap"),
         }

@@ -5,14 +5,13 @@
 //! chosen by the gap that the nominal model would show without noise, in units of the noise.
 
 use crate::data::Dataset;
-use crate::diagnose::Diagnose;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::planting::{Planted, plant};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::power::copies::Bench;
 use crate::diagnose::power::trial::Table;
-use crate::diagnose::report::PowerReport;
+use crate::diagnose::report::{Diagnosis, PowerReport};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, step};
 use rand_chacha::ChaCha8Rng;
@@ -63,12 +62,24 @@ impl Power {
     }
 }
 
-/// What a study needs of the diagnosis that it belongs to.
+/// What the diagnosis found that the study belongs to.
+pub(crate) struct Found {
+    pub(crate) nominal: Contestant,
+    pub(crate) best: Contestant,
+    pub(crate) hypotheses: Vec<Hypothesis>,
+    pub(crate) scene: Scene,
+    pub(crate) train: Dataset,
+    pub(crate) holdout: Dataset,
+}
+
+/// The diagnosis of logs to learn from and to verify on, as the user asked for it.
+pub(crate) type Blind<'a> = dyn Fn(&Dataset, &Dataset, &dyn Progress) -> Result<Diagnosis> + Sync + 'a;
+
+/// A study and what it needs.
 pub(crate) struct Study<'a> {
-    pub(crate) settings: &'a Diagnose,
+    pub(crate) diagnose: &'a Blind<'a>,
     pub(crate) power: &'a Power,
-    pub(crate) hypotheses: &'a [Hypothesis],
-    pub(crate) scene: &'a Scene,
+    pub(crate) found: &'a Found,
     pub(crate) progress: &'a dyn Progress,
 }
 
@@ -94,17 +105,12 @@ impl Count<'_> {
 
 impl Study<'_> {
     /// Plants and diagnoses.
-    pub(crate) fn run(
-        &self,
-        nominal: &Contestant,
-        best: &Contestant,
-        train: &Dataset,
-        holdout: &Dataset,
-    ) -> Result<PowerReport> {
+    pub(crate) fn run(&self) -> Result<PowerReport> {
+        let Found { nominal, best, train, holdout, .. } = self.found;
         let bench = Bench::new(nominal, best, train, holdout)?;
         let model = nominal.system.model();
         let chosen = self.one_of_each();
-        let planted = chosen.iter().map(|h| plant(h, model, self.scene)).collect::<Result<Vec<_>>>()?;
+        let planted = chosen.iter().map(|h| plant(h, model, &self.found.scene)).collect::<Result<Vec<_>>>()?;
         let rows: Vec<(&Hypothesis, &Planted)> =
             chosen.iter().zip(&planted).filter_map(|(h, p)| Some((*h, p.as_ref()?))).collect();
         // Of each effect the middle size and at most all on one side of it.
@@ -129,7 +135,7 @@ impl Study<'_> {
     fn one_of_each(&self) -> Vec<&Hypothesis> {
         let mut random = ChaCha8Rng::seed_from_u64(self.power.seed);
         let mut chosen: Vec<&Hypothesis> = Vec::new();
-        for hypothesis in self.hypotheses {
+        for hypothesis in &self.found.hypotheses {
             if !hypothesis.has_many_places() {
                 chosen.push(hypothesis);
                 continue;
@@ -140,7 +146,7 @@ impl Study<'_> {
                     && h.variables.is_empty() == hypothesis.variables.is_empty()
             };
             if !chosen.iter().any(|h| like(h)) {
-                let all: Vec<&Hypothesis> = self.hypotheses.iter().filter(|h| like(h)).collect();
+                let all: Vec<&Hypothesis> = self.found.hypotheses.iter().filter(|h| like(h)).collect();
                 chosen.push(all[(random.next_u64() % all.len() as u64) as usize]);
             }
         }
@@ -155,6 +161,7 @@ impl Study<'_> {
 mod tests {
     use super::*;
     use crate::data::{Channel, Run};
+    use crate::diagnose::Diagnose;
     use crate::diagnose::power::copies::normal;
     use crate::expression::Expression;
     use crate::model::{Control, Model, Parameter, State};

@@ -6,12 +6,14 @@ use crate::diagnose::catalogue::planting::Planted;
 use crate::diagnose::power::copies::{Bench, normal};
 use crate::diagnose::power::study::{Count, Study};
 use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, PowerTrial};
-use crate::diagnose::{Diagnose, Diagnosed};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 use rayon::prelude::*;
+
+/// The row of copies without an effect: more than any study has.
+const NO_ROW: u64 = (1 << 24) - 1;
 
 /// The diagnoses of all copies.
 pub(crate) struct Table<'a> {
@@ -31,9 +33,10 @@ enum Verdict {
 
 impl Table<'_> {
     /// Noise of a copy: streams do not overlap, so no copy depends on which others were made.
-    fn random(&self, row: usize, size: usize, draw: usize) -> ChaCha8Rng {
+    fn random(&self, row: u64, size: usize, draw: usize) -> ChaCha8Rng {
         let mut random = ChaCha8Rng::seed_from_u64(self.study.power.seed);
-        random.set_stream(((row as u64 + 1) << 32) | ((size as u64) << 16) | draw as u64);
+        // A row's number, a size's and a draw's, side by side.
+        random.set_stream(((row + 1) << 32) | ((size as u64) << 16) | draw as u64);
         random
     }
 
@@ -41,7 +44,7 @@ impl Table<'_> {
     pub(crate) fn null(&self) -> Result<PowerNull> {
         let draws = self.study.power.null_draws;
         let one = |draw: usize| {
-            let report = self.blind(self.system.model().clone(), None, &mut self.random(usize::MAX >> 40, 0, draw))?;
+            let report = self.blind(self.system.model().clone(), None, &mut self.random(NO_ROW, 0, draw))?;
             Ok((report.gap.detected, report.included().next().is_some()))
         };
         let found = (0..draws).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
@@ -58,8 +61,7 @@ impl Table<'_> {
         }
         let readings = self.bench.readings(&model)?;
         let (train, holdout) = self.bench.copies(&readings, Some(random))?;
-        let settings = Diagnose { power: None, ..self.study.settings.clone() };
-        let Diagnosed { diagnosis, .. } = settings.run_system(self.system, &train, &holdout, self.count)?;
+        let diagnosis = (self.study.diagnose)(&train, &holdout, self.count)?;
         self.count.add(1)?;
         Ok(diagnosis)
     }
@@ -140,7 +142,7 @@ impl Table<'_> {
     ) -> Result<PowerTrial> {
         let draws = self.study.power.draws;
         let one = |draw: usize| {
-            let mut random = self.random(row, size, draw);
+            let mut random = self.random(row as u64, size, draw);
             match self.blind(planted.model(strength), Some(planted.parameter()), &mut random) {
                 Ok(report) => Ok((report.gap.detected, self.judge(hypothesis, &report))),
                 Err(Error::Cancelled) => Err(Error::Cancelled),

@@ -23,7 +23,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let (rough, mut known) = run(contest, &first_nominal, first)?;
     let (rough, _) = pruned(contest, &first_nominal, rough)?;
     let windows = rough.experiment.windows.clone();
-    let (lengthened, rough) = lengthen(contest.fitter, contest.notes, first_nominal, rough)?;
+    let (lengthened, rough) = lengthen(contest.fitter, &contest.run.notes, first_nominal, rough)?;
     let n_tolerated = lengthened.free.len();
     let (nominal, charged) = charge_tolerated(contest, lengthened, rough)?;
     // Once more, because longer rollouts show what an effect is worth.

@@ -34,7 +34,7 @@ pub(crate) fn charge_tolerated(
     let base = contest.fitter.nominal(system, experiment, free, Budget::Usual)?;
     let Some(fit) = contest.again_with(&base, &best, &causes)? else { return Ok((nominal, best)) };
     for &index in &charged {
-        contest.notes.say(Note::ChargedParameter { name: nominal.system.model().parameters[index].name.clone() });
+        contest.run.notes.say(Note::ChargedParameter { name: nominal.system.model().parameters[index].name.clone() });
     }
     Ok((base, fit))
 }

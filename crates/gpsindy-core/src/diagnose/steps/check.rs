@@ -3,8 +3,10 @@
 use crate::data::{Dataset, Run};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::ASTRAY;
+use crate::diagnose::notes::{Note, Notes};
 use crate::error::{Error, Result};
-use crate::model::Model;
+use crate::model::{Model, System};
+use crate::refine::Experiment;
 
 /// Position and values of every logged state, run by run.
 fn logged(model: &Model, data: &Dataset) -> Vec<(String, Vec<Vec<f64>>)> {
@@ -16,7 +18,7 @@ fn logged(model: &Model, data: &Dataset) -> Vec<(String, Vec<Vec<f64>>)> {
 }
 
 /// Refuses logs in which the states have no value.
-pub(crate) fn values(model: &Model, data: &Dataset) -> Result<()> {
+fn values(model: &Model, data: &Dataset) -> Result<()> {
     let columns = logged(model, data);
     for (i, run) in data.runs().iter().enumerate() {
         if !columns.is_empty() && columns.iter().all(|(_, values)| values[i].is_empty()) {
@@ -30,9 +32,49 @@ pub(crate) fn values(model: &Model, data: &Dataset) -> Result<()> {
 }
 
 /// Whether any logged state moves at all.
-pub(crate) fn moves(model: &Model, data: &Dataset) -> bool {
+fn moves(model: &Model, data: &Dataset) -> bool {
     let columns = logged(model, data);
     columns.is_empty() || columns.iter().any(|(_, runs)| runs.iter().any(|v| v.windows(2).any(|w| w[0] != w[1])))
+}
+
+/// Refuses logs without values or motion; says where only the held-out ones stand still.
+pub(crate) fn logs(model: &Model, train: &Dataset, holdout: &Dataset, notes: &Notes) -> Result<()> {
+    values(model, train)?;
+    values(model, holdout)?;
+    if !moves(model, train) {
+        return Err(Error::invalid(
+            "no state moves in the logs: every value of a column is the same; record a motion, or check the sensors",
+        ));
+    }
+    if !moves(model, holdout) {
+        notes.say(Note::StillHoldout);
+    }
+    Ok(())
+}
+
+/// Every state must be logged, be the rate of one that is, or have a start that its equation or `initial` gives.
+pub(crate) fn columns(system: &System, experiment: &Experiment) -> Result<()> {
+    let model = system.model();
+    for (j, state) in model.states.iter().enumerate() {
+        let is_rate = model.integral_of(j).is_some_and(|i| experiment.column_of(i).is_some());
+        let own = |name: &String| *name == state.name || model.state_index(name).is_none();
+        let follows_input = state.equation.variables().iter().all(own);
+        let known_start = model.initial.contains_key(&state.name);
+        if experiment.column_of(j).is_none() && !is_rate && !follows_input && !known_start {
+            return Err(Error::invalid(format!(
+                "the logs have no column for state `{}`, and no logged state has it as its rate; log it, rename a column, or give it an [initial] value",
+                state.name
+            )));
+        }
+    }
+    // As many as a window's start and the shortest noise model take.
+    let needed = 8;
+    for log in experiment.logs.iter() {
+        if log.time.len() < needed {
+            return Err(Error::TooFewSamples { what: format!("run `{}`", log.name), needed, found: log.time.len() });
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a nominal model whose rollouts are nowhere near the logs, however short they are.

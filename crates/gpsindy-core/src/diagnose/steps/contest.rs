@@ -8,27 +8,32 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at, unless_refused};
 use crate::diagnose::limits::{Budget, CHANCE, CONVINCING, MATERIAL};
-use crate::diagnose::notes::Notes;
+use crate::diagnose::run::Run;
+use crate::diagnose::steps::suspects::Suspects;
 use crate::error::Result;
-use crate::progress::Progress;
 use std::collections::BTreeMap;
 
-/// What all steps of one diagnosis share.
+/// The suspects, and the rules by which one wins.
 pub(crate) struct Contest<'a> {
+    pub(crate) run: &'a Run<'a>,
     pub(crate) hypotheses: Vec<Hypothesis>,
     /// Sets of hypotheses that also apply together.
     pub(crate) joint: Vec<Vec<usize>>,
     /// Functions without a name.
     pub(crate) rivals: Vec<Rival>,
+    pub(crate) scene: Scene,
     /// Largest number of effects together.
     pub(crate) most: usize,
-    pub(crate) scene: Scene,
     pub(crate) fitter: Fitter,
-    pub(crate) progress: &'a dyn Progress,
-    pub(crate) notes: &'a Notes,
 }
 
-impl Contest<'_> {
+impl<'a> Contest<'a> {
+    /// A contest of so many suspects together at `most`.
+    pub(crate) fn new(run: &'a Run<'a>, fitter: Fitter, suspects: Suspects, most: usize) -> Self {
+        let Suspects { hypotheses, joint, rivals, scene } = suspects;
+        Self { run, hypotheses, joint, rivals, scene, most, fitter }
+    }
+
     /// Log prior odds: families alike, members alike within their family.
     fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
         let mut families: BTreeMap<_, usize> = BTreeMap::new();

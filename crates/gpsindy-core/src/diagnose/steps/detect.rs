@@ -4,7 +4,7 @@ use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use crate::diagnose::fit::substeps::finer;
 use crate::diagnose::fit::tolerance::{Moved, moved};
-use crate::diagnose::limits::{Budget, TOLERABLE};
+use crate::diagnose::limits::{Budget, CHANCE, TOLERABLE};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Detected, Judged, Outcome};
 use crate::diagnose::steps::round::{Expansion, expand};
@@ -35,10 +35,10 @@ impl Suspected {
 }
 
 /// Tries every suspect, and every function without a name, once.
-pub(crate) fn detect(contest: &Contest<'_>, nominal: Contestant, confidence: f64) -> Result<Suspected> {
+pub(crate) fn detect(contest: &Contest<'_>, nominal: Contestant) -> Result<Suspected> {
     let (nominal, first) = suspects(contest, nominal)?;
     let nameless = nameless(contest, &nominal)?;
-    let detected = judge(&first, &nameless, confidence, &nominal);
+    let detected = judge(&first, &nameless, &nominal);
     Ok(Suspected { nominal, first, nameless, detected })
 }
 
@@ -63,7 +63,7 @@ pub(crate) fn nameless_p_value(gains: &[(f64, usize)], at: &Contestant) -> f64 {
 }
 
 /// Judges the nominal model by all that was tried at it.
-fn judge(first: &Expansion, nameless: &[(f64, usize)], confidence: f64, nominal: &Contestant) -> Detected {
+fn judge(first: &Expansion, nameless: &[(f64, usize)], nominal: &Contestant) -> Detected {
     let evidence = &nominal.evidence;
     let count = evidence.count();
     let allowed = evidence.negligible() * count as f64;
@@ -75,7 +75,7 @@ fn judge(first: &Expansion, nameless: &[(f64, usize)], confidence: f64, nominal:
     let refitted = first.searches.pay(refitted.fold(1.0, f64::min));
     let searches = [refitted, first.p_value(nominal), nameless_p_value(nameless, nominal), strained(nominal)];
     let p_value = Searches::of(searches.len()).pay(searches.into_iter().fold(1.0, f64::min));
-    Detected { gap: p_value <= 1.0 - confidence, p_value }
+    Detected { gap: p_value <= CHANCE, p_value }
 }
 
 /// Chance that the tolerated parameters move as far where the nominal model is right.

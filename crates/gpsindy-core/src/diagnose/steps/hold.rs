@@ -8,21 +8,18 @@ use crate::diagnose::steps::attribute::attribute;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::detect::detect;
 use crate::diagnose::steps::findings::Judged;
+use crate::diagnose::steps::prepare::Prepared;
 use crate::error::Result;
 use crate::refine::{Experiment, Hold};
 
-/// The verdict under interpolated controls, where that is clearly the better account of the logs; `start` is the nominal
-/// model that was judged with held ones.
+/// The verdict under interpolated controls, where that is clearly the better account of the logs; the user does not say which.
 ///
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
-pub(crate) fn reconsider_hold(
-    contest: &Contest<'_>,
-    start: &Contestant,
-    held: Judged,
-    confidence: f64,
-) -> Result<Judged> {
-    if !held.detected.gap || held.nominal.system.n_controls() == 0 {
+pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, held: Judged) -> Result<Judged> {
+    let start = &prepared.nominal;
+    let is_moot = !prepared.may_interpolate || contest.run.is_out_of_time();
+    if is_moot || !held.detected.gap || held.nominal.system.n_controls() == 0 {
         return Ok(held);
     }
     let linear = |fit: &Contestant| {
@@ -33,12 +30,12 @@ pub(crate) fn reconsider_hold(
         let other = unless_refused(linear(fit))?;
         Ok(other.is_some_and(|other| contest.score(&other) > contest.score(fit) + HOLD))
     };
-    let before = contest.notes.mark();
+    let before = contest.run.notes.mark();
     let interpolated = if is_better(&held.outcome.best)? {
-        attribute(contest, detect(contest, linear(start)?, confidence)?)?
+        attribute(contest, detect(contest, linear(start)?)?)?
     } else if is_better(start)? {
         // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
-        let suspected = detect(contest, linear(start)?, confidence)?;
+        let suspected = detect(contest, linear(start)?)?;
         if suspected.detected.gap {
             return Ok(held);
         }
@@ -52,9 +49,9 @@ pub(crate) fn reconsider_hold(
     let phantom = delayed(&interpolated) && !delayed(&held);
     let still_gaping = interpolated.detected.gap && !wins;
     if phantom || still_gaping {
-        contest.notes.forget_since(before);
+        contest.run.notes.forget_since(before);
         return Ok(held);
     }
-    contest.notes.say(Note::Interpolated);
+    contest.run.notes.say(Note::Interpolated);
     Ok(interpolated)
 }

@@ -17,6 +17,7 @@ pub(crate) mod refit;
 pub(crate) mod round;
 pub(crate) mod screen;
 pub(crate) mod simplify;
+pub(crate) mod suspects;
 pub(crate) mod verify;
 pub(crate) mod weigh;
 pub(crate) mod windows;

@@ -1,20 +1,66 @@
 //! Prepare: noise level of every column, outliers, windows and integration steps, before anything is judged.
 
 use crate::data::Dataset;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::substeps::choose_substeps;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{MOST_SAMPLES, ROUNDING};
+use crate::diagnose::limits::{Budget, MOST_SAMPLES, ROUNDING};
 use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::run::Run;
+use crate::diagnose::steps::check;
 use crate::diagnose::steps::noise::{noise_levels, remove_outliers};
 use crate::diagnose::steps::windows::{Purpose, choose_windows, whole_runs};
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Hold, Log};
+use crate::refine::{Experiment, Hold, Log, guess_initial};
 
-/// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen; says what it did in `notes`.
-pub(crate) fn experiment(system: &System, data: &Dataset, hold: Option<Hold>, notes: &Notes) -> Result<Experiment> {
+/// What is known beforehand.
+pub(crate) struct Known<'a> {
+    /// What controls do between samples, where the user says it.
+    pub(crate) hold: Option<Hold>,
+    /// State and root mean square by which the model misses the simulator that it stands for.
+    pub(crate) model_error: &'a [(String, f64)],
+}
+
+/// Logs that were checked, and the nominal model fitted to those to learn from.
+pub(crate) struct Prepared {
+    pub(crate) train: Dataset,
+    pub(crate) holdout: Dataset,
+    pub(crate) nominal: Contestant,
+    pub(crate) fitter: Fitter,
+    /// Whether controls may be interpolated between the samples: the user does not say, and the samples are the log's own.
+    pub(crate) may_interpolate: bool,
+}
+
+/// Checks the logs `[train, holdout]`, finds their noise, takes outliers out, chooses windows and steps, and fits the
+/// nominal model's starts and tolerated parameters.
+///
+/// # Errors
+/// Logs that nothing can be learnt from, and a model that leaves them at once.
+pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known: &Known<'_>) -> Result<Prepared> {
+    let model = system.model();
+    let train = unwrapped(model, logs[0], &run.notes)?;
+    let holdout = unwrapped(model, logs[1], &Notes::default())?;
+    check::logs(model, &train, &holdout, &run.notes)?;
+    let experiment = experiment(run, system, &train, known.hold)?;
+    let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };
+    let samples: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
+    let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
+    let nominal = fitter.nominal(system.clone(), experiment, tolerated(model), Budget::Nominal)?;
+    check::nominal(&nominal)?;
+    // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
+    let may_interpolate = known.hold.is_none() && !is_averaged;
+    Ok(Prepared { train, holdout, nominal, fitter, may_interpolate })
+}
+
+/// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen.
+fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>) -> Result<Experiment> {
+    let notes = &run.notes;
     let mut experiment = Experiment::new(system, data, None)?;
-    check_columns(system, &experiment)?;
+    check::columns(system, &experiment)?;
+    // What is chosen below depends on what the control does between the samples.
+    experiment.hold = hold.unwrap_or_default();
     let n_columns = experiment.columns.len();
     experiment.noise = noise_levels(&experiment.logs, n_columns);
     let noise = experiment.noise.clone();
@@ -26,19 +72,26 @@ pub(crate) fn experiment(system: &System, data: &Dataset, hold: Option<Hold>, no
     experiment = decimate(experiment, notes);
     let free = tolerated(system.model());
     let parameters = system.parameter_values();
-    let start = crate::refine::guess_initial(system, &experiment);
+    let start = guess_initial(system, &experiment);
     experiment = choose_substeps(system, experiment, &parameters, &start, ROUNDING);
     let (experiment, cut) = choose_windows(system, experiment, &parameters, &free, Purpose::Search)?;
-    let mut experiment = thin(experiment, notes);
-    experiment.hold = hold.unwrap_or_default();
+    let experiment = thin(experiment, notes);
     if let Some(length) = cut {
         notes.say(Note::Restarted { length });
     }
     Ok(experiment)
 }
 
+/// Mean square of the model's own error over the logged columns, in units of their noise.
+fn error_of(model_error: &[(String, f64)], model: &Model, experiment: &Experiment) -> f64 {
+    let of = |&state: &usize| model_error.iter().find(|(name, _)| *name == model.states[state].name);
+    let errors = experiment.columns.iter().map(of).zip(&experiment.noise);
+    let sum: f64 = errors.map(|(error, noise)| error.map_or(0.0, |(_, rms)| (rms / noise).powi(2))).sum();
+    sum / experiment.columns.len() as f64
+}
+
 /// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one.
-pub(crate) fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
+fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
     use std::f64::consts::{PI, TAU};
     let mut data = data.clone();
     for state in model.states.iter().filter(|s| s.unit.is_empty() || s.unit == "rad") {
@@ -115,27 +168,39 @@ fn is_dense(experiment: &Experiment, stride: usize) -> bool {
     })
 }
 
-/// Every state must be logged, be the rate of one that is, or have a start that its equation or `initial` gives.
-fn check_columns(system: &System, experiment: &Experiment) -> Result<()> {
-    use crate::error::Error;
-    let model = system.model();
-    for (j, state) in model.states.iter().enumerate() {
-        let is_rate = model.integral_of(j).is_some_and(|i| experiment.column_of(i).is_some());
-        let own = |name: &String| *name == state.name || model.state_index(name).is_none();
-        let follows_input = state.equation.variables().iter().all(own);
-        let known_start = model.initial.contains_key(&state.name);
-        if experiment.column_of(j).is_none() && !is_rate && !follows_input && !known_start {
-            return Err(Error::invalid(format!(
-                "the logs have no column for state `{}`, and no logged state has it as its rate; log it, rename a column, or give it an [initial] value",
-                state.name
-            )));
-        }
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Run as Log};
+    use crate::expression::Expression;
+    use crate::model::{Control, State};
+    use crate::progress::Silent;
+    use faer::Mat;
+
+    #[test]
+    fn windows_are_chosen_under_the_hold_that_the_user_states() {
+        // x' = u^2 under a control that changes its sign at every sample: interpolated, its square has a mean of a third.
+        let model = Model {
+            states: vec![State::new("x", Expression::parse("u^2").unwrap())],
+            controls: vec![Control::new("u")],
+            ..Model::default()
+        };
+        let wave = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let ripple = |i: usize| 1e-4 * (1.7 * (i * i) as f64).sin();
+        let log = Log {
+            name: "run".into(),
+            time: (0..400).map(|i| 0.05 * f64::from(i)).collect(),
+            values: Mat::from_fn(400, 2, |i, c| if c == 0 { i as f64 * 0.05 / 3.0 + ripple(i) } else { wave(i) }),
+        };
+        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![log]).unwrap();
+        let windows = |hold| {
+            let run = Run::new(&Silent, None);
+            let found = experiment(&run, &System::new(&model).unwrap(), &data, Some(hold)).unwrap();
+            assert_eq!(found.hold, hold);
+            found.windows.len()
+        };
+        assert_eq!(windows(Hold::Linear), 1);
+        assert!(windows(Hold::Zero) > 1);
     }
-    let needed = 8;
-    for log in experiment.logs.iter() {
-        if log.time.len() < needed {
-            return Err(Error::TooFewSamples { what: format!("run `{}`", log.name), needed, found: log.time.len() });
-        }
-    }
-    Ok(())
 }

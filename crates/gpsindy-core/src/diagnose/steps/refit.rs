@@ -19,6 +19,7 @@ pub(crate) fn refit(
     base: &Contestant,
     screened: &[Option<Screened>],
     searches: Searches,
+    stage: &str,
 ) -> Result<Vec<Contestant>> {
     if !screened.iter().flatten().any(|s| is_promising(base, s.best(0).max(s.best(1)))) {
         return Ok(Vec::new());
@@ -26,11 +27,17 @@ pub(crate) fn refit(
     let fitter = contest.fitter;
     let mut jobs = jobs(contest, screened);
     jobs.retain(|job| has_room(contest, base, &job.screened.members));
+    let stage = contest.run.stage(stage, jobs.len())?;
     let fit = |job: &Job<'_>| {
+        if contest.run.is_out_of_time() {
+            return Ok(None);
+        }
         let members = job.screened.members.iter();
         let entrant = |&h: &usize| Entrant { hypothesis: &contest.hypotheses[h], searches };
         let entrants: Vec<Entrant<'_>> = members.map(entrant).collect();
-        unless_refused(fitter.with(base, &entrants, &job.screened.applied, &job.values, Budget::Rough))
+        let fit = unless_refused(fitter.with(base, &entrants, &job.screened.applied, &job.values, Budget::Rough))?;
+        stage.advance()?;
+        Ok(fit)
     };
     let fits = jobs.par_iter().map(fit).collect::<Result<Vec<Option<Contestant>>>>()?;
     let mut fits: Vec<Contestant> = fits.into_iter().flatten().collect();
@@ -39,14 +46,14 @@ pub(crate) fn refit(
     // Those that may still win are fitted to the end.
     let last = fits.get(FINALISTS - 1).map_or(f64::NEG_INFINITY, |f| contest.score(f));
     let near = fits.first().map_or(0.0, |f| contest.score(f)) - IN_SIGHT;
-    let finish = |fit: Contestant| match contest.score(&fit) >= last.min(near) && !fit.refined.converged {
-        true => fitter.carried_on(fit, Budget::Usual),
-        false => Ok(fit),
+    let finish = |fit: Contestant| {
+        let may_win = contest.score(&fit) >= last.min(near) && !fit.refined.converged;
+        if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
     };
     let mut fits = fits.into_par_iter().map(finish).collect::<Result<Vec<Contestant>>>()?;
     contest.sort(&mut fits);
     // The next round goes on from the leader, so its fit is worth every step.
-    if let Some(leader) = fits.first_mut() {
+    if let Some(leader) = fits.first_mut().filter(|_| !contest.run.is_out_of_time()) {
         let own = leader.clone();
         let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Last)? };
         *leader = fitter.restarted(own, Budget::Usual)?;

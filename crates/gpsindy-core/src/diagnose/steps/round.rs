@@ -6,7 +6,6 @@ use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::refit::refit;
 use crate::diagnose::steps::screen::{Screened, Summary, screen};
 use crate::error::Result;
-use crate::progress::step;
 
 /// What was found one step on from a contestant.
 #[derive(Clone)]
@@ -43,20 +42,17 @@ impl Expansion {
     }
 }
 
-/// Screens everything at `base` and refits what is promising.
+/// Screens everything at `base` and refits what is promising; `stage` is what this is for.
 pub(crate) fn expand(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Expansion> {
-    let screened = screen(contest, base, stage)?;
+    let screened = screen(contest, base, &format!("{stage}: screening"))?;
     let surveyed = Expansion::of(&screened);
-    let fits = refit(contest, base, &screened, surveyed.searches)?;
-    step(contest.progress, stage, 2, 2)?;
+    let fits = refit(contest, base, &screened, surveyed.searches, &format!("{stage}: fitting"))?;
     Ok(Expansion { fits, ..surveyed })
 }
 
 /// As [`expand`] without the refits: what straight lines say.
 pub(crate) fn survey(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Expansion> {
-    let screened = screen(contest, base, stage)?;
-    step(contest.progress, stage, 2, 2)?;
-    Ok(Expansion::of(&screened))
+    Ok(Expansion::of(&screen(contest, base, stage)?))
 }
 
 /// Contestants that differ by one effect from a set of effects; kept so that a set is tried once only.

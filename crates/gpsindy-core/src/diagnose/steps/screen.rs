@@ -9,7 +9,6 @@ use crate::diagnose::fit::gains::{Basis, Gain, gains};
 use crate::diagnose::fit::peaks::peaks;
 use crate::diagnose::steps::contest::Contest;
 use crate::error::Result;
-use crate::progress::step;
 use rayon::prelude::*;
 
 /// What a screening says of one hypothesis.
@@ -47,26 +46,24 @@ impl Screened {
 pub(crate) fn screen(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Vec<Option<Screened>>> {
     let scene = Scene { peaks: peaks(base), ..contest.scene.clone() };
     let at = base.linearised()?;
-    let white = Basis::new(&at, true);
-    let coloured = Basis::new(&at, false);
-    step(contest.progress, stage, 0, 2)?;
+    let bases = [&Basis::new(&at, true), &Basis::new(&at, false)];
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
-    let screened = suspects
-        .into_par_iter()
-        .map(|members| {
-            let hypotheses: Vec<&Hypothesis> = members.iter().map(|&h| &contest.hypotheses[h]).collect();
-            let known = hypotheses.iter().any(|h| base.hypotheses.contains(h) || is_freed(base, h));
-            if known || (members.len() > 1 && base.hypotheses.len() + members.len() > contest.most) {
-                return None;
-            }
-            let applied = joint::apply(&hypotheses, base.system.model(), &scene).ok()?;
-            let gains = gains(&applied, &at, &[&white, &coloured]);
-            Some(Screened { members, applied, gains })
-        })
-        .collect();
-    step(contest.progress, stage, 1, 2)?;
-    Ok(screened)
+    let stage = contest.run.stage(stage, suspects.len())?;
+    let one = |members: Vec<usize>| {
+        let hypotheses: Vec<&Hypothesis> = members.iter().map(|&h| &contest.hypotheses[h]).collect();
+        let known = hypotheses.iter().any(|h| base.hypotheses.contains(h) || is_freed(base, h));
+        let is_too_many = members.len() > 1 && base.hypotheses.len() + members.len() > contest.most;
+        if known || is_too_many || contest.run.is_out_of_time() {
+            return Ok(None);
+        }
+        // An effect that can't be written into this model is none of its suspects.
+        let Ok(applied) = joint::apply(&hypotheses, base.system.model(), &scene) else { return Ok(None) };
+        let gains = gains(&applied, &at, &bases);
+        stage.advance()?;
+        Ok(Some(Screened { members, applied, gains }))
+    };
+    suspects.into_par_iter().map(one).collect()
 }
 
 /// Gain and degrees of freedom of every function without a name at `base`, under coloured noise.

@@ -96,7 +96,8 @@ mod tests {
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;
     use crate::diagnose::limits::Budget;
-    use crate::diagnose::notes::Notes;
+    use crate::diagnose::run::Run;
+    use crate::diagnose::steps::suspects::Suspects;
     use crate::model::System;
     use crate::progress::Silent;
     use crate::refine::Experiment;
@@ -110,8 +111,9 @@ mod tests {
         let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Nominal).unwrap();
         let scene = scene_of(&nominal);
         let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
-        let (joint, rivals, notes) = (Vec::new(), Vec::new(), Notes::default());
-        let contest = Contest { hypotheses, joint, rivals, most: 6, scene, fitter, progress: &Silent, notes: &notes };
+        let run = Run::new(&Silent, None);
+        let suspects = Suspects { hypotheses, joint: Vec::new(), rivals: Vec::new(), scene };
+        let contest = Contest::new(&run, fitter, suspects, 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
         let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
         let applied = joint::apply(&both, &model, &contest.scene).unwrap();

@@ -49,9 +49,9 @@ pub(crate) fn report(
     let causes = if detected.gap { causes(settings, contest, outcome, &unexplained, keep) } else { Vec::new() };
     let augmented = if keep { tidy(&outcome.best) } else { nominal.system.model().clone() };
     if detected.gap && outcome.best.hypotheses.is_empty() {
-        contest.notes.say(Note::NothingExplains);
+        contest.run.notes.say(Note::NothingExplains);
     }
-    let notes = contest.notes.all();
+    let notes = contest.run.notes.all();
     let equations = equations(nominal.system.model(), &augmented);
     let names = |data: &Dataset| data.runs().iter().map(|r| r.name.clone()).collect();
     let diagnosis = Diagnosis {
