@@ -7,7 +7,8 @@ use crate::refine::Refine;
 
 // Fits.
 
-/// How long a fit may search.
+/// How long a fit may search: a step of Gauss-Newton doubles the digits near the end, so that few are enough to rank, and
+/// a fit that has not come to rest after sixty is held up by a bound or an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Budget {
     /// Ranks what is worth a real fit.
@@ -16,14 +17,6 @@ pub(crate) enum Budget {
     Usual,
     /// Goes to the end: of what is reported, and of what others go on from.
     Thorough,
-    /// Windows.
-    Windows,
-    /// Nominal.
-    Nominal,
-    /// Last.
-    Last,
-    /// Power.
-    Power,
 }
 
 impl Budget {
@@ -32,10 +25,6 @@ impl Budget {
             Self::Rough => Refine { max_iterations: 4, tolerance: 1e-5 },
             Self::Usual => Refine { max_iterations: 15, tolerance: 1e-5 },
             Self::Thorough => Refine { max_iterations: 60, tolerance: 1e-6 },
-            Self::Windows => Refine { max_iterations: 6, tolerance: 1e-3 },
-            Self::Nominal => Refine { max_iterations: 30, tolerance: 1e-6 },
-            Self::Last => Refine { max_iterations: 60, tolerance: 1e-5 },
-            Self::Power => Refine { max_iterations: 8, tolerance: 1e-4 },
         }
     }
 }
@@ -170,6 +159,14 @@ pub(crate) const ALIKE: f64 = 1e-3;
 pub(crate) const MOST_STRAINED: usize = 4;
 
 // Attribution.
+
+/// Moves from one set of effects to another, at most: each of six effects changed twice. None of the development seeds 5000
+/// to 5039 took more than half of them.
+pub(crate) const MOST_MOVES: usize = 12;
+
+/// Evidence (nats) by which another effect in a place must beat the winner: less is within what two fits that came to rest
+/// at different digits differ by.
+pub(crate) const SWAP: f64 = 0.5;
 
 /// Share of the gap below which an effect has no name while structure without one is left.
 ///

@@ -174,7 +174,7 @@ impl Bench {
                 self.pieces.iter().filter(|p| !p.held_out).map(|p| p.initial.clone()).collect();
             let values = self.nominal.parameter_values();
             let free = tolerated(self.nominal.model());
-            let fit = Budget::Power.refine().fit(&self.nominal, &experiment, &values, &free, Some(&initial))?;
+            let fit = Budget::Rough.refine().fit(&self.nominal, &experiment, &values, &free, Some(&initial))?;
             let residuals = || fit.residuals.iter().flatten().filter(|e| e.is_finite());
             Ok((residuals().map(|e| e * e).sum::<f64>() / residuals().count().max(1) as f64).sqrt())
         };

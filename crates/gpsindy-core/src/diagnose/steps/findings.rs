@@ -45,3 +45,8 @@ pub(crate) struct Judged {
     pub(crate) nameless: Vec<(f64, usize)>,
     pub(crate) outcome: Outcome,
 }
+
+/// Mean squared residual (noise units) that the nominal model leaves beyond noise.
+pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
+    nominal.evidence.misfit() - best.evidence.misfit().min(1.0)
+}

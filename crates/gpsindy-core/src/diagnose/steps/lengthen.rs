@@ -1,27 +1,28 @@
 //! Lengthen: once the model is better, rollouts may be longer: whole runs again where the winner allows it.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::fitter::{Fitter, unless_refused};
+use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::limits::{Budget, PILED, STEADY};
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::notes::Note;
+use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::windows::{doubled, is_loud, stays_near};
 use crate::error::Result;
 
 /// The nominal model and the winner on the longest rollouts on which the winner stays near the logs.
 pub(crate) fn lengthen(
-    fitter: Fitter,
-    notes: &Notes,
+    contest: &Contest<'_>,
     nominal: Contestant,
     best: Contestant,
 ) -> Result<(Contestant, Contestant)> {
+    let fitter = contest.fitter;
     let is_whole = nominal.experiment.windows.len() == nominal.experiment.logs.len();
-    if is_whole || best.hypotheses.is_empty() {
+    if is_whole || best.hypotheses.is_empty() || contest.run.is_out_of_time() {
         return Ok((nominal, best));
     }
     let mut moved = best.clone();
     // From one length to the next, so that each fit starts near its end.
-    while let Some(longer) = doubled(&moved.experiment) {
-        let Some(next) = unless_refused(fitter.on(&moved, &longer, Budget::Last))? else { break };
+    while let Some(longer) = doubled(&moved.experiment).filter(|_| !contest.run.is_out_of_time()) {
+        let Some(next) = unless_refused(fitter.on(&moved, &longer, Budget::Thorough))? else { break };
         let growth = if moved.evidence.is_structured() { PILED } else { STEADY };
         let is_steady = next.evidence.misfit() <= growth * moved.evidence.misfit().max(1.0);
         let residuals = &next.refined.residuals;
@@ -34,9 +35,9 @@ pub(crate) fn lengthen(
     if moved.experiment.windows.len() == best.experiment.windows.len() {
         return Ok((nominal, best));
     }
-    let base = unless_refused(fitter.on(&nominal, &moved.experiment, Budget::Last))?;
+    let base = unless_refused(fitter.on(&nominal, &moved.experiment, Budget::Thorough))?;
     let Some(base) = base else { return Ok((nominal, best)) };
-    notes.say(Note::Lengthened);
+    contest.run.notes.say(Note::Lengthened);
     Ok((base, moved))
 }
 
@@ -45,10 +46,13 @@ pub(crate) fn lengthen(
 mod tests {
     use super::*;
     use crate::diagnose::catalogue::hypothesis::enumerate;
-    use crate::diagnose::fit::fitter::{starts, unsearched};
+    use crate::diagnose::fit::fitter::{Fitter, starts, unsearched};
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;
+    use crate::diagnose::run::Run;
+    use crate::diagnose::steps::suspects::Suspects;
     use crate::model::System;
+    use crate::progress::Silent;
     use crate::refine::{Experiment, Refine, Refined, Starts};
 
     /// The fits of a drive that loses `loses(x)` in windows of 0.4 s: nominal, with a quadratic drag, and that one on longer
@@ -58,14 +62,17 @@ mod tests {
         let system = System::new(&model).unwrap();
         let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap().with_windows_of(0.4);
         let fitter = Fitter::default();
-        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Nominal).unwrap();
+        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Thorough).unwrap();
         let scene = scene_of(&nominal);
         let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
         let drag = hypotheses.iter().find(|h| h.id() == "quadratic_drag").unwrap();
         let applied = drag.apply(&model, &scene).unwrap();
-        let fit = fitter.with(&nominal, &[unsearched(drag)], &applied, &[vec![0.5]], Budget::Nominal).unwrap();
-        let fit = fitter.carried_on(fit, Budget::Nominal).unwrap();
-        let (_, longer) = lengthen(fitter, &Notes::default(), nominal.clone(), fit.clone()).unwrap();
+        let fit = fitter.with(&nominal, &[unsearched(drag)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
+        let fit = fitter.carried_on(fit, Budget::Thorough).unwrap();
+        let run = Run::new(&Silent, None);
+        let suspects = Suspects { hypotheses: hypotheses.clone(), joint: Vec::new(), rivals: Vec::new(), scene };
+        let contest = Contest::new(&run, fitter, suspects, 6);
+        let (_, longer) = lengthen(&contest, nominal.clone(), fit.clone()).unwrap();
         (nominal, fit, longer)
     }
 

@@ -47,7 +47,7 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };
     let samples: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
-    let nominal = fitter.nominal(system.clone(), experiment, tolerated(model), Budget::Nominal)?;
+    let nominal = fitter.nominal(system.clone(), experiment, tolerated(model), Budget::Thorough)?;
     check::nominal(&nominal)?;
     // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
     let may_interpolate = known.hold.is_none() && !is_averaged;

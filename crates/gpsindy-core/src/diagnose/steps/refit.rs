@@ -55,7 +55,7 @@ pub(crate) fn refit(
     // The next round goes on from the leader, so its fit is worth every step.
     if let Some(leader) = fits.first_mut().filter(|_| !contest.run.is_out_of_time()) {
         let own = leader.clone();
-        let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Last)? };
+        let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Thorough)? };
         *leader = fitter.restarted(own, Budget::Usual)?;
     }
     Ok(fits)

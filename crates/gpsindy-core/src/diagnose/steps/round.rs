@@ -55,29 +55,39 @@ pub(crate) fn survey(contest: &Contest<'_>, base: &Contestant, stage: &str) -> R
     Ok(Expansion::of(&screen(contest, base, stage)?))
 }
 
-/// Contestants that differ by one effect from a set of effects; kept so that a set is tried once only.
-pub(crate) struct Known {
-    with: Contestant,
-    fits: Vec<Contestant>,
+/// What was tried: sets of effects, and the contestants one step on from each; so that a set is tried once only.
+#[derive(Default)]
+pub(crate) struct Tried {
+    rounds: Vec<(Contestant, Vec<Contestant>)>,
+    /// Whether rounds were forgotten because the windows or the tolerated parameters are others now.
+    pub(crate) was_cleared: bool,
 }
 
-impl Known {
-    pub(crate) fn new(with: &Contestant, fits: &[Contestant]) -> Self {
-        Self { with: with.clone(), fits: fits.to_vec() }
+impl Tried {
+    pub(crate) fn keep(&mut self, base: &Contestant, fits: &[Contestant]) {
+        self.rounds.push((base.clone(), fits.to_vec()));
     }
-}
 
-/// Contestants one step on from `base`, tried now where they are not `known` yet.
-pub(crate) fn expand_once(
-    contest: &Contest<'_>,
-    base: &Contestant,
-    stage: &str,
-    known: &mut Vec<Known>,
-) -> Result<Vec<Contestant>> {
-    if let Some(known) = known.iter().find(|k| k.with.has_effects_of(base)) {
-        return Ok(known.fits.clone());
+    pub(crate) fn clear(&mut self) {
+        self.rounds.clear();
+        self.was_cleared = true;
     }
-    let fits = expand(contest, base, stage)?.fits;
-    known.push(Known::new(base, &fits));
-    Ok(fits)
+
+    /// Contestants one step on from `base`, tried now where they were not before.
+    pub(crate) fn expand(
+        &mut self,
+        contest: &Contest<'_>,
+        base: &Contestant,
+        stage: &str,
+    ) -> Result<Vec<Contestant>> {
+        if let Some((_, fits)) = self.rounds.iter().find(|(known, _)| known.has_effects_of(base)) {
+            return Ok(fits.clone());
+        }
+        if contest.run.is_out_of_time() {
+            return Ok(Vec::new());
+        }
+        let fits = expand(contest, base, stage)?.fits;
+        self.keep(base, &fits);
+        Ok(fits)
+    }
 }

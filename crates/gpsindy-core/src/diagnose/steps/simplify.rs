@@ -1,10 +1,12 @@
 //! Simplify: effects that a search picked up from what it can't explain are left out again, and one takes the place of two.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, NAMED, REST, STRUCTURE};
+use crate::diagnose::limits::{Budget, CHANCE, NAMED, REST, STRUCTURE};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::detect::nameless_p_value;
-use crate::diagnose::steps::round::{Known, expand_once};
+use crate::diagnose::steps::findings::gap_size;
+use crate::diagnose::steps::places::Place;
+use crate::diagnose::steps::round::Tried;
 use crate::diagnose::steps::screen::nameless;
 use crate::error::Result;
 
@@ -19,6 +21,9 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
             return Ok((best, is_structured));
         }
         let share = if is_structured { NAMED } else { REST };
+        if contest.run.is_out_of_time() {
+            return Ok((best, is_structured));
+        }
         // An effect without which nothing can be fitted is none to leave out.
         let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, &best, &[place]));
         let rests = rests.collect::<Result<Vec<_>>>()?;
@@ -34,13 +39,8 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
 fn is_structured(contest: &Contest<'_>, best: &Contestant) -> Result<bool> {
     let gains = nameless(contest, best)?;
     let is_large = strongest(best, &gains).is_some_and(|(_, energy)| energy > STRUCTURE);
-    let is_significant = nameless_p_value(&gains, best) <= 0.01;
+    let is_significant = nameless_p_value(&gains, best) <= CHANCE;
     Ok(is_large && is_significant || best.evidence.is_predictable())
-}
-
-/// Mean squared residual (noise units) that the nominal model leaves beyond noise.
-pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
-    nominal.evidence.misfit() - best.evidence.misfit().min(1.0)
 }
 
 /// The function without a name that gains most at `best`, and the mean squared residual that it would remove.
@@ -56,7 +56,7 @@ pub(crate) fn strongest(best: &Contestant, gains: &[(f64, usize)]) -> Option<(us
 }
 
 /// The winner with one effect in the place of two, where the two say nothing that convinces beyond it. One of the two is
-/// the effect that removes least (`removed`, by effect).
+/// the effect that removes least, by its `places`.
 ///
 /// A search that adds one effect at a time, beside tolerated parameters that give way, can come to several where one
 /// alone would do: taking one out at a time does not lead back.
@@ -64,16 +64,17 @@ pub(crate) fn merged(
     contest: &Contest<'_>,
     nominal: &Contestant,
     best: &Contestant,
-    removed: &[f64],
-    known: &mut Vec<Known>,
+    places: &[Place],
+    tried: &mut Tried,
 ) -> Result<Option<Contestant>> {
     let count = best.hypotheses.len();
     let mut simplest: Option<Contestant> = None;
-    let Some(weakest) = (0..removed.len()).min_by(|&a, &b| removed[a].total_cmp(&removed[b])) else { return Ok(None) };
+    let order = |&a: &usize, &b: &usize| places[a].removed.total_cmp(&places[b].removed);
+    let Some(weakest) = (0..places.len()).min_by(order) else { return Ok(None) };
     for other in (0..count).filter(|&o| o != weakest) {
         let Some(one_less) = contest.without(nominal, best, &[weakest.max(other)])? else { continue };
         let Some(rest) = contest.without(nominal, &one_less, &[weakest.min(other)])? else { continue };
-        let fits = expand_once(contest, &rest, "one for two", known)?;
+        let fits = tried.expand(contest, &rest, "one effect for two")?;
         let fits = fits.iter().filter(|f| f.hypotheses.len() == count - 1);
         if let Some(fit) = fits.max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
             && simplest.as_ref().is_none_or(|s| contest.score(fit) > contest.score(s))
@@ -97,6 +98,7 @@ mod tests {
     use crate::diagnose::fixture::drive;
     use crate::diagnose::limits::Budget;
     use crate::diagnose::run::Run;
+    use crate::diagnose::steps::places::places;
     use crate::diagnose::steps::suspects::Suspects;
     use crate::model::System;
     use crate::progress::Silent;
@@ -108,7 +110,7 @@ mod tests {
         let system = System::new(&model).unwrap();
         let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
         let fitter = Fitter::default();
-        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Nominal).unwrap();
+        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Thorough).unwrap();
         let scene = scene_of(&nominal);
         let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
         let run = Run::new(&Silent, None);
@@ -118,12 +120,9 @@ mod tests {
         let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
         let applied = joint::apply(&both, &model, &contest.scene).unwrap();
         let entrants = both.map(unsearched);
-        let best = fitter.with(&nominal, &entrants, &applied, &[vec![0.3, 0.3]], Budget::Nominal).unwrap();
-        let removed: Vec<f64> = (0..2)
-            .map(|place| contest.without(&nominal, &best, &[place]).unwrap().unwrap())
-            .map(|rest| rest.evidence.misfit() - best.evidence.misfit())
-            .collect();
-        let found = merged(&contest, &nominal, &best, &removed, &mut Vec::new()).unwrap();
+        let best = fitter.with(&nominal, &entrants, &applied, &[vec![0.3, 0.3]], Budget::Thorough).unwrap();
+        let places = places(&contest, &nominal, &best, false, &mut Tried::default()).unwrap();
+        let found = merged(&contest, &nominal, &best, &places, &mut Tried::default()).unwrap();
         found.map(|f| f.hypotheses.iter().map(|h| h.id().to_string()).collect())
     }
 

@@ -31,7 +31,7 @@ pub(crate) fn choose_windows(
         let length = longest / parts as f64;
         let cut = if parts == 1 { whole_runs(experiment.clone()) } else { experiment.clone().with_windows_of(length) };
         let smallest = samples / (2 * parts) < SHORTEST;
-        match Budget::Windows.refine().fit_with_jacobian(system, &cut, parameters, free, None) {
+        match Budget::Rough.refine().fit_with_jacobian(system, &cut, parameters, free, None) {
             Ok((fit, jacobian)) => {
                 let loud = purpose == Purpose::Search && is_loud(system, &cut, &fit.residuals);
                 let fits = stays_near(&cut, &fit.residuals, &jacobian) && !loud;
