@@ -6,6 +6,7 @@ use gpsindy_core::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::Mutex;
+use std::time::Instant;
 
 /// Where and how to print.
 #[derive(Debug, Clone, Copy)]
@@ -82,7 +83,7 @@ impl Screen {
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}") {
             bar.set_style(style);
         }
-        Bar { bar, stage: Mutex::new(String::new()) }
+        Bar { bar, stage: Mutex::new(String::new()), begun: Instant::now() }
     }
 
     fn line(&self, text: &str) {
@@ -100,6 +101,7 @@ impl Screen {
 pub(crate) struct Bar {
     bar: ProgressBar,
     stage: Mutex<String>,
+    begun: Instant,
 }
 
 impl Progress for Bar {
@@ -113,6 +115,10 @@ impl Progress for Bar {
         self.bar.set_length(total as u64);
         self.bar.set_position(done as u64);
         true
+    }
+
+    fn seconds(&self) -> Option<f64> {
+        Some(self.begun.elapsed().as_secs_f64())
     }
 }
 

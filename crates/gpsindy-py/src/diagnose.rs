@@ -25,6 +25,8 @@ pub(crate) struct Options {
     confidence: f64,
     most_effects: usize,
     hold: Option<String>,
+    /// Seconds after which the search ends.
+    time_limit: Option<f64>,
     /// Seed of the power study, where one is wanted.
     power: Option<u64>,
 }
@@ -38,6 +40,7 @@ impl Options {
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.as_deref().map(hold_of).transpose()?,
+            time_limit: self.time_limit,
             power: self.power.map(|seed| Power { seed, ..Power::default() }),
             ..Diagnose::default()
         })

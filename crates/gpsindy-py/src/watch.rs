@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the calling thread looks for signals.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -23,13 +23,19 @@ const PATIENCE: usize = 5;
 const STACK: usize = 8 << 20;
 
 /// What the working and the watching thread tell each other.
-#[derive(Default)]
 pub(crate) struct Watch {
+    begun: Instant,
     stop: AtomicBool,
     /// The first error of the user's own code, or of a signal.
     failure: Mutex<Option<PyErr>>,
     /// The latest report that was not passed on yet.
     news: Mutex<Option<(String, usize, usize)>>,
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Self { begun: Instant::now(), stop: AtomicBool::default(), failure: Mutex::default(), news: Mutex::default() }
+    }
 }
 
 /// The content of a lock, also where a thread panicked while it held it.
@@ -133,5 +139,9 @@ impl Progress for Watch {
     fn report(&self, stage: &str, done: usize, total: usize) -> bool {
         *lock(&self.news) = Some((stage.into(), done, total));
         !self.stopped()
+    }
+
+    fn seconds(&self) -> Option<f64> {
+        Some(self.begun.elapsed().as_secs_f64())
     }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Diagnose {
     /// Folder of the report; made where it does not exist
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Also study which effects these logs could reveal, from what size: each is planted in copies of the logs and withheld (takes minutes)
+    /// Also study which effects these logs could reveal, from what size: each is planted in copies of the logs and withheld (takes minutes, whatever --time-limit says)
     #[arg(long)]
     power: bool,
     #[command(flatten)]
@@ -71,7 +71,7 @@ pub(crate) struct Options {
     /// Effects of your own, a TOML file of `[[effect]]` entries
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
-    /// Confidence of intervals; a gap counts as detected when its p-value is at most one minus this
+    /// Confidence of intervals; verdicts, probabilities and causes do not depend on it
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     confidence: f64,
     /// Largest number of effects together, 1 to 6; never more than four in one equation
@@ -80,6 +80,10 @@ pub(crate) struct Options {
     /// What a control does between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
     hold: AutoHold,
+    /// Seconds after which the search ends with the best that it has, and says so; 0: no limit
+    // Ten minutes: what one waits for at a desk. Most diagnoses take seconds.
+    #[arg(long, value_name = "S", default_value_t = 600.0)]
+    time_limit: f64,
 }
 
 impl Options {
@@ -98,6 +102,7 @@ impl Options {
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.into(),
+            time_limit: (self.time_limit != 0.0).then_some(self.time_limit),
             power: None,
             model_error: Vec::new(),
         })

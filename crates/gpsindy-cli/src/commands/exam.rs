@@ -5,8 +5,8 @@ use crate::commands::diagnose::{self, Options};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
+use gpsindy_core::Progress;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed};
-use gpsindy_core::{Progress, Silent};
 use gpsindy_files::{read_model, write_whole};
 use gpsindy_report::scorecard::{ScoreCard, Suite};
 use rayon::prelude::*;
@@ -90,7 +90,7 @@ fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outco
     let quiet = screen.quietly();
     let (train, holdout) =
         diagnose::logs(&model, &files(&folder, "real_")?, &files(&folder, "holdout_")?, &command.columns, &quiet)?;
-    let diagnosed = settings.run(&model, &train, &holdout, &Silent)?;
+    let diagnosed = settings.run(&model, &train, &holdout, &quiet.progress())?;
     diagnose::write(&command.out.join(id), &diagnosed)?;
     Ok(diagnosed)
 }

@@ -66,4 +66,12 @@ impl Stage<'_> {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         step(self.progress, self.name, done.min(self.total), self.total)
     }
+
+    /// So many parts are through.
+    ///
+    /// # Errors
+    /// A request to stop.
+    pub(crate) fn reach(&self, done: usize) -> Result<()> {
+        step(self.progress, self.name, done.min(self.total), self.total)
+    }
 }

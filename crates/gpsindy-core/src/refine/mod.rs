@@ -105,6 +105,18 @@ impl Refine {
         free: &[Free],
         initial: Option<&[Vec<f64>]>,
     ) -> Result<(Refined, Jacobian)> {
+        self.fit_watched(system, experiment, (parameters, free), initial, &|_| Ok(()))
+    }
+
+    /// As [`Refine::fit_with_jacobian`]; `watch` is told how many steps are done, and may end the fit with an error.
+    pub(crate) fn fit_watched(
+        &self,
+        system: &System,
+        experiment: &Experiment,
+        (parameters, free): (&[f64], &[Free]),
+        initial: Option<&[Vec<f64>]>,
+        watch: &dyn Fn(usize) -> Result<()>,
+    ) -> Result<(Refined, Jacobian)> {
         if parameters.len() != system.n_parameters() {
             return Err(Error::shape("parameters", system.n_parameters(), parameters.len()));
         }
@@ -122,6 +134,7 @@ impl Refine {
         let mut converged = false;
         let mut iterations = 0;
         while iterations < self.max_iterations && !converged {
+            watch(iterations)?;
             iterations += 1;
             let normal = Normal::new(&jacobian, experiment, &point, free);
             let mut improved = false;

@@ -241,6 +241,7 @@ def diagnose(
     confidence: float = 0.95,
     most_effects: int = 6,
     hold: Hold | None = None,
+    time_limit: float | None = 600.0,
     power: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
@@ -267,11 +268,14 @@ def diagnose(
     custom : sequence of CustomEffect
         Suspects of the user's own.
     confidence : float
-        Of intervals and of the detection, 0.5 to 0.999.
+        Of intervals, 0.5 to 0.999; verdicts, probabilities and causes do not depend on it.
     most_effects : int
         Effects together, at most, 1 to 6; never more than four in one equation.
     hold : {"zero", "linear"}, optional
         What controls do between samples. Default: estimated.
+    time_limit : float, optional
+        Seconds after which the search ends with the best that it has; a note of the report then says so, and the verdict is no
+        ``explained``. None: no limit.
     power : bool
         Also study which effects these logs could reveal, see :attr:`Diagnosis.power`: each is planted in simulated copies of the
         logs and withheld. Takes a hundred times as long as the diagnosis.
@@ -301,6 +305,7 @@ def diagnose(
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,
+        "time_limit": time_limit,
         "power": int(seed) if power else None,
     }
     train = as_dataset(logs)._inner

@@ -34,7 +34,20 @@ impl Fitter {
         free: Vec<Free>,
         budget: Budget,
     ) -> Result<Contestant> {
-        let refined = budget.refine().fit(&system, &experiment, &system.parameter_values(), &free, None)?;
+        self.nominal_watched(system, experiment, free, budget, &|_| Ok(()))
+    }
+
+    /// As [`Fitter::nominal`]; `watch` is told how many steps are done, and may end the fit with an error.
+    pub(crate) fn nominal_watched(
+        self,
+        system: System,
+        experiment: Experiment,
+        free: Vec<Free>,
+        budget: Budget,
+        watch: &dyn Fn(usize) -> Result<()>,
+    ) -> Result<Contestant> {
+        let at = (&system.parameter_values()[..], &free[..]);
+        let (refined, _) = budget.refine().fit_watched(&system, &experiment, at, None, watch)?;
         let evidence = Evidence::of(&experiment, &refined, &free, 0, self.model_error);
         let nominal = Contestant {
             hypotheses: Vec::new(),

@@ -77,8 +77,7 @@ fn moved(contest: &Contest<'_>, best: &Contestant, seats: &[Place]) -> Option<Co
     let richer = seats.iter().filter_map(|seat| seat.richer.as_ref());
     let superfluous = |rest: &&Contestant| best.hypotheses.len() > 1 && !contest.is_convincing(best, rest);
     let simpler = seats.iter().filter_map(|seat| seat.rest.as_ref()).filter(superfluous);
-    let is_better =
-        |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
+    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
     let other = seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better);
     first(richer.collect()).or_else(|| first(simpler.collect())).or_else(|| first(other.collect()))
 }

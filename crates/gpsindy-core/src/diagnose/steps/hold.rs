@@ -16,11 +16,7 @@ use crate::refine::{Experiment, Hold};
 ///
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
-pub(crate) fn reconsider_hold(
-    contest: &Contest<'_>,
-    prepared: &Prepared,
-    held: Judged,
-) -> Result<Judged> {
+pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, held: Judged) -> Result<Judged> {
     let start = &prepared.nominal;
     let is_moot = !prepared.may_interpolate || contest.run.is_out_of_time();
     if is_moot || !held.detected.gap || held.nominal.system.n_controls() == 0 {

@@ -10,7 +10,7 @@ use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::check;
 use crate::diagnose::steps::noise::{noise_levels, remove_outliers};
-use crate::diagnose::steps::windows::{Purpose, choose_windows, whole_runs};
+use crate::diagnose::steps::windows::{Purpose, choose_windows, halvings, whole_runs};
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Hold, Log, guess_initial};
@@ -47,7 +47,10 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };
     let samples: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
-    let nominal = fitter.nominal(system.clone(), experiment, tolerated(model), Budget::Thorough)?;
+    let budget = Budget::Thorough;
+    let stage = run.stage("nominal model: fitting", budget.refine().max_iterations)?;
+    let watch = |done: usize| stage.reach(done);
+    let nominal = fitter.nominal_watched(system.clone(), experiment, tolerated(model), budget, &watch)?;
     check::nominal(&nominal)?;
     // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
     let may_interpolate = known.hold.is_none() && !is_averaged;
@@ -73,8 +76,10 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
     let free = tolerated(system.model());
     let parameters = system.parameter_values();
     let start = guess_initial(system, &experiment);
+    let stage = run.stage("length of rollouts", halvings(&experiment))?;
     experiment = choose_substeps(system, experiment, &parameters, &start, ROUNDING);
-    let (experiment, cut) = choose_windows(system, experiment, &parameters, &free, Purpose::Search)?;
+    let watch = |done: usize| stage.reach(done);
+    let (experiment, cut) = choose_windows(system, experiment, (&parameters, &free), Purpose::Search, &watch)?;
     let experiment = thin(experiment, notes);
     if let Some(length) = cut {
         notes.say(Note::Restarted { length });

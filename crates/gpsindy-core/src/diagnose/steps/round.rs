@@ -74,12 +74,7 @@ impl Tried {
     }
 
     /// Contestants one step on from `base`, tried now where they were not before.
-    pub(crate) fn expand(
-        &mut self,
-        contest: &Contest<'_>,
-        base: &Contestant,
-        stage: &str,
-    ) -> Result<Vec<Contestant>> {
+    pub(crate) fn expand(&mut self, contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Vec<Contestant>> {
         if let Some((_, fits)) = self.rounds.iter().find(|(known, _)| known.has_effects_of(base)) {
             return Ok(fits.clone());
         }

@@ -46,9 +46,8 @@ fn different(fits: Vec<Contestant>) -> Vec<Contestant> {
         if kept.len() == BEAM {
             break;
         }
-        let is_known = |other: &Contestant| {
-            other.distance(&fit) < ALIKE * other.evidence.misfit().min(fit.evidence.misfit())
-        };
+        let is_known =
+            |other: &Contestant| other.distance(&fit) < ALIKE * other.evidence.misfit().min(fit.evidence.misfit());
         if !kept.iter().any(is_known) {
             kept.push(fit);
         }

@@ -76,7 +76,8 @@ pub(crate) fn closure(
         let fitted = best.experiment.longest_window();
         // The search may have looked at shorter rollouts than the corrected model can predict.
         let (parameters, rollout) = (&best.refined.parameters, Purpose::Rollout);
-        let longest = choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, rollout);
+        let longest =
+            choose_windows(&best.system, best.experiment.clone(), (parameters, &best.free), rollout, &|_| Ok(()));
         let length = longest.map_or(fitted, |(_, cut)| cut.unwrap_or(f64::INFINITY).max(fitted));
         if length.is_finite() {
             experiment = experiment.with_windows_of(length);

@@ -45,6 +45,12 @@ pub(crate) fn report(
     let unexplained = unexplained(nominal, outcome, detected, &verification.closure);
     let closed = verification.closure.closed;
     let verdict = verdict(outcome, detected, &unexplained, closed);
+    // A search that was cut short has not shown that nothing else is there.
+    let verdict = match verdict {
+        Verdict::Explained if contest.run.is_cut() => Verdict::PartlyExplained,
+        Verdict::NoGap if contest.run.is_cut() => Verdict::Unexplained,
+        verdict => verdict,
+    };
     let keep = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let causes = if detected.gap { causes(settings, contest, outcome, &unexplained, keep) } else { Vec::new() };
     let augmented = if keep { tidy(&outcome.best) } else { nominal.system.model().clone() };

@@ -1,7 +1,7 @@
 //! How long rollouts are: as long as the model stays near the logs and tells more than shorter ones.
 
 use crate::diagnose::limits::{Budget, EXPLOSION, LOUD, OFF_COURSE, OFF_COURSE_NOISE, SHORTEST};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Jacobian, Log, Window};
 
@@ -16,22 +16,25 @@ pub(crate) enum Purpose {
 
 /// Windows short enough that the model stays near the logs and initial errors do not explode.
 ///
-/// Starts from whole runs and halves. Returns the experiment and, where they had to be cut, their length in s.
+/// Starts from whole runs and halves; `watch` is told how often. Returns the experiment and, where they had to be cut,
+/// their length in s.
 pub(crate) fn choose_windows(
     system: &System,
     experiment: Experiment,
-    parameters: &[f64],
-    free: &[Free],
+    (parameters, free): (&[f64], &[Free]),
     purpose: Purpose,
+    watch: &dyn Fn(usize) -> Result<()>,
 ) -> Result<(Experiment, Option<f64>)> {
     let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
     let mut parts = 1usize;
     loop {
+        watch(parts.ilog2() as usize)?;
         let length = longest / parts as f64;
         let cut = if parts == 1 { whole_runs(experiment.clone()) } else { experiment.clone().with_windows_of(length) };
         let smallest = samples / (2 * parts) < SHORTEST;
-        match Budget::Rough.refine().fit_with_jacobian(system, &cut, parameters, free, None) {
+        let at = (parameters, free);
+        match Budget::Rough.refine().fit_watched(system, &cut, at, None, &|_| watch(parts.ilog2() as usize)) {
             Ok((fit, jacobian)) => {
                 let loud = purpose == Purpose::Search && is_loud(system, &cut, &fit.residuals);
                 let fits = stays_near(&cut, &fit.residuals, &jacobian) && !loud;
@@ -40,10 +43,17 @@ pub(crate) fn choose_windows(
                 }
             }
             Err(error) if smallest => return Err(error),
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
             Err(_) => {}
         }
         parts *= 2;
     }
+}
+
+/// How often windows can be halved before they are too short.
+pub(crate) fn halvings(experiment: &Experiment) -> usize {
+    let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
+    (samples / SHORTEST).max(1).ilog2() as usize + 1
 }
 
 /// Whether rollouts stay near the logs, and errors of their starts do not explode.
