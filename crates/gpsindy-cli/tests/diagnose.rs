@@ -196,3 +196,51 @@ fn the_catalogue_is_listed_for_people_and_programs() {
     assert!(folder.run("effects backlash").done().stdout.starts_with("backlash "));
     assert!(folder.run("effects luck").refused().starts_with("effect `luck` is not in the catalogue"));
 }
+
+#[test]
+fn confidence_moves_intervals_and_nothing_else() {
+    let folder = Folder::new();
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
+    let report = |confidence: &str| -> serde_json::Value {
+        let ran = folder.run(&format!(
+            "diagnose {data}/pendulum.toml {data}/pendulum.csv --run run --confidence {confidence} --json"
+        ));
+        serde_json::from_str(&ran.done().stdout).unwrap()
+    };
+    let told = |report: &serde_json::Value| {
+        let causes = report["causes"].as_array().unwrap().iter();
+        let causes: Vec<String> =
+            causes.map(|c| format!("{} {} {} {}", c["effect"], c["state"], c["included"], c["probability"])).collect();
+        (
+            report["verdict"].to_string(),
+            report["gap"]["detected"].to_string(),
+            causes,
+            report["unexplained"].to_string(),
+        )
+    };
+    let width = |report: &serde_json::Value| {
+        let parameter = &report["causes"][0]["parameters"][0];
+        parameter["high"].as_f64().unwrap() - parameter["low"].as_f64().unwrap()
+    };
+    let all: Vec<serde_json::Value> = ["0.6", "0.9", "0.95", "0.99"].map(report).into();
+    for pair in all.windows(2) {
+        assert_eq!(told(&pair[0]), told(&pair[1]));
+        assert!(width(&pair[0]) < width(&pair[1]), "{} {}", width(&pair[0]), width(&pair[1]));
+    }
+}
+
+#[test]
+fn a_time_limit_ends_the_search_with_a_report_that_says_so() {
+    let folder = lab(0.3);
+    let ran = folder.run(&format!("diagnose slider.toml {LOGS} --time-limit 0.000001 --json")).done();
+    let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let notes = report["notes"].as_array().unwrap();
+    assert!(notes.iter().any(|note| note.as_str().unwrap().starts_with("time was up")), "{notes:?}");
+    assert!(
+        ["unexplained", "partly_explained"].contains(&report["verdict"].as_str().unwrap()),
+        "{}",
+        report["verdict"]
+    );
+    let ran = folder.run(&format!("diagnose slider.toml {LOGS} --time-limit -1"));
+    assert!(ran.refused().contains("`time_limit` must be above 0 s"), "{ran:?}");
+}

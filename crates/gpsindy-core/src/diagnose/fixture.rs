@@ -16,6 +16,17 @@ pub(crate) fn drive(
     tolerance: Option<f64>,
     loses: impl Fn(f64) -> f64,
     noise: f64,
+    size: (usize, usize),
+) -> (Model, Dataset) {
+    drive_of(5, tolerance, loses, noise, size)
+}
+
+/// As [`drive`], with the noise of a seed.
+pub(crate) fn drive_of(
+    seed: u64,
+    tolerance: Option<f64>,
+    loses: impl Fn(f64) -> f64,
+    noise: f64,
     (n_runs, n_samples): (usize, usize),
 ) -> (Model, Dataset) {
     let model = Model {
@@ -24,7 +35,7 @@ pub(crate) fn drive(
         parameters: vec![Parameter { tolerance, ..Parameter::new("k", 1.0) }],
         ..Model::default()
     };
-    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0;
     let runs = (0..n_runs).map(|run| {
         let input = |i: usize| if ((i + 9 * run) / 40).is_multiple_of(2) { 1.0 } else { -1.0 };

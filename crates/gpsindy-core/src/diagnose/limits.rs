@@ -51,7 +51,37 @@ pub(crate) const BELIEVED: f64 = 3.0;
 /// Tolerances within which a parameter's move is what the user expects: 19 in 20 of those that are right to within one.
 pub(crate) const EXPECTED: f64 = 2.0;
 
+// Noise.
+
+/// Highest order of a column's noise model: what a filter of order four in a sensor and its thinning leave. BIC takes less
+/// where less will do.
+pub(crate) const MAX_ORDER: usize = 6;
+
+/// Variance of the innovations (noise units) up to which they can be noise: differences of samples see those of a random
+/// walk, the slowest noise there is, as 3.6.
+pub(crate) const ROUGH: f64 = 4.0;
+
+/// Residual variance (noise units) up to which the winner's residual counts as noise, with its colour: an effect of half
+/// the noise's variance would have been material.
+pub(crate) const NOISE: f64 = 1.5;
+
+/// Frequencies at which the residual's spectrum is looked at, and lines of it that a periodic effect starts from: the
+/// first harmonics of one disturbance.
+pub(crate) const FREQUENCIES: usize = 400;
+pub(crate) const LINES: usize = 5;
+
 // Logs.
+
+/// Share of a spike by which its neighbours' bends may differ from half of it: a corner's differ by all.
+pub(crate) const SPIKE_LIKE: f64 = 0.4;
+
+/// Logs are dense where a straight line over a stride misses them by no more than this many noise deviations (noise alone
+/// bends by `sqrt(1 + 2/4)` = 1.2 of itself), or by a hundredth of the column's spread.
+pub(crate) const DENSE_NOISE: f64 = 2.5;
+pub(crate) const DENSE_SPREAD: f64 = 0.01;
+
+/// Stretches of long logs that are looked at, at least, so that every part of them is seen.
+pub(crate) const STRETCHES: f64 = 40.0;
 
 /// A spike this many robust standard deviations above its neighbours is taken out: none of 1e15 normal values is.
 pub(crate) const OUTLIER: f64 = 8.0;
@@ -155,8 +185,19 @@ pub(crate) const CHANCE: f64 = 0.05;
 /// Mean squared difference of outputs, as a share of what is left to explain, below which two contestants are one.
 pub(crate) const ALIKE: f64 = 1e-3;
 
+/// Shares of a finite step that a straight line may take: half of it to twice, because it is no straight line.
+pub(crate) const STEP: (f64, f64) = (0.5, 2.0);
+
 /// Most parameters at the end of their tolerance that a screening lets back: all 3^4 choices of them are tried.
 pub(crate) const MOST_STRAINED: usize = 4;
+
+// The power study.
+
+/// A rollout further from its log than this many ranges of the column has left it: the run is then cut into pieces.
+pub(crate) const LEFT_LOG: f64 = 2.0;
+
+/// How near the gap of a planted effect must come to the one asked for: no finding depends on a tenth.
+pub(crate) const CLOSE: f64 = 0.1;
 
 // Attribution.
 

@@ -19,7 +19,7 @@ mod steps;
 pub use catalogue::definition::Family;
 pub use catalogue::effect::{CustomEffect, CustomParameter, Effect};
 pub use notes::Note;
-pub use power::study::Power;
+pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;

@@ -2,8 +2,7 @@
 //!
 //! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
 
-/// Highest order of the noise models.
-pub(crate) const MAX_ORDER: usize = 6;
+use crate::diagnose::limits::{FAR, MAX_ORDER, ROUGH};
 
 /// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,9 +99,7 @@ impl Colour {
     /// would win over one that leaves a small rough one. Such a rest counts by its size, less what the slowest noise
     /// (a coefficient of 0.975) would keep of it.
     pub(crate) fn noise_like(&self) -> f64 {
-        const ROUGH: f64 = 4.0;
-        const SLOWEST: f64 = 20.0;
-        self.innovation.max((self.variance() / SLOWEST).min(self.innovation * self.innovation / ROUGH))
+        self.innovation.max((self.variance() / FAR).min(self.innovation * self.innovation / ROUGH))
     }
 }
 

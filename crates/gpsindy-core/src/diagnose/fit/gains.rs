@@ -10,9 +10,9 @@ use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::fitter::starts;
 use crate::diagnose::fit::lagging::with_lagging;
-use crate::diagnose::fit::tolerance::is_strained;
+use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::fit::whitening::Whitener;
-use crate::diagnose::limits::MOST_STRAINED;
+use crate::diagnose::limits::{MOST_STRAINED, STEP};
 use crate::model::System;
 use crate::refine::lanes::Lanes;
 use nalgebra::{DMatrix, DVector};
@@ -193,13 +193,13 @@ impl Basis {
         let usable = |i: usize| gram[(i, i)] > 1e-9 * before[i] && gram[(i, i)].is_finite() && gram[(i, i)] > 0.0;
         match start.combine {
             Combine::Keep if usable(0) && !self.strained.is_empty() => {
-                let bounds: Vec<(f64, f64)> = std::iter::once((0.5, 2.0)).chain(self.back()).collect();
+                let bounds: Vec<(f64, f64)> = std::iter::once(STEP).chain(self.back()).collect();
                 let (gain, _) = bounded_gain(&gram, &slope, &bounds);
                 Gain { gain, ..nothing }
             }
             Combine::Keep if usable(0) => {
                 // The column is a finite step: taken in full, half or double, not at any length.
-                let length = (slope[0] / gram[(0, 0)]).clamp(0.5, 2.0);
+                let length = (slope[0] / gram[(0, 0)]).clamp(STEP.0, STEP.1);
                 Gain { gain: 2.0 * length * slope[0] - length * length * gram[(0, 0)], ..nothing }
             }
             Combine::Amplitude => {

@@ -7,6 +7,7 @@ pub(crate) mod evidence;
 pub(crate) mod fitter;
 pub(crate) mod gains;
 pub(crate) mod lagging;
+pub(crate) mod moved;
 pub(crate) mod outputs;
 pub(crate) mod peaks;
 pub(crate) mod substeps;

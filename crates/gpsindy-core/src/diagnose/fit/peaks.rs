@@ -1,13 +1,12 @@
 //! Spectral lines of a residual: where a periodic effect should look.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{FREQUENCIES, LINES};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.
 pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
-    const GRID: usize = 400;
-    const LINES: usize = 5;
     let experiment = &fitted.experiment;
     let n_columns = experiment.columns.len();
     let longest = experiment.longest_window();
@@ -20,7 +19,7 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     }
     let spacing = PI / longest;
     let highest = 0.8 * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
-    let count = GRID.min((highest / spacing) as usize);
+    let count = FREQUENCIES.min((highest / spacing) as usize);
     let mut found: Vec<f64> = Vec::new();
     for differenced in [false, true] {
         let power: Vec<f64> =

@@ -1,21 +1,10 @@
-//! Parameters that the user believes in up to a tolerance, and those of them that turn out to be causes.
+//! Parameters that the user believes in up to a tolerance, and what they take up of the logs.
 
 use crate::diagnose::catalogue::joint::dissipative_bounds;
-use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{BELIEVED, EXPECTED};
+use crate::diagnose::limits::BELIEVED;
 use crate::model::Model;
 use crate::refine::{Free, Refined};
 use nalgebra::{DMatrix, DVector};
-
-/// A tolerated parameter that the logs move.
-pub(crate) struct Moved {
-    /// Its index in the model.
-    pub(crate) parameter: usize,
-    /// Squared distance from its nominal value, in standard deviations of what the logs tell of it.
-    pub(crate) squared: f64,
-    /// Whether the move stays within what the user believes.
-    pub(crate) is_believed: bool,
-}
 
 /// The parameters that the user believes in up to a tolerance, free with that belief.
 pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
@@ -30,31 +19,6 @@ pub(crate) fn tolerated(model: &Model) -> Vec<Free> {
             (sd > 0.0).then(|| Free { prior: Some((p.value, sd)), lower, upper, ..Free::new(i, p.value.abs()) })
         })
         .collect()
-}
-
-/// How far the logs alone move each tolerated parameter from its nominal value, in standard deviations
-/// of what the logs tell of it.
-pub(crate) fn moved(contestant: &Contestant) -> Vec<Moved> {
-    let Contestant { refined, free, evidence, .. } = contestant;
-    free.iter()
-        .enumerate()
-        .filter_map(|(place, f)| {
-            let (mean, sd) = f.prior?;
-            let information = 1.0 / refined.covariance[place][place] - 1.0 / (sd * sd);
-            let distance = refined.parameters[f.parameter] - mean;
-            let squared = distance * distance * information / evidence.inflation();
-            let is_believed = distance.abs() <= EXPECTED * sd;
-            (information > 0.0 && squared.is_finite()).then_some(Moved { parameter: f.parameter, squared, is_believed })
-        })
-        .collect()
-}
-
-/// Whether free parameter number `place` is a tolerated one that stands where its tolerance ends.
-pub(crate) fn is_strained(contestant: &Contestant, place: usize) -> bool {
-    let free = &contestant.free[place];
-    let value = contestant.refined.parameters[free.parameter];
-    // Within rounding of the end.
-    free.prior.is_some_and(|(mean, sd)| (value - mean).abs() >= 0.999 * BELIEVED * sd)
 }
 
 /// Mean squared change of the outputs (noise units) that the tolerated parameters make together by their move from
@@ -72,12 +36,6 @@ pub(crate) fn strain(refined: &Refined, free: &[Free], count: usize) -> f64 {
     let moved = DVector::from_fn(size, |i, _| tolerated[i].1);
     let strain = moved.dot(&(&information * &moved)) / count.max(1) as f64;
     if strain.is_finite() { strain.max(0.0) } else { 0.0 }
-}
-
-/// Standard deviation of parameter `index` with the residual's own size and colour; none where it is not free.
-pub(crate) fn deviation(contestant: &Contestant, index: usize) -> Option<f64> {
-    let place = contestant.free.iter().position(|f| f.parameter == index)?;
-    Some((contestant.refined.covariance[place][place] * contestant.evidence.inflation()).sqrt())
 }
 
 #[cfg(test)]

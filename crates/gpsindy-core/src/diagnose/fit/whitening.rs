@@ -4,7 +4,8 @@
 //! Source: Jones 1980, Technometrics 22(3), "Maximum likelihood fitting of ARMA models to time series with missing
 //! observations", section 3.
 
-use crate::diagnose::fit::colour::{Colour, MAX_ORDER};
+use crate::diagnose::fit::colour::Colour;
+use crate::diagnose::limits::MAX_ORDER;
 use nalgebra::DVector;
 
 /// What is done with one value.

@@ -5,7 +5,7 @@ use crate::diagnose::catalogue::planting::Planted;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{Budget, SHORTEST};
+use crate::diagnose::limits::{Budget, CLOSE, LEFT_LOG, NOISE, SHORTEST};
 use crate::diagnose::report::PowerNoise;
 use crate::diagnose::steps::noise::resolution;
 use crate::error::{Error, Result};
@@ -15,15 +15,6 @@ use crate::simulate::{Excitation, Simulate, StateReader};
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
 use rand_core::Rng;
-
-/// A rollout further from its log than this many ranges of the column has left it: the run is then cut into pieces.
-const ASTRAY: f64 = 2.0;
-
-/// How near the gap of a planted effect must come to the one asked for: no finding depends on a tenth.
-const CLOSE: f64 = 0.1;
-
-/// Residual variance (noise units) up to which the winner's residual counts as noise, with its colour.
-const NOISE: f64 = 1.5;
 
 /// A stretch of a log that is simulated from a state of its own.
 #[derive(Debug, Clone)]
@@ -131,7 +122,7 @@ impl Bench {
         let near = self.columns.iter().all(|&(channel, state)| {
             let column = || piece.run.column(channel).iter().copied().filter(|v| v.is_finite());
             let (low, high) = column().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            let reach = ASTRAY * (high - low).max(10.0 * self.noise_of(state));
+            let reach = LEFT_LOG * (high - low).max(10.0 * self.noise_of(state));
             (0..readings.nrows()).all(|i| (low - reach..=high + reach).contains(&readings[(i, state)]))
         });
         Ok(near.then_some(piece))

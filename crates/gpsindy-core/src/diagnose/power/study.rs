@@ -10,57 +10,14 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::planting::{Planted, plant};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::power::copies::Bench;
-use crate::diagnose::power::trial::Table;
-use crate::diagnose::report::{Diagnosis, PowerReport};
-use crate::error::{Error, Result};
-use crate::progress::{Progress, step};
+use crate::diagnose::power::settings::Power;
+use crate::diagnose::power::trial::{Blind, Count, Table};
+use crate::diagnose::report::PowerReport;
+use crate::error::Result;
+use crate::progress::Progress;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Settings of a power study.
-///
-/// | setting | default | range | purpose |
-/// | --- | --- | --- | --- |
-/// | `gap_to_noise` | 1, 3, 10 | above 0, rising | sizes of the planted effects; the middle one is tried first |
-/// | `draws` | 2 | 1 and above | copies a size, each with noise of its own |
-/// | `null_draws` | 20 | 0 and above | copies without any effect |
-/// | `seed` | 0 | | of the noise |
-#[derive(Debug, Clone, PartialEq)]
-pub struct Power {
-    /// Gaps of the planted effects in units of the noise, rising.
-    pub gap_to_noise: Vec<f64>,
-    /// Copies of the logs a size.
-    pub draws: usize,
-    /// Copies without any effect.
-    pub null_draws: usize,
-    /// Seed of the noise.
-    pub seed: u64,
-}
-
-impl Default for Power {
-    fn default() -> Self {
-        Self { gap_to_noise: vec![1.0, 3.0, 10.0], draws: 2, null_draws: 20, seed: 0 }
-    }
-}
-
-impl Power {
-    pub(crate) fn check(&self) -> Result<()> {
-        let rising = self.gap_to_noise.windows(2).all(|w| w[0] < w[1]);
-        if self.gap_to_noise.is_empty() || !rising || !self.gap_to_noise.iter().all(|g| *g > 0.0 && g.is_finite()) {
-            return Err(Error::range(
-                "gap_to_noise",
-                "one or more rising numbers above 0",
-                format!("{:?}", self.gap_to_noise),
-            ));
-        }
-        if self.draws == 0 {
-            return Err(Error::range("draws", "at least 1", self.draws));
-        }
-        Ok(())
-    }
-}
 
 /// What the diagnosis found that the study belongs to.
 pub(crate) struct Found {
@@ -72,35 +29,12 @@ pub(crate) struct Found {
     pub(crate) holdout: Dataset,
 }
 
-/// The diagnosis of logs to learn from and to verify on, as the user asked for it.
-pub(crate) type Blind<'a> = dyn Fn(&Dataset, &Dataset, &dyn Progress) -> Result<Diagnosis> + Sync + 'a;
-
 /// A study and what it needs.
 pub(crate) struct Study<'a> {
     pub(crate) diagnose: &'a Blind<'a>,
     pub(crate) power: &'a Power,
     pub(crate) found: &'a Found,
     pub(crate) progress: &'a dyn Progress,
-}
-
-/// Counts the copies that are through, and passes a wish to stop on.
-pub(crate) struct Count<'a> {
-    progress: &'a dyn Progress,
-    done: AtomicUsize,
-    total: usize,
-}
-
-impl Progress for Count<'_> {
-    fn report(&self, _stage: &str, _done: usize, _total: usize) -> bool {
-        self.progress.report("power", self.done.load(Ordering::Relaxed).min(self.total), self.total)
-    }
-}
-
-impl Count<'_> {
-    pub(crate) fn add(&self, count: usize) -> Result<()> {
-        let done = self.done.fetch_add(count, Ordering::Relaxed) + count;
-        step(self.progress, "power", done.min(self.total), self.total)
-    }
 }
 
 impl Study<'_> {
@@ -117,9 +51,10 @@ impl Study<'_> {
         let sizes = self.power.gap_to_noise.len();
         let most = sizes.div_ceil(2).max(sizes - sizes / 2);
         let total = self.power.null_draws + rows.len() * most * self.power.draws;
-        let count = Count { progress: self.progress, done: AtomicUsize::new(0), total };
+        let count = Count::new(self.progress, total);
         count.add(0)?;
-        let table = Table { study: self, bench: &bench, system: &nominal.system, count: &count };
+        let (diagnose, power) = (self.diagnose, self.power);
+        let table = Table { diagnose, power, bench: &bench, system: &nominal.system, count: &count };
         let null = table.null()?;
         let one = |(row, (hypothesis, planted)): (usize, &(&Hypothesis, &Planted))| {
             let found = table.effect(row, hypothesis, planted)?;
@@ -163,6 +98,7 @@ mod tests {
     use crate::data::{Channel, Run};
     use crate::diagnose::Diagnose;
     use crate::diagnose::power::copies::normal;
+    use crate::error::Error;
     use crate::expression::Expression;
     use crate::model::{Control, Model, Parameter, State};
     use crate::progress::Silent;

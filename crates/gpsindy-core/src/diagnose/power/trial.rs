@@ -1,23 +1,54 @@
 //! One effect of a power study: at which sizes blind diagnoses of the copies find and name it.
 
+use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::planting::Planted;
 use crate::diagnose::power::copies::{Bench, normal};
-use crate::diagnose::power::study::{Count, Study};
+use crate::diagnose::power::settings::Power;
 use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, PowerTrial};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
+use crate::progress::{Progress, step};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The diagnosis of logs to learn from and to verify on, as the user asked for it.
+pub(crate) type Blind<'a> = dyn Fn(&Dataset, &Dataset, &dyn Progress) -> Result<Diagnosis> + Sync + 'a;
+
+/// Counts the copies that are through, and passes a wish to stop on.
+pub(crate) struct Count<'a> {
+    progress: &'a dyn Progress,
+    done: AtomicUsize,
+    total: usize,
+}
+
+impl Progress for Count<'_> {
+    fn report(&self, _stage: &str, _done: usize, _total: usize) -> bool {
+        self.progress.report("power", self.done.load(Ordering::Relaxed).min(self.total), self.total)
+    }
+}
+
+impl<'a> Count<'a> {
+    pub(crate) fn new(progress: &'a dyn Progress, total: usize) -> Self {
+        Self { progress, done: AtomicUsize::new(0), total }
+    }
+
+    pub(crate) fn add(&self, count: usize) -> Result<()> {
+        let done = self.done.fetch_add(count, Ordering::Relaxed) + count;
+        step(self.progress, "power", done.min(self.total), self.total)
+    }
+}
 
 /// The row of copies without an effect: more than any study has.
 const NO_ROW: u64 = (1 << 24) - 1;
 
 /// The diagnoses of all copies.
 pub(crate) struct Table<'a> {
-    pub(crate) study: &'a Study<'a>,
+    pub(crate) diagnose: &'a Blind<'a>,
+    pub(crate) power: &'a Power,
     pub(crate) bench: &'a Bench,
     pub(crate) system: &'a System,
     pub(crate) count: &'a Count<'a>,
@@ -34,7 +65,7 @@ enum Verdict {
 impl Table<'_> {
     /// Noise of a copy: streams do not overlap, so no copy depends on which others were made.
     fn random(&self, row: u64, size: usize, draw: usize) -> ChaCha8Rng {
-        let mut random = ChaCha8Rng::seed_from_u64(self.study.power.seed);
+        let mut random = ChaCha8Rng::seed_from_u64(self.power.seed);
         // A row's number, a size's and a draw's, side by side.
         random.set_stream(((row + 1) << 32) | ((size as u64) << 16) | draw as u64);
         random
@@ -42,7 +73,7 @@ impl Table<'_> {
 
     /// Copies without any effect: how many alarm, and how many name one.
     pub(crate) fn null(&self) -> Result<PowerNull> {
-        let draws = self.study.power.null_draws;
+        let draws = self.power.null_draws;
         let one = |draw: usize| {
             let report = self.blind(self.system.model().clone(), None, &mut self.random(NO_ROW, 0, draw))?;
             Ok((report.gap.detected, report.included().next().is_some()))
@@ -61,14 +92,14 @@ impl Table<'_> {
         }
         let readings = self.bench.readings(&model)?;
         let (train, holdout) = self.bench.copies(&readings, Some(random))?;
-        let diagnosis = (self.study.diagnose)(&train, &holdout, self.count)?;
+        let diagnosis = (self.diagnose)(&train, &holdout, self.count)?;
         self.count.add(1)?;
         Ok(diagnosis)
     }
 
     /// The sizes of one effect: the middle one first, then smaller ones while it is named, else larger ones until it is.
     pub(crate) fn effect(&self, row: usize, hypothesis: &Hypothesis, planted: &Planted) -> Result<PowerEffect> {
-        let targets = &self.study.power.gap_to_noise;
+        let targets = &self.power.gap_to_noise;
         let mut known: Vec<(f64, f64)> = Vec::new();
         let mut found = self.empty(hypothesis, planted);
         let mut rivals: Vec<PowerRival> = Vec::new();
@@ -140,7 +171,7 @@ impl Table<'_> {
         group: &mut Vec<String>,
         rivals: &mut Vec<PowerRival>,
     ) -> Result<PowerTrial> {
-        let draws = self.study.power.draws;
+        let draws = self.power.draws;
         let one = |draw: usize| {
             let mut random = self.random(row as u64, size, draw);
             match self.blind(planted.model(strength), Some(planted.parameter()), &mut random) {

@@ -3,7 +3,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
-use crate::diagnose::fit::tolerance::{Moved, is_strained, moved};
+use crate::diagnose::fit::moved::{Moved, is_strained, moved};
 use crate::diagnose::limits::{Budget, CONVINCING, MATERIAL, TOLERABLE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::contest::Contest;

@@ -2,8 +2,8 @@
 
 use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
+use crate::diagnose::fit::moved::{Moved, moved};
 use crate::diagnose::fit::substeps::finer;
-use crate::diagnose::fit::tolerance::{Moved, moved};
 use crate::diagnose::limits::{Budget, CHANCE, TOLERABLE};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Detected, Judged, Outcome};
@@ -93,4 +93,25 @@ fn strained(nominal: &Contestant) -> f64 {
     let one = |moved: &Moved| chi_squared_tail(moved.squared - allowed(moved.is_believed) * count, 1);
     let alone = Searches::of(free.len()).pay(moved.iter().map(one).fold(1.0, f64::min));
     alone.min(together)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::diagnose::fixture::drive_of;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::progress::Silent;
+
+    #[test]
+    fn at_most_one_in_twenty_logs_without_a_gap_has_a_p_value_below_the_level() {
+        let alarms = (0..40).filter(|&seed| {
+            let (model, data) = drive_of(seed, None, |x| x, 0.02, (3, 120));
+            let (train, holdout) = hold_out(&data).unwrap();
+            let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+            assert_eq!(found.gap.detected, found.gap.p_value <= 0.05);
+            found.gap.detected
+        });
+        // Six or more of 40 have a chance of 0.014 at a level of 5 %.
+        assert!(alarms.count() < 6);
+    }
 }

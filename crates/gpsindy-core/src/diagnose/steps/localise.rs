@@ -6,8 +6,8 @@
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::evidence::chi_squared_tail;
+use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::outputs::trajectories;
-use crate::diagnose::fit::tolerance::deviation;
 use crate::diagnose::limits::Budget;
 use crate::diagnose::report::{
     Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned,

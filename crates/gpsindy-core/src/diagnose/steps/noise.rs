@@ -1,6 +1,6 @@
 //! The noise of every column and the outliers in it, from the logs alone.
 
-use crate::diagnose::limits::OUTLIER;
+use crate::diagnose::limits::{OUTLIER, SPIKE_LIKE};
 use crate::refine::Log;
 
 /// Noise standard deviation of each column from differences of its samples, in its unit.
@@ -67,12 +67,13 @@ pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
             let bend: Vec<f64> = column.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
             let mut sizes: Vec<f64> = bend.iter().map(|b| b.abs()).filter(|b| b.is_finite()).collect();
             sizes.sort_by(f64::total_cmp);
+            // Noise alone bends by sqrt(1 + 2/4) of itself, and the median of a normal variable's size is 1/1.4826.
             let typical = sizes.get(sizes.len() / 2).map_or(0.0, |m| 1.4826 * m).max(1.2 * noise);
             let spikes: Vec<usize> = (1..bend.len().saturating_sub(1))
                 .filter(|&i| {
                     // A spike bends its neighbours half as much the other way; a corner does not.
                     let neighbours = -0.5 * bend[i];
-                    let like = |b: f64| (b - neighbours).abs() < 0.4 * bend[i].abs();
+                    let like = |b: f64| (b - neighbours).abs() < SPIKE_LIKE * bend[i].abs();
                     bend[i].abs() > OUTLIER * typical && like(bend[i - 1]) && like(bend[i + 1])
                 })
                 .collect();

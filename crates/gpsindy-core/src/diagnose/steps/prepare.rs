@@ -5,7 +5,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::substeps::choose_substeps;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{Budget, MOST_SAMPLES, ROUNDING};
+use crate::diagnose::limits::{Budget, DENSE_NOISE, DENSE_SPREAD, MOST_SAMPLES, ROUNDING, STRETCHES};
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::check;
@@ -120,12 +120,11 @@ fn thin(experiment: Experiment, notes: &Notes) -> Experiment {
         return experiment;
     }
     let seconds: f64 = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).sum();
-    // At least forty stretches, so that every part of the logs is seen.
     let length = experiment.windows.iter().map(|w| {
         let time = &experiment.logs[w.log].time;
         time[w.last] - time[w.first]
     });
-    let length = length.fold(0.0, f64::max).min(seconds * MOST_SAMPLES as f64 / total as f64 / 40.0 * 2.0);
+    let length = length.fold(0.0, f64::max).min(seconds * MOST_SAMPLES as f64 / total as f64 / STRETCHES * 2.0);
     let mut experiment = experiment.with_windows_of(length);
     let keep_every = total.div_ceil(MOST_SAMPLES);
     experiment.windows = experiment.windows.into_iter().step_by(keep_every).collect();
@@ -168,8 +167,7 @@ fn is_dense(experiment: &Experiment, stride: usize) -> bool {
         });
         let finite: Vec<f64> = bends.filter(|b| b.is_finite()).collect();
         let rms = (finite.iter().map(|b| b * b).sum::<f64>() / finite.len().max(1) as f64).sqrt();
-        // Noise alone bends by sqrt(1 + 2/4) of itself.
-        rms < 2.5 * experiment.noise[c] || rms < 0.01 * experiment.scale[experiment.columns[c]]
+        rms < DENSE_NOISE * experiment.noise[c] || rms < DENSE_SPREAD * experiment.scale[experiment.columns[c]]
     })
 }
 

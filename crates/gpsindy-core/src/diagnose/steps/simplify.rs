@@ -93,13 +93,14 @@ mod tests {
     use super::*;
     use crate::diagnose::catalogue::hypothesis::{Hypothesis, enumerate};
     use crate::diagnose::catalogue::joint;
+    use crate::diagnose::fit::contestant::{Entrant, Searches};
     use crate::diagnose::fit::fitter::{Fitter, unsearched};
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;
     use crate::diagnose::limits::Budget;
     use crate::diagnose::run::Run;
     use crate::diagnose::steps::places::places;
-    use crate::diagnose::steps::suspects::Suspects;
+    use crate::diagnose::steps::suspects::{Suspects, suspects};
     use crate::model::System;
     use crate::progress::Silent;
     use crate::refine::Experiment;
@@ -124,6 +125,27 @@ mod tests {
         let places = places(&contest, &nominal, &best, false, &mut Tried::default()).unwrap();
         let found = merged(&contest, &nominal, &best, &places, &mut Tried::default()).unwrap();
         found.map(|f| f.hypotheses.iter().map(|h| h.id().to_string()).collect())
+    }
+
+    #[test]
+    fn an_effect_that_stays_when_another_is_left_out_still_pays_for_the_search_that_chose_it() {
+        let (model, data) = drive(None, |x| 1.5 * x + 0.8 * x * x * x, 0.002, (2, 200));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
+        let fitter = Fitter::default();
+        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap();
+        let run = Run::new(&Silent, None);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &[], &[], &[]).unwrap(), 6);
+        let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
+        let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
+        let applied = joint::apply(&both, &model, &contest.scene).unwrap();
+        let entrants = [30, 70].map(Searches::of);
+        let entrants = [0, 1].map(|i| Entrant { hypothesis: both[i], searches: entrants[i] });
+        let best = fitter.with(&nominal, &entrants, &applied, &[vec![0.3, 0.3]], Budget::Usual).unwrap();
+        let rest = contest.without(&nominal, &best, &[0]).unwrap().unwrap();
+        assert_eq!(rest.searches_beyond(&nominal), Searches::of(70));
+        assert_eq!(best.searches_beyond(&rest), Searches::of(30));
+        assert_eq!(fitter.carried_on(rest, Budget::Usual).unwrap().searches_beyond(&nominal), Searches::of(70));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::tolerance::deviation;
+use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{

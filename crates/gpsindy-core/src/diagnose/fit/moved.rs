@@ -1,0 +1,45 @@
+//! How far the logs move the parameters of a contestant, and how well they tell them.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{BELIEVED, EXPECTED};
+
+/// A tolerated parameter that the logs move.
+pub(crate) struct Moved {
+    /// Its index in the model.
+    pub(crate) parameter: usize,
+    /// Squared distance from its nominal value, in standard deviations of what the logs tell of it.
+    pub(crate) squared: f64,
+    /// Whether the move stays within what the user believes.
+    pub(crate) is_believed: bool,
+}
+
+/// How far the logs alone move each tolerated parameter from its nominal value, in standard deviations
+/// of what the logs tell of it.
+pub(crate) fn moved(contestant: &Contestant) -> Vec<Moved> {
+    let Contestant { refined, free, evidence, .. } = contestant;
+    free.iter()
+        .enumerate()
+        .filter_map(|(place, f)| {
+            let (mean, sd) = f.prior?;
+            let information = 1.0 / refined.covariance[place][place] - 1.0 / (sd * sd);
+            let distance = refined.parameters[f.parameter] - mean;
+            let squared = distance * distance * information / evidence.inflation();
+            let is_believed = distance.abs() <= EXPECTED * sd;
+            (information > 0.0 && squared.is_finite()).then_some(Moved { parameter: f.parameter, squared, is_believed })
+        })
+        .collect()
+}
+
+/// Whether free parameter number `place` is a tolerated one that stands where its tolerance ends.
+pub(crate) fn is_strained(contestant: &Contestant, place: usize) -> bool {
+    let free = &contestant.free[place];
+    let value = contestant.refined.parameters[free.parameter];
+    // Within rounding of the end.
+    free.prior.is_some_and(|(mean, sd)| (value - mean).abs() >= 0.999 * BELIEVED * sd)
+}
+
+/// Standard deviation of parameter `index` with the residual's own size and colour; none where it is not free.
+pub(crate) fn deviation(contestant: &Contestant, index: usize) -> Option<f64> {
+    let place = contestant.free.iter().position(|f| f.parameter == index)?;
+    Some((contestant.refined.covariance[place][place] * contestant.evidence.inflation()).sqrt())
+}
