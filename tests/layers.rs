@@ -33,8 +33,9 @@ const PARTS: &[(&str, &[&str])] = &[
     ("attribute", &["search", "simplify", "lengthen", "charge", "places", "detect"]),
     ("simplify", &["detect", "places"]),
     ("hold", &["attribute", "detect"]),
-    ("verify", &["floor"]),
-    ("weigh", &["augment", "localise", "verify"]),
+    ("verify", &["curves", "floor", "start"]),
+    ("floor", &["start", "verify"]),
+    ("weigh", &["augment", "curves", "localise", "stability", "verify"]),
 ];
 
 fn layer(module: &str) -> Option<u8> {

@@ -31,6 +31,7 @@ use power::study::{Found, Study};
 use run::Run;
 use std::sync::Arc;
 use steps::attribute::attribute;
+use steps::augment::augment;
 use steps::contest::Contest;
 use steps::detect::detect;
 use steps::findings::Judged;
@@ -185,10 +186,14 @@ impl Diagnose {
         let judged = reconsider_hold(&contest, &prepared, judged)?;
         run.say_if_cut();
         let Judged { nominal, detected, nameless, outcome } = &judged;
-        let closure = verify::closure(nominal, &outcome.best, &prepared.holdout, self.confidence, &run.notes)?;
-        let gap = localise::gap(&contest, nominal, outcome, &contest.rivals, nameless, detected);
+        let verified = verify::closure(nominal, &outcome.best, &prepared.holdout, self.confidence, &run.notes)?;
+        let (rivals, resting) = (&contest.rivals, &verified.resting);
+        let located = localise::gap(&contest, nominal, outcome, rivals, nameless, detected, resting);
+        let augmented = augment(&outcome.best);
         let logs = (&prepared.train, &prepared.holdout);
-        let diagnosed = weigh::report(self, &contest, nominal, outcome, detected, gap, closure, logs)?;
+        let (diagnosis, augmented) =
+            weigh::report(self.confidence, &contest, nominal, outcome, detected, located, verified, logs, augmented);
+        let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all() };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;

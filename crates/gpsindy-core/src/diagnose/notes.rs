@@ -51,8 +51,27 @@ pub enum Note {
         /// Their length, s.
         length: f64,
     },
+    /// These columns never move beyond their resolution in the held-out logs and those to learn from.
+    Resting {
+        /// The columns.
+        columns: Vec<String>,
+    },
     /// No effect of the catalogue explains a material part of the gap.
     NothingExplains,
+    /// The size of a cause differs between parts of the logs.
+    Disagreement {
+        /// Its id.
+        effect: String,
+        /// The state that it acts on.
+        state: String,
+        /// The parts whose size is another one, in words.
+        parts: Vec<String>,
+    },
+    /// The corrected model does not follow these columns in the held-out runs.
+    NotFollowed {
+        /// The columns.
+        columns: Vec<String>,
+    },
     /// The search ended before it was through, because time was up.
     TimeUp {
         /// The limit, s.
@@ -97,6 +116,22 @@ impl std::fmt::Display for Note {
                 f,
                 "time was up after {seconds:.0} s: the search ended with the best that it had, and more time may name other causes"
             ),
+            Self::Resting { columns } => write!(
+                f,
+                "{}: these columns never move beyond their resolution, so closure, shares and figures leave them out",
+                columns.join(", ")
+            ),
+            Self::Disagreement { effect, state, parts } => write!(
+                f,
+                "the size of {} in {state} differs in {} from that in the other parts of the logs: what is named may be an imitation",
+                effect.replace('_', " "),
+                parts.join(", ")
+            ),
+            Self::NotFollowed { columns } => write!(
+                f,
+                "the corrected model still does not follow {} in the held-out runs: its error is more than half of the motion",
+                columns.join(", ")
+            ),
             Self::NothingExplains => f.write_str("no effect of the catalogue explains a material part of the gap"),
         }
     }
@@ -107,9 +142,12 @@ impl std::fmt::Display for Note {
 pub(crate) struct Notes(Mutex<Vec<Note>>);
 
 impl Notes {
-    /// Adds a note.
+    /// Adds a note, once.
     pub(crate) fn say(&self, note: Note) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(note);
+        let mut notes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !notes.contains(&note) {
+            notes.push(note);
+        }
     }
 
     /// All notes so far.

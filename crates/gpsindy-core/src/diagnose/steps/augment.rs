@@ -5,7 +5,7 @@ use crate::diagnose::report::EquationFigure;
 use crate::model::Model;
 
 /// The winner's model for readers: sizes positive, phases within a turn, edges as steps.
-pub(crate) fn tidy(best: &Contestant) -> Model {
+pub(crate) fn augment(best: &Contestant) -> Model {
     let mut model = best.model();
     for (hypothesis, added) in best.hypotheses.iter().zip(&best.added) {
         for (index, parameter) in added {
