@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(u8, &[&str])] = &[
     (1, &["data", "error", "progress", "expression"]),
     (2, &["gp", "regress", "library", "model"]),
-    (3, &["smooth", "differentiate", "weak", "refine", "simulate", "score", "systems"]),
+    (3, &["smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose", "exam"]),
     (5, &["paired"]),
 ];

@@ -22,7 +22,6 @@ mod score;
 mod simulate;
 mod smooth;
 pub mod systems;
-mod weak;
 
 pub use data::{Channel, Dataset, Run};
 pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
@@ -42,4 +41,3 @@ pub use refine::{Experiment, Free, Hold, Log, Past, Refine, Refined, Starts, Win
 pub use score::{Errors, Score, Scoring, StateError, score};
 pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};
-pub use weak::{WeakForm, WeakRows};

@@ -159,11 +159,6 @@ impl StateReader {
             })
             .collect()
     }
-
-    /// Whether state `j` is read from a column of its own.
-    pub fn is_logged(&self, j: usize) -> bool {
-        matches!(self.sources[j], Source::Logged(_))
-    }
 }
 
 /// Per state its column with `measured` inverted, where there is such a column with a value in it.
