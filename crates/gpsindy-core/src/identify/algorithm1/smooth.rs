@@ -29,7 +29,7 @@ pub(crate) fn smooth(
         if !weak.is_empty() {
             notes.push(format!("smoothing of `{}`: {}", channel.name, weak.join("; ")));
         }
-        kernels.push(format!("{:?}", fit.kernel));
+        kernels.push(fit.kernel.to_string());
     }
     let noise = smoothed.fits.iter().map(|f| f.noise).collect();
     Ok(((smoothed.runs.clone(), Some(smoothed)), noise, kernels))

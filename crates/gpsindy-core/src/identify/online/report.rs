@@ -45,7 +45,7 @@ pub(super) fn report(
             score: f64::NAN,
             residual: f64::NAN,
             noise: fit.noise,
-            kernel: format!("{:?}", fit.kernel),
+            kernel: fit.kernel.to_string(),
         };
         if frame.fixed[s].is_none() {
             let chosen = choose(settings, frame, s, rows)?;
