@@ -59,6 +59,16 @@ impl Run {
     }
 }
 
+/// What a control does between two samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Hold {
+    /// It keeps the value of the last sample.
+    #[default]
+    Zero,
+    /// It is interpolated.
+    Linear,
+}
+
 /// Runs that carry the same channels.
 ///
 /// ```

@@ -23,7 +23,7 @@ mod simulate;
 mod smooth;
 pub mod systems;
 
-pub use data::{Channel, Dataset, Run};
+pub use data::{Channel, Dataset, Hold, Run};
 pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
@@ -37,7 +37,7 @@ pub use model::{
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
-pub use refine::{Experiment, Free, Hold, Log, Past, Refine, Refined, Starts, Window};
+pub use refine::{Experiment, Free, Log, Past, Refine, Refined, Starts, Window};
 pub use score::{Errors, Score, Scoring, StateError, score};
 pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};

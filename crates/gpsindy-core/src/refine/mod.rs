@@ -10,7 +10,8 @@ mod history;
 mod jacobian;
 pub(crate) mod lanes;
 
-pub use experiment::{Experiment, Hold, Log, Past, Starts, Window};
+pub(crate) use crate::data::Hold;
+pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
 
 use crate::error::{Error, Result};
