@@ -33,7 +33,7 @@ pub use identify::{
 };
 pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
-    State, System,
+    State, System, rate_unit,
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
