@@ -1,4 +1,4 @@
-//! Why a command stopped, by exit status: 1 the work failed, 2 bad input or usage.
+//! Why a command stopped, by exit status: 1 the work failed, 2 bad input or usage, 3 a verdict that was asked to fail.
 
 use std::fmt;
 
@@ -9,6 +9,8 @@ pub(crate) enum Failure {
     Input(String),
     /// The input is fine and the work failed: status 1.
     Work(String),
+    /// The work is done, and its verdict is one that the user asked to fail: status 3.
+    Verdict(String),
     /// Nobody reads the output any more: silent, status 0.
     ClosedPipe,
 }
@@ -26,7 +28,7 @@ impl Failure {
         match self {
             Self::Input(message) => Self::Input(message + remedy),
             Self::Work(message) => Self::Work(message + remedy),
-            Self::ClosedPipe => self,
+            Self::Verdict(_) | Self::ClosedPipe => self,
         }
     }
 
@@ -34,6 +36,7 @@ impl Failure {
         match self {
             Self::Input(_) => 2,
             Self::Work(_) => 1,
+            Self::Verdict(_) => 3,
             Self::ClosedPipe => 0,
         }
     }
@@ -42,7 +45,7 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(message) | Self::Work(message) => {
+            Self::Input(message) | Self::Work(message) | Self::Verdict(message) => {
                 write!(f, "{}", message.split_whitespace().collect::<Vec<_>>().join(" "))
             }
             Self::ClosedPipe => write!(f, "the output was closed"),

@@ -85,6 +85,63 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
+fn the_confidence_moves_intervals_and_nothing_else() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
+    let folder = Folder::new();
+    let report = |level: &str| -> serde_json::Value {
+        let options = format!("--run run --confidence {level} --json --quiet");
+        let ran = folder.run(&format!("diagnose {data}/pendulum.toml {data}/pendulum.csv {options}")).done();
+        serde_json::from_str(&ran.stdout).unwrap()
+    };
+    let reports = ["0.6", "0.9", "0.95", "0.99"].map(report);
+    let width = |r: &serde_json::Value| {
+        let parameter = &r["causes"][0]["parameters"][0];
+        parameter["high"].as_f64().unwrap() - parameter["low"].as_f64().unwrap()
+    };
+    assert!(reports.windows(2).all(|r| width(&r[0]) < width(&r[1])));
+    // Without its intervals each report is the same.
+    let bare = reports.map(|mut report| {
+        for cause in report["causes"].as_array_mut().unwrap() {
+            for parameter in cause["parameters"].as_array_mut().unwrap() {
+                parameter["low"].take();
+                parameter["high"].take();
+            }
+        }
+        for end in ["low", "high"] {
+            report["closure"][end].take();
+        }
+        report["confidence"].take();
+        report
+    });
+    assert_eq!(bare[0]["verdict"], "explained");
+    assert!(bare.windows(2).all(|r| r[0] == r[1]));
+}
+
+#[test]
+fn a_file_that_gpsindy_did_not_write_is_not_overwritten() {
+    let folder = lab(0.3);
+    std::fs::create_dir_all(folder.path().join("report")).unwrap();
+    folder.write("report/augmented.toml", SLIDER);
+    let command = format!("diagnose slider.toml {LOGS} {SUSPECTS} --out report --quiet");
+    let ran = folder.run(&command);
+    let refusal = ran.refused();
+    assert!(refusal.contains("augmented.toml") && refusal.contains("--force"), "{refusal}");
+    assert_eq!(folder.read("report/augmented.toml"), SLIDER);
+    folder.run(&format!("{command} --force")).done();
+    // What it wrote itself it may write again.
+    folder.run(&command).done();
+}
+
+#[test]
+fn a_verdict_ends_with_status_3_where_it_was_asked_to() {
+    let folder = lab(0.3);
+    let ran = folder.run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --quiet --fail-if gap"));
+    assert_eq!(ran.status, 3, "{ran:?}");
+    assert!(ran.stdout.starts_with("EXPLAINED"), "{ran:?}");
+    folder.run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --quiet --fail-if unexplained")).done();
+}
+
+#[test]
 fn effects_of_the_user_s_own_are_suspects_too() {
     let folder = lab(0.3);
     folder.write("own.toml", "[[effect]]\nid = \"wake\"\nstate = \"v\"\nform = \"-c*v^2\"\nparameters = [{ name = \"c\", low = 0.0, high = 2.0 }]\n");

@@ -113,6 +113,18 @@ pub(crate) fn render(report: &str) -> PyResult<String> {
     Ok(gpsindy_report::render(&read(report)?))
 }
 
+/// The file report.json of a report.
+#[pyfunction]
+pub(crate) fn report_json(report: &str) -> PyResult<String> {
+    gpsindy_report::json(&read(report)?).map_err(internal)
+}
+
+/// The file augmented.toml of a report, from the model's text.
+#[pyfunction]
+pub(crate) fn augmented_toml(report: &str, model: &str) -> PyResult<String> {
+    Ok(gpsindy_report::augmented(&read(report)?, model))
+}
+
 /// A screenful of text about a report.
 #[pyfunction]
 pub(crate) fn summary(report: &str, width: usize, colour: bool) -> PyResult<String> {

@@ -29,7 +29,9 @@ mod _gpsindy {
     #[pymodule_export]
     use super::dataset::{PyDataset, parse_header};
     #[pymodule_export]
-    use super::diagnose::{diagnose, diagnose_paired, effects, read_effects, render, summary, write_whole};
+    use super::diagnose::{
+        augmented_toml, diagnose, diagnose_paired, effects, read_effects, render, report_json, summary, write_whole,
+    };
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

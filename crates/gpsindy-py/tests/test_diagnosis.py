@@ -87,6 +87,9 @@ def test_the_report_is_written_and_travels(found, tmp_path):
     twin = pickle.loads(pickle.dumps(found))
     assert twin.causes == found.causes
     assert "EXPLAINED" in repr(found)
+    assert "figures" not in report
+    assert found._repr_html_().startswith("<iframe srcdoc=")
+    assert {row["name"] for row in found.parameters} >= {"b"}
 
 
 def test_a_callable_is_diagnosed_like_its_equations():

@@ -52,7 +52,7 @@ def test_a_diagnosis_draws_the_held_out_runs():
     text = """{"figures": {"rollouts": [{"run": "a", "column": "x", "unit": "m", "time": [0.0, 1.0],
         "measured": [1.0, null], "before": [1.0, 2.0], "after": [1.0, 1.5]}]}}"""
     figure = gpsindy.plot.diagnosis(gpsindy.Diagnosis(text, gpsindy.Model.from_toml(ONE)))
-    assert [line.get_label() for line in figure.axes[0].lines] == ["measured", "simulator", "with its causes"]
+    assert [line.get_label() for line in figure.axes[0].lines] == ["measured", "nominal model", "augmented model"]
 
 
 ONE = "schema = 'gpsindy.model/1'\n[[state]]\nname = 'x'\nequation = '-x'\n"

@@ -2,7 +2,9 @@
 
 use crate::chart::{Chart, Mark};
 use crate::words::with_unit;
-use gpsindy_core::diagnose::report::{Diagnosis, ResidualFigure, ResidualTrace, RolloutFigure};
+use gpsindy_core::diagnose::report::{
+    Diagnosis, ResidualCheck, ResidualFigure, ResidualTrace, RolloutFigure, SignalFigure,
+};
 use maud::{Markup, html};
 
 /// Numbers the charts of a page.
@@ -85,7 +87,11 @@ pub(crate) fn residual_trace(
 
 /// A held-out log beside both rollouts.
 pub(crate) fn rollout(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
-    let mut marks = vec![Mark::Dots("measured", &figure.time, figure.measured.clone())];
+    // The log lies under the models as a broad line, so that it shows where they cover it.
+    let mut marks = vec![
+        Mark::Line("log", &figure.time, figure.measured.clone()),
+        Mark::Dots("measured", &figure.time, figure.measured.clone()),
+    ];
     let mut legend = vec![("measured", "measured"), ("before", "nominal model")];
     marks.push(Mark::Line("before", &figure.time, figure.before.clone()));
     if !figure.after.is_empty() {
@@ -107,6 +113,67 @@ pub(crate) fn rollout(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
         y_range: rollout_range(figure),
     };
     framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(counter.next()), legend)
+}
+
+/// What the augmented model leaves of a held-out log, over time.
+pub(crate) fn left_over(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
+    let lines = figure.measured.iter().zip(if figure.after.is_empty() { &figure.before } else { &figure.after });
+    let left: Vec<Option<f64>> = lines.map(|(measured, model)| Some((*measured)? - (*model)?)).collect();
+    let y_range = limits(left.iter().copied().flatten().chain([0.0]));
+    let chart = Chart {
+        title: format!("What is left of {} in held-out run {}", figure.column, figure.run),
+        description: "The log less the rollout of the augmented model.".into(),
+        x_label: "t (s)".into(),
+        y_label: axis(&format!("{} left", figure.column), &figure.unit),
+        marks: vec![Mark::Line("residual", &figure.time, left)],
+        shades: Vec::new(),
+        y_range: padded(y_range),
+    };
+    let legend = [("residual", "measured less augmented model")];
+    framed(html! { (figure.column) " left, run " (figure.run) }, chart.draw(counter.next()), legend)
+}
+
+/// How what is left of a column repeats itself.
+pub(crate) fn autocorrelation(check: &ResidualCheck, counter: &mut Counter) -> Option<Markup> {
+    let count = check.autocorrelation.len();
+    if count < 2 {
+        return None;
+    }
+    let lags: Vec<f64> = (1..=count).map(|lag| lag as f64).collect();
+    let band = vec![(-check.band, check.band); count];
+    let y_range = limits(check.autocorrelation.iter().copied().chain([check.band, -check.band]));
+    let chart = Chart {
+        title: format!("Autocorrelation of what is left of {}", check.column),
+        description: "Line: correlation of what is left with itself, some samples later. Band: where 99 % of it would \
+                      lie were it white noise."
+            .into(),
+        x_label: "samples apart".into(),
+        y_label: format!("correlation of {} left", check.column),
+        marks: vec![Mark::Band("band", &lags, band), Mark::Line("residual", &lags, present(&check.autocorrelation))],
+        shades: Vec::new(),
+        y_range: padded(y_range),
+    };
+    Some(framed(
+        html! { "Autocorrelation of what is left of " (check.column) },
+        chart.draw(counter.next()),
+        [("residual", "what is left; the band holds 99 % of white noise")],
+    ))
+}
+
+/// A column as it was logged.
+pub(crate) fn signal(figure: &SignalFigure, counter: &mut Counter) -> Markup {
+    let part = if figure.held_out { "held out" } else { "fitted" };
+    let chart = Chart {
+        title: format!("{} in run {} ({part})", figure.column, figure.run),
+        description: "The column as it was logged.".into(),
+        x_label: "t (s)".into(),
+        y_label: axis(&figure.column, &figure.unit),
+        marks: vec![Mark::Line("residual", &figure.time, figure.values.clone())],
+        shades: Vec::new(),
+        y_range: padded(limits(figure.values.iter().copied().flatten())),
+    };
+    let kind = if figure.is_control { "control" } else { "state" };
+    framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(counter.next()), [("residual", kind)])
 }
 
 /// All of the log and of both rollouts, but not more than thrice the log's own range around it.

@@ -1,11 +1,13 @@
 //! The page `report.html`: verdict, where, which, how far, what next; one file, no network, no script.
 
-use crate::figures::{Counter, residual_curve, residual_trace, rollout};
+use crate::figures::{Counter, autocorrelation, left_over, residual_curve, residual_trace, rollout, signal};
+use crate::provenance::{self, Provenance};
 use crate::words::{
-    cause_name, cause_place, closure_sentence, effect_meaning, effect_name, interval, listed, number, number_or,
-    p_value, percent, percent_closed, span, verdict_name, verdict_sentence, with_unit,
+    cause_name, cause_place, closure_sentence, effect_meaning, effect_name, excluded_name, interval, listed, number,
+    number_or, p_value, percent, percent_closed, span, stability_sentence, verdict_name, verdict_sentence,
+    with_deviation, with_unit,
 };
-use gpsindy_core::diagnose::report::{Cause, Closure, Diagnosis, Figures, Verdict};
+use gpsindy_core::diagnose::report::{Cause, Diagnosis, Figures, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// Probability below which a cause that is not included is left to the JSON.
@@ -13,6 +15,9 @@ const WORTH: f64 = 0.001;
 
 /// Figures of one kind that stand open on the page; the others are folded.
 const OPEN_FIGURES: usize = 4;
+
+/// Excluded effects that stand open on the page; a longer list is folded.
+const OPEN_EXCLUDED: usize = 6;
 
 /// The whole page as text: HTML, style and figures in one file that needs nothing else.
 ///
@@ -26,6 +31,11 @@ const OPEN_FIGURES: usize = 4;
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 pub fn render(report: &Diagnosis) -> String {
+    render_with(report, &Provenance::default())
+}
+
+/// As [`render`], with what the engine does not know: when, by which command and from which files.
+pub fn render_with(report: &Diagnosis, provenance: &Provenance) -> String {
     let mut counter = Counter::default();
     let page = html! {
         (DOCTYPE)
@@ -48,8 +58,9 @@ pub fn render(report: &Diagnosis) -> String {
                     (closure(report, &mut counter))
                     @if let Some(power) = &report.power { (crate::power::section(power)) }
                     (next(report))
+                    (logs(report, provenance, &mut counter))
                 }
-                (foot(report))
+                (foot(report, provenance))
             }
         }
     };
@@ -72,16 +83,18 @@ fn head(report: &Diagnosis) -> Markup {
             dl.facts {
                 div { dt { "Gap" } dd { @if report.gap.detected { "found" } @else { "none found" } } dd.small { (p_value(report.gap.p_value)) } }
                 @if let Some(cause) = best {
-                    div { dt { "Best cause" } dd { (percent(cause.probability)) } dd.small { (cause_name(cause)) } }
+                    div { dt { "First cause" } dd { (percent(cause.probability)) } dd.small { (cause_name(cause)) } }
                 }
-                @if let Some(closed) = report.closure.closed {
+                @if let Some(closed) = report.closure.closed.filter(|_| best.is_some()) {
                     div { dt { "Gap closed" } dd { (percent_closed(closed)) }
                         @if let (Some(low), Some(high)) = (report.closure.low, report.closure.high) {
-                            dd.small { (percent_closed(low)) " to " (percent_closed(high)) }
+                            dd.small { (percent_closed(low)) " to " (percent_closed(high)) " on held-out runs" }
                         }
                     }
                 }
-                div { dt { "Structure left" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
+                @if report.verdict != Verdict::NoGap {
+                    div { dt { "Structure left" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
+                }
             }
         }
     }
@@ -169,21 +182,51 @@ fn causes(report: &Diagnosis) -> Markup {
                 p { @if report.verdict == Verdict::NoGap { "There is no gap, so no cause is sought." }
                     @else { "No effect of the catalogue came into question." } }
             } @else {
-                ol.causes { @for cause in report.causes.iter().filter(|c| c.included || c.probability >= WORTH) { (one_cause(cause)) } }
+                ol.causes { @for cause in report.causes.iter().filter(|c| c.included || c.probability >= WORTH) { (one_cause(report, cause)) } }
             }
-            @if !report.excluded.is_empty() {
-                h3 { "Excluded" }
-                p.soft { "Had one of these been larger than stated, these logs would have shown it 19 times in 20." }
-                ul { @for row in &report.excluded { li {
-                    (effect_name(&row.effect)) " in the equation of " code { (row.state) } ": not above "
-                    (with_unit(&number(row.above), &row.unit))
-                } } }
-            }
+            (parameters(report))
+            (excluded(report))
         }
     }
 }
 
-fn one_cause(cause: &Cause) -> Markup {
+/// Parameters of the augmented model beside the nominal ones.
+fn parameters(report: &Diagnosis) -> Markup {
+    if report.parameters.is_empty() {
+        return html! {};
+    }
+    html! {
+        h3 { "Parameters" }
+        div.wide { table {
+            thead { tr { th scope="col" { "parameter" } th.n scope="col" { "nominal" } th.n scope="col" { "fitted" } th scope="col" { "unit" } } }
+            tbody { @for row in &report.parameters { tr {
+                th scope="row" { code { (row.name) } }
+                td.n { @match row.nominal { Some(nominal) => (number(nominal)), None => "new" } }
+                td.n { @if row.deviation.is_some() || row.nominal != Some(row.value) { (with_deviation(row.value, row.deviation)) } @else { "as nominal" } }
+                td { (row.unit) }
+            } } }
+        } }
+        p.soft { "± is one standard deviation, with the size and colour of what the fit leaves." }
+    }
+}
+
+fn excluded(report: &Diagnosis) -> Markup {
+    let given = if report.included().next().is_some() { "Given the causes above: had" } else { "Had" };
+    let list = html! {
+        ul { @for row in &report.excluded { li { (excluded_name(row)) ": not above " (with_unit(&number(row.above), &row.unit)) } } }
+    };
+    html! {
+        @if !report.excluded.is_empty() {
+            h3 { "Excluded" }
+            p.soft { (given) " one of these been larger than stated, these logs would have shown it 19 times in 20." }
+            @if report.excluded.len() > OPEN_EXCLUDED {
+                details { summary { (report.excluded.len()) " effects" } (list) }
+            } @else { (list) }
+        }
+    }
+}
+
+fn one_cause(report: &Diagnosis, cause: &Cause) -> Markup {
     let class = if cause.included { "included" } else { "" };
     let equivalent: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
     html! {
@@ -199,9 +242,10 @@ fn one_cause(cause: &Cause) -> Markup {
                 ul { @for parameter in &cause.parameters {
                     @let (value, range) = interval(parameter);
                     li { code { (parameter.name) } " = " strong { (with_unit(&value, &parameter.unit)) }
-                        @if let Some(range) = range { ", 95 % interval " (range) } @else { ", no interval" } }
+                        @if let Some(range) = range { ", " (percent(report.level())) " interval " (range) } @else { ", no interval" } }
                 } }
             }
+            @if let Some(stability) = &cause.stability { p { (stability_sentence(stability)) } }
             @if !equivalent.is_empty() {
                 p { "These logs can't tell it from " (listed(&equivalent, "or")) "." }
             }
@@ -211,61 +255,109 @@ fn one_cause(cause: &Cause) -> Markup {
 
 fn closure(report: &Diagnosis, counter: &mut Counter) -> Markup {
     let closure = &report.closure;
+    let has_causes = report.included().next().is_some();
     let none = Figures::default();
-    let rollouts = &report.figures.as_ref().unwrap_or(&none).rollouts;
-    let charts: Vec<Markup> = rollouts.iter().map(|figure| rollout(figure, counter)).collect();
+    let figures = report.figures.as_ref().unwrap_or(&none);
+    let charts: Vec<Markup> = figures.rollouts.iter().map(|figure| rollout(figure, counter)).collect();
+    let rests: Vec<Markup> = figures.rollouts.iter().map(|figure| left_over(figure, counter)).collect();
+    let checks: Vec<Markup> = figures.checks.iter().filter_map(|check| autocorrelation(check, counter)).collect();
     html! {
         section {
             h2 { "How far is it closed?" }
             p { (closure_sentence(report)) }
-            (totals(closure))
+            (totals(report))
             @if !closure.by_state.is_empty() {
                 h3 { "By logged column" }
                 div.wide { table.stack {
-                    thead { tr { th scope="col" { "column" } th.n scope="col" { "nominal" } th.n scope="col" { "augmented" }
-                        th.n scope="col" { "noise floor" } } }
+                    thead { tr { th scope="col" { "column" } th.n scope="col" { "nominal" }
+                        @if has_causes { th.n scope="col" { "augmented" } }
+                        th.n scope="col" { "noise floor" } @if has_causes { th.n scope="col" { "closed" } } } }
                     tbody { @for row in &closure.by_state { tr {
                         th scope="row" { code { (row.state) } }
-                        @for (name, value) in [("nominal", row.before), ("augmented", row.after), ("noise floor", row.floor)] {
-                            td.n data-label=(name) { (with_unit(&number_or(value, "diverged"), if value.is_some() { &row.unit } else { "" })) }
-                        }
+                        (error_cell("nominal", row.before, &row.unit))
+                        @if has_causes { (error_cell("augmented", row.after, &row.unit)) }
+                        (error_cell("noise floor", row.floor, &row.unit))
+                        @if has_causes { td.n data-label="closed" { @if let Some(closed) = row.closed { (percent_closed(closed)) } } }
                     } } }
                 } }
             }
+            (fits(report))
             @if !charts.is_empty() { h3 { "Held-out rollouts" } }
             (grid(charts, "more rollouts"))
+            @if has_causes && !rests.is_empty() {
+                h3 { "What is left of them" }
+                (grid(rests, "more of what is left"))
+                (grid(checks, "more columns"))
+            }
         }
     }
 }
 
-fn totals(closure: &Closure) -> Markup {
+/// The rms error of a column, in its unit.
+fn error_cell(label: &str, value: Option<f64>, unit: &str) -> Markup {
+    let unit = if value.is_some() { unit } else { "" };
+    html! { td.n data-label=(label) { (with_unit(&number_or(value, "diverged"), unit)) } }
+}
+
+/// Which share of each column's motion the models follow, run by run.
+fn fits(report: &Diagnosis) -> Markup {
+    let none = Figures::default();
+    let rollouts = &report.figures.as_ref().unwrap_or(&none).rollouts;
+    let has_causes = report.included().next().is_some();
+    if rollouts.iter().all(|r| r.fit_before.is_none() && r.fit_after.is_none()) {
+        return html! {};
+    }
+    let cell = |fit: Option<f64>| fit.map_or_else(|| "diverged".into(), |fit| format!("{:.0}\u{a0}%", 100.0 * fit));
+    html! {
+        details {
+            summary { "Fit by run and column" }
+            div.wide { table {
+                thead { tr { th scope="col" { "run" } th scope="col" { "column" } th.n scope="col" { "nominal" }
+                    @if has_causes { th.n scope="col" { "augmented" } } } }
+                tbody { @for row in rollouts { tr {
+                    th scope="row" { (row.run) } td { code { (row.column) } } td.n { (cell(row.fit_before)) }
+                    @if has_causes { td.n { (cell(row.fit_after)) } }
+                } } }
+            } }
+            p.soft { "Share of the column's motion that a rollout follows: 1 - rms(error)/rms(column - its mean)." }
+        }
+    }
+}
+
+fn totals(report: &Diagnosis) -> Markup {
+    let closure = &report.closure;
+    let has_causes = report.included().next().is_some();
     let rows = [
-        ("nominal model", closure.before, "before"),
-        ("augmented model", closure.after, "after"),
-        ("noise floor", closure.floor, "floor"),
+        Some(("nominal model", closure.before, "before")),
+        has_causes.then_some(("augmented model", closure.after, "after")),
+        Some(("noise floor", closure.floor, "floor")),
     ];
+    let rows: Vec<_> = rows.into_iter().flatten().collect();
     if rows.iter().all(|(_, value, _)| value.is_none()) {
         return html! {};
     }
     // A rollout that diverged gets the longest bar, and leaves the others visibly shorter.
     let diverged = closure.before.is_none() || closure.after.is_none();
     let largest = rows.iter().filter_map(|(_, value, _)| *value).fold(0.0, f64::max) * if diverged { 3.0 } else { 1.0 };
+    let bound = if closure.floor_source == "sensor noise" { "; what no model could follow may be more" } else { "" };
     html! {
         div.wide { table {
-            thead { tr { th scope="col" { "held-out rollout error" } th.n scope="col" { "rms" } th.bars {} } }
+            thead { tr { th scope="col" { "held-out rollout error" } th.n scope="col" { "in units of the noise" } th.bars {} } }
             tbody { @for (name, value, class) in rows { tr {
                 th scope="row" { (name) }
                 td.n { (number_or(value, if class == "floor" { "unknown" } else { "diverged" })) }
                 td.bars { @if let Some(value) = value { (bar(value / largest, class)) } @else if class != "floor" { (bar(1.0, class)) } }
             } } }
         } }
-        p.soft { "Root mean square over samples and columns, each column in units of its own standard deviation. "
-            "The floor is what noise alone leaves" @if !closure.floor_source.is_empty() { ", from " (closure.floor_source) } "." }
+        p.soft { "Root mean square over samples and columns, each column's error divided by its noise. "
+            "The floor is what noise alone leaves" @if !closure.floor_source.is_empty() { ", from " (closure.floor_source) } (bound) ". "
+            "Every rollout starts where the log's own first samples say." }
     }
 }
 
 fn next(report: &Diagnosis) -> Markup {
-    let experiments: Vec<&Cause> = report.causes.iter().filter(|c| c.next_experiment.is_some()).collect();
+    let mut experiments: Vec<&Cause> = report.causes.iter().filter(|c| c.next_experiment.is_some()).collect();
+    experiments.dedup_by(|a, b| a.next_experiment == b.next_experiment);
     let none = Figures::default();
     let equations = &report.figures.as_ref().unwrap_or(&none).equations;
     let left = &report.unexplained;
@@ -277,7 +369,7 @@ fn next(report: &Diagnosis) -> Markup {
                 @if let Some(file) = &report.augmented_model { p { "It is written to " code { (file) } " and runs wherever the nominal one does." } }
                 @for equation in equations {
                     @if !equation.before.is_empty() { code.equation { span.soft { "nominal   " } (equation.left) " = " (equation.before) } }
-                    code.equation { span.soft { "augmented " } (equation.left) " = " ins { (equation.after) } }
+                    code.equation { span.soft { "augmented " } (equation.left) " = " (changed(&equation.before, &equation.after)) }
                 }
                 @if equations.is_empty() { @for cause in report.included() {
                     code.equation { (cause.state) ": " ins { (cause.form) } }
@@ -310,13 +402,55 @@ fn next(report: &Diagnosis) -> Markup {
     }
 }
 
-fn foot(report: &Diagnosis) -> Markup {
+/// The new equation with what was added to the old one marked: all that is not its beginning or its end.
+fn changed(before: &str, after: &str) -> Markup {
+    let first = before.chars().zip(after.chars()).take_while(|(a, b)| a == b).count();
+    let rest = before.chars().count().min(after.chars().count()) - first;
+    let last = before.chars().rev().zip(after.chars().rev()).take(rest).take_while(|(a, b)| a == b).count();
+    let new: Vec<char> = after.chars().collect();
+    let part = |range: std::ops::Range<usize>| new[range].iter().collect::<String>();
+    html! { (part(0..first)) ins { (part(first..new.len() - last)) } (part(new.len() - last..new.len())) }
+}
+
+/// What was looked at: the files, and the columns as they were logged.
+fn logs(report: &Diagnosis, provenance: &Provenance, counter: &mut Counter) -> Markup {
+    let none = Figures::default();
+    let signals = &report.figures.as_ref().unwrap_or(&none).signals;
+    if signals.is_empty() && provenance.logs.is_empty() {
+        return html! {};
+    }
+    let charts: Vec<Markup> = signals.iter().map(|s| signal(s, counter)).collect();
+    html! {
+        section {
+            h2 { "What was looked at" }
+            (provenance::table(provenance))
+            @if !charts.is_empty() { details { summary { "Signals as logged (" (charts.len()) ")" } div.figures { @for chart in &charts { (chart) } } } }
+        }
+    }
+}
+
+fn foot(report: &Diagnosis, provenance: &Provenance) -> Markup {
     let named = |runs: &[String]| if runs.is_empty() { "none".to_string() } else { runs.join(", ") };
     html! {
         footer {
             p { "Fitted on: " (named(&report.runs.train)) ". Judged on (held out, seen by no fit and no choice): " (named(&report.runs.holdout)) "." }
-            p { "The share is of the squared gap in units of the noise. Probabilities are calibrated: of the causes stated with 90 %, nine in ten are right. "
+            p { "Shares are of the squared gap in units of the noise. Of the causes stated with 90 %, nine in ten are right on drawn machines. "
                 "The same numbers for a script: " code { "report.json" } ", schema " code { (report.schema) } "." }
+            (provenance::line(provenance))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_equation_gained_is_marked_and_the_rest_is_not() {
+        let text = |before: &str, after: &str| changed(before, after).into_string();
+        assert_eq!(text("u - b*v", "u - b*v - c*sign(v)"), "u - b*v<ins> - c*sign(v)</ins>");
+        assert_eq!(text("k*u", "k*(1 + c)*u"), "k*<ins>(1 + c)*</ins>u");
+        assert_eq!(text("v", "v"), "v<ins></ins>");
+        assert_eq!(text("", "v - w"), "<ins>v - w</ins>");
     }
 }

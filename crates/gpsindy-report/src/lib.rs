@@ -12,9 +12,44 @@ mod chart;
 mod figures;
 mod html;
 mod power;
+mod provenance;
 pub mod scorecard;
 mod summary;
 mod words;
 
-pub use html::render;
+pub use html::{render, render_with};
+pub use provenance::{LogFacts, Provenance};
 pub use summary::summary;
+
+use gpsindy_core::diagnose::report::Diagnosis;
+
+/// First line of the corrected model's file.
+const MARK: &str = "# Written by gpsindy diagnose";
+
+/// The file `report.json`: the report without the curves of the page, which are no part of the schema's promise.
+///
+/// # Errors
+/// None for a report that the engine made: all of its numbers are finite.
+pub fn json(report: &Diagnosis) -> Result<String, serde_json::Error> {
+    let bare = Diagnosis { figures: None, ..report.clone() };
+    serde_json::to_string_pretty(&bare).map(|text| text + "\n")
+}
+
+/// The file `augmented.toml` from the model's own text: a line that says what it is comes first.
+pub fn augmented(report: &Diagnosis, model: &str) -> String {
+    let what = if report.included().next().is_some() {
+        "the nominal model with the causes added"
+    } else {
+        "the nominal model as it was: no cause is included"
+    };
+    format!("{MARK}: {what}.\n{model}")
+}
+
+/// Whether a file of a report's folder that begins with `start` was written by a diagnosis.
+pub fn is_ours(name: &str, start: &str) -> bool {
+    match name {
+        "report.json" => start.contains("\"gpsindy.diagnosis/"),
+        "report.html" => start.contains("content=\"gpsindy\""),
+        _ => start.starts_with(MARK),
+    }
+}

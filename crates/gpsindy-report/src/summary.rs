@@ -1,8 +1,8 @@
 //! What a terminal shows of a diagnosis: one screenful, readable without a manual.
 
 use crate::words::{
-    cause_name, cause_place, closure_sentence, effect_name, interval, listed, number, number_or, p_value, percent,
-    span, verdict_name, verdict_sentence, with_unit,
+    cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, listed, number, number_or,
+    p_value, percent, span, stability_sentence, verdict_name, verdict_sentence, with_deviation, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
 
@@ -60,15 +60,24 @@ fn place(report: &Diagnosis, text: &mut Text) {
             number(row.noise_rms)
         ));
     }
-    for row in gap.by_region.iter().filter(|_| gap.detected).take(2) {
+    for row in largest(&gap.by_region, |r| r.share).into_iter().filter(|_| gap.detected) {
         let (from, to) = span(row.from, row.to);
         rows.push(format!("{:>6}  {}  {} from {from} to {to}", percent(row.share), bar(row.share), row.variable));
     }
-    for row in gap.by_window.iter().filter(|_| gap.detected).take(2) {
+    for row in largest(&gap.by_window, |w| w.share).into_iter().filter(|_| gap.detected) {
         let (from, to) = span(row.from, row.to);
         rows.push(format!("{:>6}  {}  {}, {from} s to {to} s", percent(row.share), bar(row.share), row.run));
     }
     text.list("Where", &rows);
+}
+
+/// The two rows with the largest shares, in their order.
+fn largest<T>(rows: &[T], share: impl Fn(&T) -> f64) -> Vec<&T> {
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by(|&a, &b| share(&rows[b]).total_cmp(&share(&rows[a])));
+    order.truncate(2);
+    order.sort_unstable();
+    order.into_iter().map(|i| &rows[i]).collect()
 }
 
 fn which(report: &Diagnosis, text: &mut Text) {
@@ -89,6 +98,15 @@ fn which(report: &Diagnosis, text: &mut Text) {
     if included > 0 {
         text.say("", "       * in the augmented model");
     }
+    // Parameters of the nominal model that have another value now; what causes brought stands beside them.
+    let moved = report.parameters.iter().filter(|p| p.nominal.is_some_and(|nominal| nominal != p.value));
+    let rows: Vec<String> = moved
+        .map(|p| {
+            let value = with_unit(&with_deviation(p.value, p.deviation), &p.unit);
+            format!("{}: {} -> {value}", p.name, number_or(p.nominal, ""))
+        })
+        .collect();
+    text.list("Numbers", &rows);
 }
 
 fn details(cause: &Cause) -> Vec<String> {
@@ -111,6 +129,9 @@ fn details(cause: &Cause) -> Vec<String> {
                 .join("   "),
         );
     }
+    if let Some(stability) = cause.stability.as_ref().filter(|s| !s.disagree.is_empty()) {
+        lines.push(stability_sentence(stability));
+    }
     if !cause.equivalent.is_empty() {
         let names: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
         lines.push(format!("these logs can't tell it from {}", listed(&names, "or")));
@@ -124,9 +145,7 @@ fn excluded(report: &Diagnosis, text: &mut Text) {
         .excluded
         .iter()
         .take(ROWS)
-        .map(|row| {
-            format!("{} in {}' above {}", effect_name(&row.effect), row.state, with_unit(&number(row.above), &row.unit))
-        })
+        .map(|row| format!("{} above {}", excluded_name(row), with_unit(&number(row.above), &row.unit)))
         .collect();
     if report.excluded.len() > ROWS {
         rows.push(format!("{} more", report.excluded.len() - ROWS));
@@ -138,16 +157,23 @@ fn excluded(report: &Diagnosis, text: &mut Text) {
 
 fn closure(report: &Diagnosis, text: &mut Text) {
     let closure = &report.closure;
-    if report.verdict == Verdict::NoGap && closure.closed.is_none() {
+    if report.verdict == Verdict::NoGap {
         return;
     }
-    if closure.before.is_some() || closure.after.is_some() {
+    if report.included().next().is_none() {
+        let before = number_or(closure.before, "diverged");
+        text.say(
+            "How far",
+            &format!("rollout error {before} times the noise, floor {}", number_or(closure.floor, "unknown")),
+        );
+        text.say("", &closure_sentence(report));
+    } else if closure.before.is_some() || closure.after.is_some() {
         let source =
             if closure.floor_source.is_empty() { String::new() } else { format!(" ({})", closure.floor_source) };
         text.say(
             "How far",
             &format!(
-                "rollout error {} -> {}, floor {}{source}",
+                "rollout error {} -> {} times the noise, floor {}{source}",
                 number_or(closure.before, "diverged"),
                 number_or(closure.after, "diverged"),
                 number_or(closure.floor, "unknown")
@@ -176,7 +202,10 @@ fn next(report: &Diagnosis, text: &mut Text) {
             ),
         );
     }
-    let experiments: Vec<String> = report.causes.iter().filter_map(|c| c.next_experiment.clone()).take(2).collect();
+    let mut experiments: Vec<String> = report.causes.iter().filter_map(|c| c.next_experiment.clone()).collect();
+    let mut seen = std::collections::BTreeSet::new();
+    experiments.retain(|e| seen.insert(e.clone()));
+    experiments.truncate(2);
     text.list("Next", &experiments);
     let mut notes: Vec<String> = report.notes.iter().take(ROWS).cloned().collect();
     if report.notes.len() > ROWS {

@@ -1,7 +1,7 @@
 //! Words and numbers that the page and the terminal share: names of effects, the verdict in a sentence.
 
 use gpsindy_core::diagnose::Effect;
-use gpsindy_core::diagnose::report::{Cause, Diagnosis, Parameter, Verdict};
+use gpsindy_core::diagnose::report::{Cause, Diagnosis, Excluded, Parameter, Stability, Verdict};
 
 /// A number with three significant digits and no trailing zeros.
 pub(crate) fn number(value: f64) -> String {
@@ -121,20 +121,76 @@ pub(crate) fn cause_name(cause: &Cause) -> String {
     if variables.is_empty() || variables == cause.state {
         return name;
     }
-    match Effect::from_id(&cause.effect) {
+    with_variables(&cause.effect, &name, &variables)
+}
+
+/// The effect and what it acts on or depends on.
+fn with_variables(effect: &str, name: &str, variables: &str) -> String {
+    match Effect::from_id(effect) {
         Some(Effect::ParameterError) => format!("{name} {variables}"),
         Some(effect) if effect.acts_on_input() || effect.acts_on_parameter() => format!("{name} of {variables}"),
         _ => format!("{name} ({variables})"),
     }
 }
 
+/// An excluded effect, what it would depend on, and where: `cubic stiffness (x) in the equation of v`.
+pub(crate) fn excluded_name(row: &Excluded) -> String {
+    let name = effect_name(&row.effect);
+    let variables = row.variables.join(", ");
+    let is_plain = variables.is_empty() || variables == row.state;
+    let name = if is_plain { name } else { with_variables(&row.effect, &name, &variables) };
+    format!("{name} {}", place_of(&row.effect, &row.state))
+}
+
+/// Where an effect acts: in an equation, or in a logged column for a sensor effect.
+fn place_of(effect: &str, state: &str) -> String {
+    if Effect::from_id(effect).is_some_and(Effect::acts_on_sensor) {
+        format!("in the column {state}")
+    } else {
+        format!("in the equation of {state}")
+    }
+}
+
+/// Parts of the logs in which a cause's size agrees, in a sentence.
+pub(crate) fn stability_sentence(stability: &Stability) -> String {
+    let agree = format!("Its size agrees in {} of {} parts of the logs", stability.agree, stability.runs);
+    let chance = p_value(stability.p_value);
+    if stability.disagree.is_empty() {
+        format!("{agree} ({chance}).")
+    } else {
+        format!("{agree} ({chance}), not in {}.", listed(&stability.disagree, "and"))
+    }
+}
+
+/// A fitted parameter with its deviation, in the digits that it supports.
+pub(crate) fn with_deviation(value: f64, deviation: Option<f64>) -> String {
+    let Some(deviation) = deviation.filter(|d| *d > 0.0 && d.is_finite()) else { return number(value) };
+    let size = value.abs().max(deviation);
+    if (1e-3..1e6).contains(&size) && deviation > 1e-6 * size {
+        let decimals = (1 - deviation.log10().floor() as i32).clamp(0, 9) as usize;
+        return format!("{} ± {}", fixed(value, decimals), fixed(deviation, decimals));
+    }
+    format!("{} ± {}", number(value), number(deviation))
+}
+
 /// Where the cause acts: an equation, or a logged column for a sensor effect.
 pub(crate) fn cause_place(cause: &Cause) -> String {
-    if Effect::from_id(&cause.effect).is_some_and(Effect::acts_on_sensor) {
-        format!("in the column {}", cause.state)
-    } else {
-        format!("in the equation of {}", cause.state)
+    place_of(&cause.effect, &cause.state)
+}
+
+/// The equations that the causes act in, with each named once: `friction and drag in the equation of v; bias in that of w`.
+fn causes_by_place(report: &Diagnosis) -> String {
+    let mut places: Vec<(String, Vec<String>)> = Vec::new();
+    for cause in report.included() {
+        let place = cause_place(cause);
+        match places.iter_mut().find(|(known, _)| *known == place) {
+            Some((_, names)) => names.push(cause_name(cause)),
+            None => places.push((place, vec![cause_name(cause)])),
+        }
     }
+    let all: Vec<String> =
+        places.into_iter().map(|(place, names)| format!("{} {place}", listed(&names, "and"))).collect();
+    listed(&all, "and")
 }
 
 /// `a`, `a and b`, `a, b and c`.
@@ -158,9 +214,7 @@ pub(crate) fn verdict_name(verdict: Verdict) -> &'static str {
 
 /// The verdict in a sentence, with the causes by name.
 pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
-    let causes: Vec<String> =
-        report.included().map(|cause| format!("{} {}", cause_name(cause), cause_place(cause))).collect();
-    let causes = listed(&causes, "and");
+    let causes = causes_by_place(report);
     let model = if report.model.is_empty() { "the model".into() } else { format!("the model {}", report.model) };
     let place = report.gap.by_state.first().map_or(String::new(), |s| format!(" in the equation of {}", s.state));
     let depends = if report.unexplained.depends_on.is_empty() {
@@ -168,14 +222,22 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
     } else {
         format!(" that depends on {}", listed(&report.unexplained.depends_on, "and"))
     };
+    let differs = report.included().any(|c| c.stability.as_ref().is_some_and(|s| !s.disagree.is_empty()));
+    let rest = if report.unexplained.probability >= 0.5 {
+        format!("Structure{depends} is left.")
+    } else if differs {
+        "Sizes differ between parts of the logs, so what is named may be an imitation.".into()
+    } else {
+        "What is named may be an imitation of something that the catalogue lacks.".into()
+    };
     match report.verdict {
         Verdict::NoGap => format!("Measurement noise alone explains how the logs differ from {model}."),
         Verdict::Explained if causes.is_empty() => format!("The gap between {model} and the logs is explained."),
         Verdict::Explained => format!("What {model} lacks: {causes}."),
         Verdict::PartlyExplained if causes.is_empty() => {
-            format!("A part of the gap between {model} and the logs is explained; structure{depends} is left.")
+            format!("A part of the gap between {model} and the logs is explained. {rest}")
         }
-        Verdict::PartlyExplained => format!("A part of what {model} lacks: {causes}. Structure{depends} is left."),
+        Verdict::PartlyExplained => format!("A part of what {model} lacks: {causes}. {rest}"),
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and no effect of the catalogue explains it.")
         }
@@ -183,32 +245,39 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
     }
 }
 
-/// How much of the gap the included causes close, in a sentence.
+/// How much of the gap the included causes close, over which horizon, in a sentence.
 pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
     let closure = &report.closure;
     let range = match (closure.low, closure.high) {
-        (Some(low), Some(high)) => format!(" (95 % interval {} to {})", percent_closed(low), percent_closed(high)),
+        (Some(low), Some(high)) if low < high => {
+            format!(" ({} interval {} to {})", percent(report.level()), percent_closed(low), percent_closed(high))
+        }
         _ => String::new(),
     };
+    let runs = closure.horizon.map_or_else(
+        || "On held-out runs".to_string(),
+        |s| format!("On held-out runs, in rollouts of {}", with_unit(&number(s), "s")),
+    );
+    if report.verdict == Verdict::NoGap {
+        return "There is no gap to close.".into();
+    }
+    if report.included().next().is_none() {
+        return "No cause is included, so nothing is closed.".into();
+    }
     match closure.closed {
-        Some(closed) if closed < 0.0 => format!(
-            "The augmented model is worse than the nominal one on held-out runs: {} of the gap is closed{range}.",
-            percent_closed(closed)
-        ),
+        Some(closed) if closed < 0.0 => {
+            format!(
+                "{runs}, the augmented model is worse than the nominal one: {} of the gap is closed{range}.",
+                percent_closed(closed)
+            )
+        }
         // Only chance carries a closure beyond everything.
-        Some(closed) if closed >= 0.9995 => {
-            format!("On held-out runs all of the gap above the noise is closed{range}.")
-        }
-        Some(closed) => {
-            let bound = if closure.floor_source == "sensor noise" { "at least " } else { "" };
-            format!("On held-out runs {bound}{} of the gap is closed{range}.", percent_closed(closed))
-        }
-        None if report.verdict == Verdict::NoGap => "There is no gap to close.".into(),
-        None if report.included().next().is_none() => "No cause is included, so nothing is closed.".into(),
+        Some(closed) if closed >= 0.9995 => format!("{runs}, all of the gap above the noise is closed{range}."),
+        Some(closed) => format!("{runs}, {} of the gap is closed{range}.", percent_closed(closed)),
         None if closure.before.is_none() && closure.after.is_some() => {
-            "On held-out runs the nominal model diverges; the augmented one does not.".into()
+            format!("{runs}, the nominal model diverges; the augmented one does not.")
         }
-        None if closure.after.is_none() => "On held-out runs the augmented model diverges.".into(),
+        None if closure.after.is_none() => format!("{runs}, the augmented model diverges."),
         None => "How much of the gap is closed can't be said.".into(),
     }
 }

@@ -21,6 +21,8 @@ pub enum Kind {
     Pair,
     /// An effect that the catalogue lacks.
     Outside,
+    /// One effect of the catalogue, and beside it a smaller one that the catalogue lacks.
+    Beside,
     /// Nothing.
     Null,
 }
@@ -147,6 +149,17 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
             let target = draw.log(least, 30.0);
             search.sized(option, target, least)?
         }
+        Kind::Beside => {
+            let menu = catalogue(&plant, &known, &frame, &mut draw);
+            let one = pick(&menu, &[], &mut draw)?;
+            let (mut effects, alone) = search.sized(one, draw.log(5.0, 30.0), 5.0)?;
+            let rests = outside(&plant, &known, &mut draw);
+            let two = pick(&rests, &effects, &mut draw)?;
+            let (rest, _) = search.sized(two, (alone.snr * draw.log(0.05, 0.5)).max(1.0), 0.8)?;
+            effects.extend(rest);
+            let gap = search.gap(&effects)?;
+            (effects, gap)
+        }
         Kind::Pair => {
             let menu = catalogue(&plant, &known, &frame, &mut draw);
             let one = pick(&menu, &[], &mut draw)?;
@@ -189,7 +202,9 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
     }
     // What hardly shows in the given runs cannot be asked of anybody.
     let shown = |o: &Outcome| (o.gap / o.count as f64).sqrt() > 0.6f64.max(0.25 * gap.snr.min(12.0));
-    if !outcomes.iter().all(|o| o.as_ref().is_some_and(shown)) {
+    // A rest need not be told by itself.
+    let asked = if kind == Kind::Beside { 1 } else { outcomes.len() };
+    if !outcomes.iter().take(asked).all(|o| o.as_ref().is_some_and(shown)) {
         return None;
     }
     if kind == Kind::Outside {

@@ -150,7 +150,7 @@ pub fn answer(case: &Case, id: &str) -> Answer {
     for (k, effect) in case.effects.iter().enumerate() {
         let outcome = case.outcomes.get(k).and_then(Option::as_ref);
         localise.push(state(effect.state));
-        if outside {
+        if outside || (case.kind == Kind::Beside && k > 0) {
             let mut list: Vec<(&str, usize, Vec<Variable>)> =
                 covers(effect).into_iter().map(|(name, variables)| (name, effect.state, variables)).collect();
             if let Some(outcome) = outcome {
@@ -189,10 +189,11 @@ pub fn answer(case: &Case, id: &str) -> Answer {
             Kind::Null => "null",
             Kind::Pair => "pair",
             Kind::Outside => "outside",
+            Kind::Beside => "beside",
             Kind::Single if matches!(case.effects[0].act, Act::Sensor { .. }) && accepted.len() > 1 => "equivalence",
             Kind::Single => "single",
         },
-        in_catalogue: !outside,
+        in_catalogue: !matches!(case.kind, Kind::Outside | Kind::Beside),
         localise,
         logged: columns.clone(),
         test_reset: case.reset,

@@ -38,6 +38,7 @@ enum Choice {
     Single,
     Pair,
     Outside,
+    Beside,
     Null,
     Mixed,
 }
@@ -54,6 +55,7 @@ fn main() -> ExitCode {
         Choice::Single => Some(Kind::Single),
         Choice::Pair => Some(Kind::Pair),
         Choice::Outside => Some(Kind::Outside),
+        Choice::Beside => Some(Kind::Beside),
         Choice::Null => Some(Kind::Null),
         Choice::Mixed => None,
     };

@@ -115,3 +115,13 @@ fn a_probe_that_reads_too_high_is_also_a_wrong_room() {
     assert!(list.iter().any(room));
     assert!(!list.iter().any(|a| ["input_gain", "input_delay", "cubic_stiffness"].contains(&a.effect)), "{list:?}");
 }
+
+#[test]
+fn a_rest_stands_beside_an_effect_of_the_catalogue_and_is_the_smaller_one() {
+    let case = draw_case(1, Some(Kind::Beside)).unwrap();
+    let entry = answer(&case, "case");
+    assert_eq!((entry.kind, entry.in_catalogue, entry.effects.len()), ("beside", false, 2));
+    // The first is accepted by name, the second has but partial covers.
+    assert!(entry.accept.iter().all(|a| a.of == Some(0)) && entry.partial.iter().all(|p| p.of == Some(1)));
+    assert!(case.gap.snr > 2.0, "{}", case.gap.snr);
+}

@@ -79,7 +79,7 @@ fn write(folder: &Path, found: &Identification, diagnosed: &Diagnosed) -> Outcom
         write_whole(&folder.join(name), text.as_bytes())?;
     }
     write_model(&folder.join("predator_prey.toml"), &found.model)?;
-    diagnose::write(&folder.join("diagnosis"), diagnosed)
+    diagnose::write(&folder.join("diagnosis"), diagnosed, &gpsindy_report::Provenance::default())
 }
 
 /// Where everything is, and what to try next.

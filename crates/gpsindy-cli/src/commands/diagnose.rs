@@ -6,10 +6,11 @@ use crate::commands::{check_states, chosen, dataset, model_dataset};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
-use gpsindy_core::diagnose::report::Diagnosis;
+use gpsindy_core::diagnose::report::{Diagnosis, Verdict};
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
 use gpsindy_files::{Logs, model_to_toml, read_effects, read_model, write_whole};
+use gpsindy_report::{LogFacts, Provenance};
 use std::path::{Path, PathBuf};
 
 /// Diagnose the gap between a simulator and logs of the machine
@@ -33,6 +34,12 @@ pub(crate) struct Diagnose {
     /// Folder of the report; made where it does not exist
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Overwrite files in DIR that gpsindy did not write
+    #[arg(long)]
+    force: bool,
+    /// End with status 3 where there is a gap, or only where no effect explains it
+    #[arg(long, value_enum, value_name = "VERDICT")]
+    fail_if: Option<FailIf>,
     /// Also study which effects these logs could reveal, from what size: each is planted in copies of the logs and withheld (takes minutes)
     #[arg(long)]
     power: bool,
@@ -42,6 +49,24 @@ pub(crate) struct Diagnose {
     columns: Columns,
     #[command(flatten)]
     simulator: SimulatorOptions,
+}
+
+/// Verdicts that end the command with status 3.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FailIf {
+    /// Any but no_gap
+    Gap,
+    /// Unexplained
+    Unexplained,
+}
+
+impl FailIf {
+    fn is_met(self, verdict: Verdict) -> bool {
+        match self {
+            Self::Gap => verdict != Verdict::NoGap,
+            Self::Unexplained => verdict == Verdict::Unexplained,
+        }
+    }
 }
 
 /// A simulator of which there are only logs.
@@ -71,7 +96,7 @@ pub(crate) struct Options {
     /// Effects of your own, a TOML file of `[[effect]]` entries
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
-    /// Confidence of intervals; a gap counts as detected when its p-value is at most one minus this
+    /// Confidence of intervals; no test and no verdict depends on it
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     confidence: f64,
     /// Largest number of effects together, 1 to 6; never more than four in one equation
@@ -108,6 +133,9 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
     if let Some(folder) = command.out.as_deref().filter(|folder| folder.exists() && !folder.is_dir()) {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
+    if let Some(folder) = command.out.as_deref().filter(|_| !command.force) {
+        refuse_others(folder)?;
+    }
     let simulated = &command.simulator.simulated;
     let mut train: Vec<PathBuf> = command.logs.clone();
     if !simulated.is_empty() {
@@ -121,31 +149,95 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
     }
     let power = command.power.then(|| Power { seed, ..Power::default() });
     let settings = Settings { power, ..command.options.settings()? };
+    let mut provenance = provenance();
     let (diagnosed, identified) = if simulated.is_empty() {
         let model = read_model(&command.model)?;
         let (train, holdout) = logs(&model, &train, &command.holdout, &command.columns, screen)?;
+        provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
         (settings.run(&model, &train, &holdout, &screen.progress())?, None)
     } else {
         let (diagnosed, model) = paired(command, settings, &train, seed, screen)?;
         (diagnosed, Some(model))
     };
     if let Some(folder) = &command.out {
-        write(folder, &diagnosed)?;
+        write(folder, &diagnosed, &provenance)?;
         if let Some(model) = &identified {
             gpsindy_files::write_model(&folder.join("simulator.toml"), model)?;
         }
     }
     if screen.json() {
-        return screen.out(&report_json(&diagnosed.diagnosis)?);
-    }
-    screen.out(&gpsindy_report::summary(&diagnosed.diagnosis, screen.width(), screen.colour()))?;
-    match &command.out {
-        Some(folder) => screen.out(&format!("\nreport: {}\n", folder.join("report.html").display())),
-        None => {
-            screen.note("for the page, the JSON and the corrected model name a folder with --out");
-            Ok(())
+        screen.out(&report_json(&diagnosed.diagnosis)?)?;
+    } else {
+        screen.out(&gpsindy_report::summary(&diagnosed.diagnosis, screen.width(), screen.colour()))?;
+        match &command.out {
+            Some(folder) => screen.out(&format!("\nreport: {}\n", folder.join("report.html").display()))?,
+            None => screen.note("for the page, the JSON and the corrected model name a folder with --out"),
         }
     }
+    let verdict = diagnosed.diagnosis.verdict;
+    match command.fail_if.filter(|fail_if| fail_if.is_met(verdict)) {
+        Some(_) => Err(Failure::Verdict(format!("--fail-if: the verdict is {verdict}"))),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a folder that holds a file which the report would overwrite and gpsindy did not write.
+fn refuse_others(folder: &Path) -> Outcome {
+    for name in ["report.json", "report.html", "augmented.toml"] {
+        let path = folder.join(name);
+        let Ok(bytes) = std::fs::read(&path) else { continue };
+        let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
+        if !gpsindy_report::is_ours(name, &start) {
+            return Err(Failure::input(format!(
+                "--out: {} was not written by gpsindy; name another folder, or overwrite it with --force",
+                path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// The day, the version and the command line.
+fn provenance() -> Provenance {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let days = since.map_or(0, |since| since.as_secs() / 86_400);
+    let command: Vec<String> = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
+    Provenance {
+        date: date(days),
+        version: format!("gpsindy {}", env!("CARGO_PKG_VERSION")),
+        command: format!("gpsindy {}", command.join(" ")),
+        logs: Vec::new(),
+    }
+}
+
+/// The day that is `days` after 1970-01-01, year by year and month by month.
+fn date(mut days: u64) -> String {
+    let is_leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    let mut year = 1970;
+    while days >= 365 + u64::from(is_leap(year)) {
+        days -= 365 + u64::from(is_leap(year));
+        year += 1;
+    }
+    let lengths = [31, 28 + u64::from(is_leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    let mut month = 1;
+    for length in lengths {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    format!("{year}-{month:02}-{:02}", days + 1)
+}
+
+/// What every run of `data` holds.
+fn facts(data: &Dataset, held_out: bool) -> impl Iterator<Item = LogFacts> + '_ {
+    data.runs().iter().map(move |run| LogFacts {
+        name: run.name.clone(),
+        held_out,
+        samples: run.n_samples(),
+        duration: run.time.last().zip(run.time.first()).map_or(0.0, |(last, first)| last - first),
+    })
 }
 
 /// The diagnosis of a simulator of which there are only logs, and the model that was identified from them.
@@ -204,20 +296,39 @@ pub(crate) fn logs(
 }
 
 /// Writes the three files of a diagnosis.
-pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed) -> Outcome {
+pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed, provenance: &Provenance) -> Outcome {
     // All texts first, so that nothing is written where one of them fails.
-    let html = gpsindy_report::render(&diagnosed.diagnosis);
+    let html = gpsindy_report::render_with(&diagnosed.diagnosis, provenance);
     let json = report_json(&diagnosed.diagnosis)?;
-    let augmented = model_to_toml(&diagnosed.augmented)?;
+    let augmented = gpsindy_report::augmented(&diagnosed.diagnosis, &model_to_toml(&diagnosed.augmented)?);
     std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
     write_whole(&folder.join("report.json"), json.as_bytes())?;
     write_whole(&folder.join("report.html"), html.as_bytes())?;
     Ok(write_whole(&folder.join("augmented.toml"), augmented.as_bytes())?)
 }
 
-/// The report without the curves of the page, which are no part of the schema's promise.
+/// The report as in report.json.
 pub(crate) fn report_json(diagnosis: &Diagnosis) -> Outcome<String> {
-    let report = Diagnosis { figures: None, ..diagnosis.clone() };
-    let text = serde_json::to_string_pretty(&report);
-    text.map(|text| text + "\n").map_err(|e| Failure::Work(format!("report.json: {e}")))
+    gpsindy_report::json(diagnosis).map_err(|e| Failure::Work(format!("report.json: {e}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_since_1970_are_dates() {
+        let days = [(0, "1970-01-01"), (58, "1970-02-28"), (11_016, "2000-02-29"), (20_453, "2025-12-31")];
+        for (days, expected) in days {
+            assert_eq!(date(days), expected);
+        }
+    }
+
+    #[test]
+    fn a_verdict_fails_where_it_was_asked_to() {
+        assert!(FailIf::Gap.is_met(Verdict::Explained) && !FailIf::Gap.is_met(Verdict::NoGap));
+        assert!(
+            FailIf::Unexplained.is_met(Verdict::Unexplained) && !FailIf::Unexplained.is_met(Verdict::PartlyExplained)
+        );
+    }
 }

@@ -8,6 +8,7 @@ use clap::Args;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed};
 use gpsindy_core::{Progress, Silent};
 use gpsindy_files::{read_model, write_whole};
+use gpsindy_report::Provenance;
 use gpsindy_report::scorecard::{ScoreCard, Suite};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -91,7 +92,7 @@ fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outco
     let (train, holdout) =
         diagnose::logs(&model, &files(&folder, "real_")?, &files(&folder, "holdout_")?, &command.columns, &quiet)?;
     let diagnosed = settings.run(&model, &train, &holdout, &Silent)?;
-    diagnose::write(&command.out.join(id), &diagnosed)?;
+    diagnose::write(&command.out.join(id), &diagnosed, &Provenance::default())?;
     Ok(diagnosed)
 }
 

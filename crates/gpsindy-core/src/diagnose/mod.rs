@@ -39,7 +39,7 @@ use steps::{attribute, check, hold, localise, prepare, verify, weigh};
 /// | `effects` | none | ids | only these effects are suspects; empty: all |
 /// | `without` | none | ids | these effects are no suspects |
 /// | `custom` | none | | effects of the user's own |
-/// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals, and of the detection |
+/// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals; nothing else depends on it |
 /// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
 /// | `model_error` | none | at least 0 | what the model itself misses of the simulator, in the column's unit |
@@ -52,7 +52,7 @@ pub struct Diagnose {
     pub without: Vec<String>,
     /// Effects of the user's own.
     pub custom: Vec<CustomEffect>,
-    /// Confidence of intervals; a gap is detected when its p-value is at most one minus this.
+    /// Confidence of intervals; no test and no verdict depends on it.
     pub confidence: f64,
     /// Largest number of effects together; never more than four of them in one equation.
     pub most_effects: usize,
@@ -191,7 +191,7 @@ impl Diagnose {
         // Verify on held-out logs, localise, and write it down.
         let nominal = outcome.nominal.as_ref().unwrap_or(&nominal);
         let closure = verify::closure(nominal, &outcome.best, holdout, self.confidence, &mut notes)?;
-        let gap = localise::gap(&contest, nominal, &outcome, &rivals, &free_gains, &detected);
+        let gap = localise::gap(&contest, nominal, &outcome, &rivals, &free_gains, &detected, &closure.resting);
         let mut diagnosed =
             weigh::report(self, &contest, nominal, &outcome, &detected, gap, closure, (train, holdout), notes)?;
         if let Some(power) = &self.power {

@@ -27,11 +27,17 @@ pub struct Diagnosis {
     pub runs: Runs,
     /// The finding in one word.
     pub verdict: Verdict,
+    /// Confidence of every interval in the report, in 0..1; nothing else depends on it. `None` in reports that don't tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
     /// Is there a gap, and where.
     pub gap: Gap,
     /// Ranked, best first; those with `included` make up the augmented model.
     pub causes: Vec<Cause>,
-    /// Effects that are not there above a size.
+    /// Parameters of the augmented model, nominal and fitted; empty without included causes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<ModelParameter>,
+    /// Effects that are not there above a size, given the included causes.
     pub excluded: Vec<Excluded>,
     /// What remains after the included causes.
     pub unexplained: Unexplained,
@@ -50,6 +56,11 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Confidence of the intervals; 0.95 where the report does not tell.
+    pub fn level(&self) -> f64 {
+        self.confidence.unwrap_or(0.95)
+    }
+
     /// The included causes, best first.
     pub fn included(&self) -> impl Iterator<Item = &Cause> {
         self.causes.iter().filter(|cause| cause.included)
@@ -106,9 +117,9 @@ pub struct Gap {
     pub p_value: f64,
     /// Largest share first.
     pub by_state: Vec<GapState>,
-    /// Largest share first.
+    /// State by state as in `by_state`, along the variable's axis; neighbours that are alike are one region.
     pub by_region: Vec<GapRegion>,
-    /// Largest share first.
+    /// Run by run along time, of the equation with the largest share; neighbours that are alike are one stretch.
     pub by_window: Vec<GapWindow>,
 }
 
@@ -178,9 +189,41 @@ pub struct Cause {
     pub equivalent: Vec<String>,
     /// The experiment that would tell them apart; `None` where `equivalent` is empty.
     pub next_experiment: Option<String>,
+    /// Whether its size agrees between parts of the logs; `None` where it was not asked or no part tells a size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stability: Option<Stability>,
 }
 
-/// A fitted size with its 95 % interval.
+/// Whether a cause keeps its size between runs, in the inner and the outer part of its range, early and late.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stability {
+    /// Parts of the logs (runs and halves) that tell a size of their own.
+    pub runs: usize,
+    /// How many of them agree.
+    pub agree: usize,
+    /// Chance of so much disagreement, in 0..1.
+    pub p_value: f64,
+    /// The parts that disagree, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub disagree: Vec<String>,
+}
+
+/// A parameter of the augmented model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelParameter {
+    /// Its name in the model.
+    pub name: String,
+    /// In the nominal model; `None` where a cause brought it.
+    pub nominal: Option<f64>,
+    /// In the augmented model, in `unit`.
+    pub value: f64,
+    /// Standard deviation with the size and colour of what the fit leaves; `None` where it was not fitted.
+    pub deviation: Option<f64>,
+    /// Empty where unknown or without dimension.
+    pub unit: String,
+}
+
+/// A fitted size with its interval, at the report's confidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
     /// Name in the form.
@@ -202,6 +245,9 @@ pub struct Excluded {
     pub effect: String,
     /// The state in whose equation it would act.
     pub state: String,
+    /// What it would depend on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub variables: Vec<String>,
     /// Size of the effect's first parameter, in `unit`.
     pub above: f64,
     /// Empty where unknown or without dimension.
@@ -221,9 +267,8 @@ pub struct Unexplained {
 
 /// How far the included causes close the gap, on held-out runs only.
 ///
-/// `before`, `after`, `floor`: root mean square, over samples and logged columns, of the rollout
-/// error divided by that column's standard deviation in the held-out logs. `None` is a rollout
-/// that diverged, or a number that follows from one.
+/// `before`, `after`, `floor`: root mean square, over samples and logged columns that move, of the rollout
+/// error divided by that column's noise. `None` is a rollout that diverged, or a number that follows from one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Closure {
     /// Always `rollout_rmse` in this version.
@@ -236,13 +281,16 @@ pub struct Closure {
     pub floor: Option<f64>,
     /// How the floor was got: `repeated runs`, `parametric simulation` or `sensor noise`.
     pub floor_source: String,
-    /// `(before - after) / (before - floor)`; may be negative; `None` without a gap to close.
+    /// `(before - after) / (before - floor)`; may be negative; zero where there is no gap to close.
     pub closed: Option<f64>,
-    /// Lower end of its 95 % interval.
+    /// Lower end of its interval over blocks of the runs.
     pub low: Option<f64>,
-    /// Upper end of its 95 % interval.
+    /// Upper end of its interval.
     pub high: Option<f64>,
-    /// By logged column, in its unit.
+    /// Duration of the longest rollout, s: longer ones were restarted from the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<f64>,
+    /// By logged column that moves, in its unit.
     pub by_state: Vec<ClosureState>,
 }
 
@@ -257,6 +305,9 @@ pub struct ClosureState {
     pub after: Option<f64>,
     /// What noise alone leaves, in `unit`.
     pub floor: Option<f64>,
+    /// As [`Closure::closed`], of this column.
+    #[serde(default)]
+    pub closed: Option<f64>,
     /// Empty where unknown.
     pub unit: String,
 }
@@ -271,6 +322,42 @@ pub struct Figures {
     /// Equations that the included causes change; a sensor effect changes what a column reads.
     #[serde(default)]
     pub equations: Vec<EquationFigure>,
+    /// What the logs hold, per run and column.
+    #[serde(default)]
+    pub signals: Vec<SignalFigure>,
+    /// Per logged column that moves, what the better model leaves of the held-out runs.
+    #[serde(default)]
+    pub checks: Vec<ResidualCheck>,
+}
+
+/// One column of one run, at most [`FIGURE_POINTS`] samples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SignalFigure {
+    /// Name of the run.
+    pub run: String,
+    /// No fit and no choice saw it.
+    pub held_out: bool,
+    /// The column.
+    pub column: String,
+    /// Empty where unknown.
+    pub unit: String,
+    /// The model's control, else one of its states.
+    pub is_control: bool,
+    /// s.
+    pub time: Vec<f64>,
+    /// `None` is a missing sample.
+    pub values: Vec<Option<f64>>,
+}
+
+/// How what is left of a column repeats itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResidualCheck {
+    /// The column.
+    pub column: String,
+    /// Correlation of what is left with itself, from one sample apart on.
+    pub autocorrelation: Vec<f64>,
+    /// Half width of the band in which 99 % of the values lie where what is left is white noise.
+    pub band: f64,
 }
 
 /// An equation before and after, as text.
@@ -301,6 +388,13 @@ pub struct RolloutFigure {
     pub before: Vec<Option<f64>>,
     /// Rollout of the augmented model; `None` from where it diverged. Empty without included causes.
     pub after: Vec<Option<f64>>,
+    /// Share of the column's motion that the nominal model follows, `1 - rms(error)/rms(column - its mean)`; may be
+    /// negative, `None` where it diverged or nothing moves.
+    #[serde(default)]
+    pub fit_before: Option<f64>,
+    /// The same of the augmented model.
+    #[serde(default)]
+    pub fit_after: Option<f64>,
 }
 
 /// What one equation lacks.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import pathlib
@@ -107,6 +108,9 @@ class Cause:
         Effects that these logs can't tell from this one.
     next_experiment : str or None
         The experiment that would.
+    stability : dict or None
+        Whether its size agrees between parts of the logs: ``runs`` (the parts), ``agree``, ``p_value``, and in ``disagree`` the
+        parts that do not.
     """
 
     effect: str
@@ -118,16 +122,19 @@ class Cause:
     parameters: tuple[dict[str, Any], ...] = field(hash=False)
     equivalent: tuple[str, ...]
     next_experiment: str | None
+    stability: dict[str, Any] | None = field(default=None, hash=False)
 
 
 class Diagnosis:
     """What a diagnosis found; its text is a screenful for people, its JSON follows ``gpsindy.diagnosis/1``."""
 
-    __slots__ = ("_augmented", "_report", "_text")
+    __slots__ = ("_augmented", "_figures", "_report", "_text")
 
     def __init__(self, report: str, augmented: Model) -> None:
         self._text = report
         self._report: dict[str, Any] = json.loads(report)
+        # The curves of the page are no part of the report: they may change in any version.
+        self._figures: dict[str, Any] = self._report.pop("figures", None) or {}
         self._augmented = augmented
 
     @property
@@ -166,6 +173,11 @@ class Diagnosis:
         return dict(self._report["closure"])
 
     @property
+    def parameters(self) -> tuple[dict[str, Any], ...]:
+        """Parameters of the augmented model: ``name``, ``nominal`` (None: a cause brought it), ``value``, ``deviation``, ``unit``."""
+        return tuple(dict(row) for row in self._report.get("parameters", []))
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What a reader must know beside the numbers."""
         return tuple(self._report["notes"])
@@ -188,12 +200,12 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """The whole report."""
-        found: dict[str, Any] = json.loads(self._text)
+        found: dict[str, Any] = json.loads(self.to_json())
         return found
 
     def to_json(self) -> str:
-        """The whole report as JSON."""
-        return self._text
+        """The whole report as JSON, the same as the command line's ``report.json``."""
+        return _gpsindy.report_json(self._text)
 
     def html(self) -> str:
         """The report as one self-contained page."""
@@ -207,9 +219,9 @@ class Diagnosis:
         """Writes ``report.json``, ``report.html`` and, where the model has a file, ``augmented.toml``."""
         folder = pathlib.Path(os.fspath(directory))
         folder.mkdir(parents=True, exist_ok=True)
-        files = {"report.json": self.to_json() + "\n", "report.html": self.html()}
+        files = {"report.json": self.to_json(), "report.html": self.html()}
         if not self._augmented._inner.calls_simulator:
-            files["augmented.toml"] = self._augmented.to_toml()
+            files["augmented.toml"] = _gpsindy.augmented_toml(self._text, self._augmented.to_toml())
         for name, text in files.items():
             _gpsindy.write_whole(os.fspath(folder / name), text)
 
@@ -224,6 +236,11 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         return self.summary(shutil.get_terminal_size((100, 24)).columns)
+
+    def _repr_html_(self) -> str:
+        # A frame of its own, so that the page's style stays inside it.
+        page = html.escape(self.html(), quote=True)
+        return f'<iframe srcdoc="{page}" title="gpsindy diagnosis" width="100%" height="720" style="border:0"></iframe>'
 
 
 def diagnose(
@@ -267,7 +284,7 @@ def diagnose(
     custom : sequence of CustomEffect
         Suspects of the user's own.
     confidence : float
-        Of intervals and of the detection, 0.5 to 0.999.
+        Of intervals, 0.5 to 0.999; no test and no verdict depends on it.
     most_effects : int
         Effects together, at most, 1 to 6; never more than four in one equation.
     hold : {"zero", "linear"}, optional

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
     from gpsindy.diagnosis import Diagnosis
 
+# The report's names and colours.
+NOMINAL: dict[str, Any] = {"color": "#c04a00", "linestyle": "--", "label": "nominal model"}
+AUGMENTED: dict[str, Any] = {"color": "#0067a8", "label": "augmented model"}
 MEASURED: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3, "color": "0.55", "label": "measured"}
 
 
@@ -35,6 +39,9 @@ def _finish(figure: Figure, axes: Any, titles: list[str]) -> Figure:
         axes[0, j].set_title(title)
         axes[-1, j].set_xlabel("t [s]")
     axes[0, 0].legend(loc="best", fontsize="small")
+    if "inline" in str(matplotlib.get_backend()):
+        # A notebook shows the figure that a cell ends with, and would show an open one once more.
+        plt.close(figure)
     return figure
 
 
@@ -118,7 +125,7 @@ def diagnosis(found: Diagnosis, *, max_runs: int = 4, figsize: tuple[float, floa
     -------
     matplotlib.figure.Figure
     """
-    curves = (found.to_dict().get("figures") or {}).get("rollouts", [])
+    curves = found._figures.get("rollouts", [])
     if not curves:
         raise ValueError("the diagnosis carries no curves to draw")
     runs = list(dict.fromkeys(curve["run"] for curve in curves))[:max_runs]
@@ -130,9 +137,9 @@ def diagnosis(found: Diagnosis, *, max_runs: int = 4, figsize: tuple[float, floa
         i, j = columns.index(curve["column"]), runs.index(curve["run"])
         axis: Axes = axes[i, j]
         axis.plot(curve["time"], _numbers(curve["measured"]), **MEASURED)
-        axis.plot(curve["time"], _numbers(curve["before"]), color="C3", label="simulator")
+        axis.plot(curve["time"], _numbers(curve["before"]), **NOMINAL)
         if curve["after"]:
-            axis.plot(curve["time"], _numbers(curve["after"]), color="C0", label="with its causes")
+            axis.plot(curve["time"], _numbers(curve["after"]), **AUGMENTED)
         if j == 0:
             axis.set_ylabel(_label(curve["column"], curve["unit"]))
     return _finish(figure, axes, runs)

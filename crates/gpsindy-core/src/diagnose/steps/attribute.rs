@@ -82,15 +82,10 @@ impl Suspected {
 }
 
 /// Detects a gap.
-pub(crate) fn suspect(
-    contest: &Contest<'_>,
-    nominal: Fitted,
-    rivals: &[Rival],
-    settings: &Diagnose,
-) -> Result<Suspected> {
+pub(crate) fn suspect(contest: &Contest<'_>, nominal: Fitted, rivals: &[Rival]) -> Result<Suspected> {
     let (nominal, first) = suspects(contest, nominal)?;
     let free_gains = contest.rivals(&nominal, rivals);
-    let detected = detect(&first, &free_gains, settings.confidence, &nominal);
+    let detected = detect(&first, &free_gains, &nominal);
     Ok(Suspected { nominal, first, free_gains, detected })
 }
 
@@ -102,7 +97,7 @@ pub(crate) fn judge(
     settings: &Diagnose,
     notes: &mut Vec<String>,
 ) -> Result<Judged> {
-    let suspected = suspect(contest, nominal, rivals, settings)?;
+    let suspected = suspect(contest, nominal, rivals)?;
     if !suspected.detected.gap {
         return Ok(suspected.without_gap());
     }

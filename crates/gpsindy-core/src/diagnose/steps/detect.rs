@@ -12,6 +12,9 @@ pub(crate) struct Detected {
     pub(crate) p_value: f64,
 }
 
+/// Share of gap-free logs that may be called a gap: the contract's.
+const LEVEL: f64 = 0.05;
+
 /// Structure (mean square, noise units) that no test calls a gap: a fourteenth of the noise's standard deviation.
 ///
 /// A coarse integration, a rounded column or a control logged with few digits leave as much, and in a long
@@ -33,7 +36,7 @@ pub(crate) fn rival_p_value(gains: &[(f64, usize)], at: &Fitted) -> f64 {
 }
 
 /// Judges the nominal model by all that was tried at it.
-pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64, nominal: &Fitted) -> Detected {
+pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], nominal: &Fitted) -> Detected {
     let strain = |moved: Moved| {
         let allowed = if moved.is_believed { TOLERABLE + nominal.model_error } else { nominal.negligible() };
         chi_squared_tail(moved.squared - allowed * nominal.count() as f64, 1)
@@ -57,5 +60,5 @@ pub(crate) fn detect(first: &Expansion, rivals: &[(f64, usize)], confidence: f64
     let smallest = refitted.min(first.p_value(nominal)).min(rival_p_value(rivals, nominal)).min(strained.min(1.0));
     // Four searches, each paid for.
     let p_value = (4.0 * smallest).min(1.0);
-    Detected { gap: p_value <= 1.0 - confidence, p_value }
+    Detected { gap: p_value <= LEVEL, p_value }
 }

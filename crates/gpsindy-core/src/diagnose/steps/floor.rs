@@ -1,9 +1,15 @@
-//! The noise floor without a model: held-out runs that repeat the same controls from the same start.
+//! The noise floor: what is left of a rollout's error when the model is right.
 //!
-//! What differs between such runs neither the nominal nor any corrected model can follow: sensor noise, disturbances
-//! of their own, and what a start to within the noise makes of itself.
+//! Where held-out runs repeat the same controls from the same start, it is what differs between them, which no model can
+//! follow: sensor noise, disturbances of their own, and what a start to within the noise makes of itself. Else it is the
+//! sensor's noise, and what that does to the starts.
 
-use crate::refine::Log;
+use crate::diagnose::fit::fitted::Fitted;
+use crate::diagnose::steps::start::{beginnings, starts};
+use crate::refine::{Experiment, Jacobian, Log, Point};
+
+/// Mean squared residual (noise units) of the winner up to which it is noise, coloured perhaps, and tells the floor.
+const NOISE: f64 = 1.5;
 
 /// Share of a control's spread by which repeated commands may differ: rounding, not another command.
 const SAME: f64 = 1e-3;
@@ -15,10 +21,60 @@ const LEAST: f64 = 0.3;
 const FIRST: usize = 5;
 const NEAR: f64 = 4.0;
 
+/// The floor of every column in its unit, and what it was taken from.
+pub(crate) fn of(best: &Fitted, experiment: &Experiment) -> (Vec<f64>, &'static str) {
+    match between_runs(&experiment.logs, &experiment.noise) {
+        Some(floor) => (floor, "repeated runs"),
+        None => (with_start(best, experiment, sensor_noise(best, &experiment.noise)), "sensor noise"),
+    }
+}
+
+/// The sensor's noise by column in its unit: the winner's residual where it is about as small as the noise of
+/// differences (it then shows coloured noise, too), else the noise of differences.
+fn sensor_noise(best: &Fitted, noise: &[f64]) -> Vec<f64> {
+    let one = |((colour, &held_out), &train): ((&crate::diagnose::fit::evidence::Colour, &f64), &f64)| {
+        if colour.variance() < NOISE { train * colour.variance().sqrt() } else { held_out.min(train) }
+    };
+    best.colours.iter().zip(noise).zip(&best.experiment.noise).map(one).collect()
+}
+
+/// The floor with what noise does to the starts: they are fitted to a few noisy samples, and the rollout carries their
+/// error on. In an unstable plant that is most of what noise leaves.
+fn with_start(best: &Fitted, experiment: &Experiment, floor: Vec<f64>) -> Vec<f64> {
+    let own = Experiment { scale: best.experiment.scale.clone(), noise: floor.clone(), ..experiment.clone() };
+    let beginning = beginnings(&own.windows);
+    let initial = starts(&best.system, &own, &best.refined.parameters, best.nominal_states());
+    let point = Point { parameters: best.refined.parameters.clone(), initial };
+    let Ok(jacobian) = Jacobian::new(&best.system, &own, &point, &[]) else { return floor };
+    let n_columns = own.columns.len();
+    let mut sums = vec![(0.0, 0.0); n_columns];
+    for ((block, window), start) in jacobian.blocks.iter().zip(&own.windows).zip(&beginning) {
+        let fitted = (start.last - start.first + 1) * n_columns;
+        let seen = block.derivative.rows(0, fitted.min(block.derivative.nrows()));
+        let mut information = seen.tr_mul(&seen);
+        let ridge = 1e-9 * information.diagonal().max() + f64::MIN_POSITIVE;
+        (0..information.nrows()).for_each(|i| information[(i, i)] += ridge);
+        let Some(factor) = information.cholesky() else { return floor };
+        let carried = factor.solve(&block.derivative.transpose());
+        for row in (0..(window.last - window.first + 1) * n_columns).filter(|&row| block.present[row]) {
+            let blur: f64 = block.derivative.row(row).iter().zip(carried.column(row).iter()).map(|(a, b)| a * b).sum();
+            let (sum, count) = &mut sums[row % n_columns];
+            // What was fitted comes out closer than the noise, the rest further.
+            *sum += if row < fitted { 1.0 - blur.min(1.0) } else { 1.0 + blur };
+            *count += 1.0;
+        }
+    }
+    let blurred = |(floor, (sum, count)): (f64, (f64, f64))| {
+        let factor = if count > 0.0 { sum / count } else { 1.0 };
+        if factor.is_finite() { floor * factor.max(1.0).sqrt() } else { floor }
+    };
+    floor.into_iter().zip(sums).map(blurred).collect()
+}
+
 /// Standard deviation of every column between runs that repeat each other, in its unit; `None` without such runs.
 ///
 /// The variance about the mean of each group, sample by sample, with one degree of freedom less than runs.
-pub(crate) fn between_runs(logs: &[Log], noise: &[f64]) -> Option<Vec<f64>> {
+fn between_runs(logs: &[Log], noise: &[f64]) -> Option<Vec<f64>> {
     let mut groups: Vec<Vec<&Log>> = Vec::new();
     for log in logs {
         match groups.iter_mut().find(|group| repeats(group[0], log, noise)) {

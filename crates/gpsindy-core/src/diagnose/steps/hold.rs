@@ -34,7 +34,7 @@ pub(crate) fn reconsider_hold(
         judge(contest, linear(&held.nominal)?, rivals, settings, &mut own_notes)?
     } else if is_better(&held.nominal) {
         // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
-        let suspected = suspect(contest, linear(&held.nominal)?, rivals, settings)?;
+        let suspected = suspect(contest, linear(&held.nominal)?, rivals)?;
         if suspected.detected.gap {
             return Ok(held);
         }

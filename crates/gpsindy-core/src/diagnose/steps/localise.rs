@@ -18,6 +18,12 @@ use crate::model::Dynamics;
 /// Parts into which a variable's range and a run's time are cut.
 const BINS: usize = 8;
 
+/// Factor of the mean square within which neighbouring parts are one.
+const ALIKE: f64 = 1.5;
+
+/// Most rows of a list.
+const MOST_ROWS: usize = 12;
+
 /// What is missing in every nominal equation, along every training window.
 struct Missing {
     /// One list a window, one row a nominal state.
@@ -38,6 +44,7 @@ pub(crate) fn gap(
     rivals: &[Rival],
     gains: &[(f64, usize)],
     detected: &Detected,
+    resting: &[usize],
 ) -> Located {
     let empty = |gap: Gap| Located { gap, figures: Vec::new() };
     let bare = Gap {
@@ -52,7 +59,7 @@ pub(crate) fn gap(
     }
     let corrected = corrected(contest, outcome, rivals);
     let Some(missing) = missing(nominal, &corrected) else { return empty(bare) };
-    let shares = shares(nominal, outcome, rivals, gains);
+    let shares = shares(nominal, outcome, rivals, gains, resting);
     let mut located = empty(bare);
     let model = nominal.system.model();
     let mut order: Vec<usize> = (0..shares.len()).filter(|&j| shares[j] > 0.005).collect();
@@ -61,19 +68,25 @@ pub(crate) fn gap(
         let state = &model.states[j];
         let unit = state.rate_unit();
         let rms = root_mean_square(&missing, j);
-        let own = rivals.iter().zip(gains).filter(|(r, _)| r.state == j);
-        let tails = own.map(|(_, &(gain, degrees))| chi_squared_tail(gain, degrees));
+        let own = || rivals.iter().zip(gains).filter(|(r, _)| r.state == j).map(|(_, gain)| *gain);
+        let tails = own().map(|(gain, degrees)| chi_squared_tail(gain, degrees));
         let p_value = (tails.fold(1.0, f64::min) * rivals.len() as f64).min(1.0);
+        // The whole search can't be surer than the equation in which it found most.
+        let p_value = if located.gap.by_state.is_empty() { p_value.min(detected.p_value) } else { p_value };
+        let known = relative_error(&corrected, j);
+        // A function without a name gains as often as it has degrees of freedom by noise alone.
+        let told =
+            || own().map(|(gain, degrees)| (degrees as f64 / gain.max(degrees as f64)).sqrt()).fold(1.0, f64::min);
         located.gap.by_state.push(GapState {
             state: state.name.clone(),
             share: shares[j],
             // A sensor's fault leaves its equation right, but the state is where it shows.
             p_value: if p_value < 1.0 { p_value } else { detected.p_value },
             residual_rms: rms,
-            noise_rms: rms * relative_error(&corrected, j),
+            noise_rms: rms * if known > 0.0 { known } else { told() },
             unit: unit.clone(),
         });
-        if let Some(variable) = strongest_variable(nominal, &missing, j) {
+        if let Some(variable) = strongest_variable(nominal, &missing, j, resting) {
             regions(nominal, &missing, j, &variable, shares[j], &mut located.gap.by_region);
             located.figures.push(figure(nominal, &missing, j, &variable, unit));
         }
@@ -81,11 +94,18 @@ pub(crate) fn gap(
     if let Some(&j) = order.first() {
         windows(nominal, &missing, j, &mut located.gap.by_window);
     }
-    located.gap.by_region.sort_by(|a, b| b.share.total_cmp(&a.share));
-    located.gap.by_region.truncate(12);
-    located.gap.by_window.sort_by(|a, b| b.share.total_cmp(&a.share));
-    located.gap.by_window.truncate(12);
+    cut(&mut located.gap.by_region, |r| r.share);
+    cut(&mut located.gap.by_window, |w| w.share);
     located
+}
+
+/// Keeps the largest rows, in their order.
+fn cut<T>(rows: &mut Vec<T>, share: impl Fn(&T) -> f64) {
+    let mut shares: Vec<f64> = rows.iter().map(&share).collect();
+    shares.sort_by(|a, b| b.total_cmp(a));
+    if let Some(&least) = shares.get(MOST_ROWS - 1) {
+        rows.retain(|row| share(row) >= least);
+    }
 }
 
 /// The winner, or without one the best function without a name, fitted.
@@ -138,7 +158,15 @@ fn missing(nominal: &Fitted, corrected: &Fitted) -> Option<Missing> {
 }
 
 /// Share of the gap by nominal state: of every included effect what it removes, of the rest where a function without a name fits.
-fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, usize)]) -> Vec<f64> {
+///
+/// A column that rests has no share: what it misses is in units of a noise that nothing tells.
+fn shares(
+    nominal: &Fitted,
+    outcome: &Outcome,
+    rivals: &[Rival],
+    gains: &[(f64, usize)],
+    resting: &[usize],
+) -> Vec<f64> {
     let mut energy = vec![0.0; nominal.system.n_states()];
     for (hypothesis, removed) in outcome.best.hypotheses.iter().zip(&outcome.removed) {
         energy[hypothesis.state] += removed.max(1e-9);
@@ -152,6 +180,7 @@ fn shares(nominal: &Fitted, outcome: &Outcome, rivals: &[Rival], gains: &[(f64, 
                 energy[rival.state].max(1e-3 * (gain - degrees as f64).max(0.0) / nominal.count().max(1) as f64);
         }
     }
+    resting.iter().for_each(|&j| energy[j] = 0.0);
     let total: f64 = energy.iter().sum();
     if total > 0.0 { energy.iter().map(|e| e / total).collect() } else { energy }
 }
@@ -194,16 +223,22 @@ fn pairs(nominal: &Fitted, missing: &Missing, j: usize, name: &str) -> Vec<(f64,
     all
 }
 
-/// The variable whose bins explain most of the missing rate's variance.
-fn strongest_variable(nominal: &Fitted, missing: &Missing, j: usize) -> Option<String> {
+/// The variable that moves whose bins explain most of the missing rate's variance.
+fn strongest_variable(nominal: &Fitted, missing: &Missing, j: usize, resting: &[usize]) -> Option<String> {
     let model = nominal.system.model();
-    let names = model.states.iter().map(|s| &s.name).chain(model.controls.iter().map(|c| &c.name));
+    let moving = (0..model.states.len()).filter(|i| !resting.contains(i)).map(|i| &model.states[i].name);
+    let names = moving.chain(model.controls.iter().map(|c| &c.name));
     let explained = |name: &String| {
         let pairs = pairs(nominal, missing, j, name);
+        let (low, high) = (pairs.first()?.0, pairs.last()?.0);
+        if !(high - low > 1e-9 * low.abs().max(high.abs())) {
+            return None;
+        }
         let size = pairs.len().div_ceil(3 * BINS).max(1);
-        pairs.chunks(size).map(|bin| bin.iter().map(|p| p.1).sum::<f64>().powi(2) / bin.len() as f64).sum::<f64>()
+        let bins = pairs.chunks(size);
+        Some(bins.map(|bin| bin.iter().map(|p| p.1).sum::<f64>().powi(2) / bin.len() as f64).sum::<f64>())
     };
-    names.map(|n| (n.clone(), explained(n))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name)
+    names.filter_map(|n| Some((n.clone(), explained(n)?))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name)
 }
 
 fn regions(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, share: f64, all: &mut Vec<GapRegion>) {
@@ -212,7 +247,9 @@ fn regions(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, share:
     if pairs.is_empty() || total <= 0.0 {
         return;
     }
-    for bin in pairs.chunks(pairs.len().div_ceil(BINS)) {
+    let size = pairs.len().div_ceil(BINS);
+    for (first, last) in alike(&pairs.iter().map(|p| p.1).collect::<Vec<_>>(), size, |i| pairs[i].0 == pairs[i - 1].0) {
+        let bin = &pairs[first..last];
         all.push(GapRegion {
             state: nominal.system.model().states[j].name.clone(),
             variable: variable.into(),
@@ -221,6 +258,30 @@ fn regions(nominal: &Fitted, missing: &Missing, j: usize, variable: &str, share:
             share: share * bin.iter().map(|p| p.1 * p.1).sum::<f64>() / total,
         });
     }
+}
+
+/// Parts of a list of about `size` values (first, and one after the last), neighbours that are alike taken together;
+/// no part begins at a value that is `bound` to the one before it.
+fn alike(values: &[f64], size: usize, bound: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+    let mean =
+        |(first, last): (usize, usize)| values[first..last].iter().map(|v| v * v).sum::<f64>() / (last - first) as f64;
+    let mut parts: Vec<(usize, usize)> = Vec::new();
+    let mut first = 0;
+    while first < values.len() {
+        let mut last = (first + size).min(values.len());
+        while last < values.len() && bound(last) {
+            last += 1;
+        }
+        let part = (first, last);
+        first = last;
+        match parts.last_mut() {
+            Some(before) if mean(*before) <= ALIKE * mean(part) && mean(part) <= ALIKE * mean(*before) => {
+                before.1 = last
+            }
+            _ => parts.push(part),
+        }
+    }
+    parts
 }
 
 fn windows(nominal: &Fitted, missing: &Missing, j: usize, all: &mut Vec<GapWindow>) {
@@ -232,8 +293,9 @@ fn windows(nominal: &Fitted, missing: &Missing, j: usize, all: &mut Vec<GapWindo
     for (rates, span) in missing.rates.iter().zip(&nominal.experiment.windows) {
         let log = &nominal.experiment.logs[span.log];
         let size = rates[j].len().div_ceil(BINS).max(1);
-        for (part, bin) in rates[j].chunks(size).enumerate() {
-            let first = (span.first + part * size).min(log.time.len() - 1);
+        for (begin, end) in alike(&rates[j], size, |_| false) {
+            let bin = &rates[j][begin..end];
+            let first = (span.first + begin).min(log.time.len() - 1);
             let last = (first + bin.len()).min(log.time.len() - 1);
             all.push(GapWindow {
                 run: log.name.clone(),

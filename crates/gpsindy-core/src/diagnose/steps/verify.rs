@@ -1,51 +1,88 @@
-//! Closure: how far the corrected model's held-out rollouts come from the nominal ones to the noise floor.
+//! Verify: how far the corrected model's held-out rollouts come from the nominal ones to the noise floor, column by column.
+//!
+//! Every column counts in units of its own noise, so that one that travels far hides nothing.
 
 use crate::data::Dataset;
 use crate::diagnose::fit::fitted::Fitted;
-use crate::diagnose::report::{Closure, ClosureState, RolloutFigure, finite, thinned};
-use crate::diagnose::steps::prepare::{Purpose, choose_windows, noise_levels, remove_outliers};
+use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
+use crate::diagnose::steps::prepare::{Purpose, choose_windows, noise_levels, remove_outliers, resolution};
+use crate::diagnose::steps::screen::outputs;
+use crate::diagnose::steps::start::starts;
+use crate::diagnose::steps::{curves, floor};
 use crate::error::Result;
-use crate::refine::{Experiment, Jacobian, Point, Refine, Window, guess_initial};
+use crate::refine::{Experiment, Log};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-
-/// Share of a held-out rollout to whose first samples its start is fitted.
-const START: f64 = 0.25;
 
 /// Blocks of a run for the interval, and bootstrap draws.
 const BLOCKS: usize = 8;
 const DRAWS: usize = 400;
 
+/// Share of the floor below which there is no gap to close: the floor itself is known no better.
+const NO_GAP: f64 = 0.05;
+
+/// Squared error of a column beyond its floor's, as a share of it, that the noise still allows a right model: its
+/// parameters and starts are fitted, and the floor is estimated.
+const ALLOWED: f64 = 0.25;
+
+/// Odds beforehand that something is missing where a fit on the training logs shows nothing: drawn cases outside the
+/// catalogue to the others.
+const RARELY: f64 = 0.2;
+
+/// Part of a column's gap that may be left: what remains is then below a hundredth.
+const LEFT: f64 = 0.01;
+
+/// Values that differ by less than this share of their size are one: the rounding of a log's digits.
+const ROUNDING: f64 = 1e-9;
+
 /// Held-out rollouts of the nominal and of the corrected model.
 pub(crate) struct Verification {
     pub(crate) closure: Closure,
     pub(crate) figures: Vec<RolloutFigure>,
+    pub(crate) checks: Vec<ResidualCheck>,
+    /// By column that moves, how surely the corrected model misses it by more than its noise allows.
+    pub(crate) missed: Vec<Missed>,
+    /// States whose columns never move.
+    pub(crate) resting: Vec<usize>,
 }
 
-/// Starts of the held-out rollouts, fitted to their first samples only, with every parameter fixed.
-fn starts(fitted: &Fitted, parameters: &[f64], own: &Experiment) -> Vec<Vec<f64>> {
-    let beginning = Experiment { windows: beginnings(&own.windows), ..own.clone() };
-    let guess = crate::diagnose::fit::lagging::with_lagging(
-        &fitted.system,
-        &beginning,
-        guess_initial(&fitted.system, &beginning),
-        fitted.nominal_states(),
-    );
-    let settings = Refine { max_iterations: 15, tolerance: 1e-6 };
-    settings.fit(&fitted.system, &beginning, parameters, &[], Some(&guess)).map_or(guess, |fit| fit.initial)
+impl Verification {
+    /// The same where no cause is included: after is before, and nothing is closed.
+    pub(crate) fn without_causes(mut self) -> Self {
+        let closure = &mut self.closure;
+        closure.after = closure.before;
+        let none = closure.before.map(|_| 0.0);
+        (closure.closed, closure.low, closure.high) = (none, none, none);
+        for state in &mut closure.by_state {
+            state.after = state.before;
+            state.closed = state.before.map(|_| 0.0);
+        }
+        for figure in &mut self.figures {
+            figure.after.clear();
+            figure.fit_after = None;
+        }
+        self.checks.clear();
+        self
+    }
 }
 
-/// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
-fn rollouts(fitted: &Fitted, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
-    let own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
-    let initial = starts(fitted, parameters, &own);
-    let scaled = crate::diagnose::steps::screen::outputs(&fitted.system, &own, parameters, &initial);
-    let n_columns = own.columns.len();
-    let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();
-    scaled.into_iter().map(unscale).collect()
+/// How surely a corrected model misses a column by more than its noise allows.
+pub(crate) struct Missed {
+    /// The column.
+    pub(crate) name: String,
+    pub(crate) probability: f64,
+    /// Its error is more than half of the column's motion within the rollouts.
+    pub(crate) is_lost: bool,
 }
 
-/// Squared, spread-scaled errors of one block of a run: sums and counts by column.
+/// Held-out logs as the rollouts see them.
+struct Heldout {
+    experiment: Experiment,
+    /// Columns that move.
+    moving: Vec<usize>,
+}
+
+/// Squared errors of one block of a run, in units of the noise: sums and counts by column.
 #[derive(Clone)]
 struct Block {
     before: Vec<f64>,
@@ -61,19 +98,74 @@ pub(crate) fn closure(
     notes: &mut Vec<String>,
 ) -> Result<Verification> {
     let system = &nominal.system;
-    let mut experiment = Experiment::new(system, holdout, None)?;
-    let spread: Vec<f64> = experiment.noise.clone();
-    experiment.noise = noise_levels(&experiment.logs, spread.len());
-    let noise = experiment.noise.clone();
-    remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &noise);
-    experiment.hold = best.experiment.hold;
-    experiment.past = best.experiment.past;
-    experiment.substeps = best.experiment.substeps;
-    if best.experiment.windows.len() > best.experiment.logs.len() {
-        let fitted = best.experiment.longest_window();
+    let Heldout { experiment, moving } = held_out(best, holdout, notes)?;
+    let resting: Vec<usize> =
+        (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
+    if !resting.is_empty() {
+        let names: Vec<&str> = resting.iter().map(|&j| system.model().states[j].name.as_str()).collect();
+        notes.push(format!(
+            "{}: these columns never move beyond their resolution, so closure, shares and figures leave them out",
+            names.join(", ")
+        ));
+    }
+    // Before: the model exactly as it was handed in, tolerated parameters included.
+    let before = rollouts(nominal, &system.parameter_values(), &experiment);
+    let changed = !best.hypotheses.is_empty();
+    let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
+    let (floor, floor_source) = floor::of(best, &experiment);
+    // In units of the noise, as everything here.
+    let floor: Vec<f64> = floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect();
+    let blocks = blocks(&experiment, &moving, &before, &after);
+    let (before_all, after_all) = (overall(&blocks, |b| &b.before), overall(&blocks, |b| &b.after));
+    let floor_all = floor_of_all(&blocks, &floor);
+    let interval = bootstrap(&blocks, confidence, |chosen| {
+        closed(overall(chosen, |b| &b.before), overall(chosen, |b| &b.after), floor_of_all(chosen, &floor))
+    });
+    let closure = Closure {
+        metric: "rollout_rmse".into(),
+        before: finite(before_all),
+        after: finite(after_all),
+        floor: finite(floor_all),
+        floor_source: floor_source.into(),
+        closed: finite(closed(before_all, after_all, floor_all)),
+        low: finite(interval.0),
+        high: finite(interval.1),
+        horizon: finite(experiment.longest_window()),
+        by_state: moving.iter().map(|&c| by_state(system, &experiment, &floor, &blocks, c)).collect(),
+    };
+    let model_error = nominal.model_error;
+    let missed = |&c: &usize| Missed {
+        name: system.model().states[experiment.columns[c]].name.clone(),
+        probability: missed(&blocks, floor[c], model_error, c),
+        is_lost: changed && is_lost(&experiment, &blocks, c),
+    };
+    let missed = moving.iter().map(missed).collect();
+    let figures = curves::rollouts(system, &experiment, &moving, &before, changed.then_some(&after));
+    let checks = curves::checks(system, &experiment, &moving, &after);
+    Ok(Verification { closure, figures, checks, missed, resting })
+}
+
+/// The held-out logs, cut into rollouts that are as long as the corrected model can predict.
+fn held_out(best: &Fitted, holdout: &Dataset, notes: &mut Vec<String>) -> Result<Heldout> {
+    let mut experiment = Experiment::new(&best.system, holdout, None)?;
+    let known = &best.experiment;
+    experiment.scale.clone_from(&known.scale);
+    let own = noise_levels(&experiment.logs, experiment.columns.len());
+    remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &own);
+    // A column that rests here tells nothing of its noise.
+    let moves_here = |c: usize| moves(&experiment.logs, c);
+    let noise = |c: usize| if moves_here(c) { own[c].min(known.noise[c]) } else { known.noise[c] };
+    let noise: Vec<f64> = (0..own.len()).map(noise).collect();
+    let moving = (0..own.len()).filter(|&c| moves_here(c) || moves(&known.logs, c)).collect();
+    experiment.noise = noise;
+    experiment.hold = known.hold;
+    experiment.past = known.past;
+    experiment.substeps = known.substeps;
+    if known.windows.len() > known.logs.len() {
+        let fitted = known.longest_window();
         // The search may have looked at shorter rollouts than the corrected model can predict.
         let (parameters, rollout) = (&best.refined.parameters, Purpose::Rollout);
-        let longest = choose_windows(&best.system, best.experiment.clone(), parameters, &best.free, rollout);
+        let longest = choose_windows(&best.system, known.clone(), parameters, &best.free, rollout);
         let length = longest.map_or(fitted, |(_, cut)| cut.unwrap_or(f64::INFINITY).max(fitted));
         if length.is_finite() {
             experiment = experiment.with_windows_of(length);
@@ -82,106 +174,48 @@ pub(crate) fn closure(
             ));
         }
     }
-    // Before: the model exactly as it was handed in, tolerated parameters included.
-    let before = rollouts(nominal, &system.parameter_values(), &experiment);
-    let changed = !best.hypotheses.is_empty();
-    let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
-
-    let repeated = crate::diagnose::steps::floor::between_runs(&experiment.logs, &noise);
-    let floor_source = if repeated.is_some() { "repeated runs" } else { "sensor noise" };
-    let floor = repeated.unwrap_or_else(|| with_start(best, &experiment, noise_floor(best, &noise)));
-    let blocks = blocks(&experiment, &spread, &before, &after);
-    let overall = |pick: &dyn Fn(&Block) -> &Vec<f64>, chosen: &[Block]| {
-        let sum: f64 = chosen.iter().map(|b| pick(b).iter().sum::<f64>()).sum();
-        let count: f64 = chosen.iter().map(|b| b.count.iter().sum::<f64>()).sum();
-        (sum / count).sqrt()
-    };
-    let present: f64 = blocks.iter().map(|b| b.count.iter().sum::<f64>()).sum();
-    let floor_share: f64 = (0..spread.len())
-        .map(|c| blocks.iter().map(|b| b.count[c]).sum::<f64>() / present * (floor[c] / spread[c]).powi(2))
-        .sum();
-    let floor_all = floor_share.sqrt();
-    let (before_all, after_all) = (overall(&|b| &b.before, &blocks), overall(&|b| &b.after, &blocks));
-    let closed = |before: f64, after: f64| (before - after) / (before - floor_all);
-    // Without a gap above the floor there is nothing to close.
-    let has_gap = before_all > 1.05 * floor_all && changed;
-    let interval = has_gap.then(|| {
-        bootstrap(&blocks, confidence, |chosen| closed(overall(&|b| &b.before, chosen), overall(&|b| &b.after, chosen)))
-    });
-    let by_state = by_state(system, &experiment, &spread, &floor, &blocks);
-    let closure = Closure {
-        metric: "rollout_rmse".into(),
-        before: finite(before_all),
-        after: finite(after_all),
-        floor: finite(floor_all),
-        floor_source: floor_source.into(),
-        closed: if has_gap { finite(closed(before_all, after_all)) } else { None },
-        low: interval.and_then(|i| finite(i.0)),
-        high: interval.and_then(|i| finite(i.1)),
-        by_state,
-    };
-    let figures = figures(system, &experiment, &before, changed.then_some(&after));
-    Ok(Verification { closure, figures })
+    Ok(Heldout { experiment, moving })
 }
 
-/// What noise alone leaves, by column in its unit: the winner's residual where it is about as small as the
-/// noise of differences (it then shows coloured noise, too), else the noise of differences.
-fn noise_floor(best: &Fitted, noise: &[f64]) -> Vec<f64> {
-    best.colours
-        .iter()
-        .zip(noise)
-        .zip(&best.experiment.noise)
-        .map(|((colour, &held_out), &train)| {
-            let residual = train * colour.variance().sqrt();
-            if colour.variance() < 1.5 { residual } else { held_out.min(train) }
-        })
-        .collect()
+/// Whether a column moves in any log by more than one step of its sensor, or the rounding of its digits.
+pub(crate) fn moves(logs: &[Log], column: usize) -> bool {
+    let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
+    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let size = low.abs().max(high.abs());
+    high - low > (1.0 + ROUNDING) * resolution(logs, column).max(ROUNDING * size)
 }
 
-/// The windows' beginnings, to which their starts are fitted.
-fn beginnings(windows: &[Window]) -> Vec<Window> {
-    let of = |w: &Window| {
-        let samples = (START * (w.last - w.first) as f64) as usize;
-        Window { last: w.last.min(w.first + samples.max(8)), ..*w }
-    };
-    windows.iter().map(of).collect()
-}
-
-/// The floor with what noise does to the starts: they are fitted to a few noisy samples, and the rollout carries their
-/// error on. In an unstable plant that is most of what noise leaves.
-fn with_start(best: &Fitted, experiment: &Experiment, floor: Vec<f64>) -> Vec<f64> {
-    let own = Experiment { scale: best.experiment.scale.clone(), noise: floor.clone(), ..experiment.clone() };
-    let beginning = beginnings(&own.windows);
-    let initial = starts(best, &best.refined.parameters, &own);
-    let point = Point { parameters: best.refined.parameters.clone(), initial };
-    let Ok(jacobian) = Jacobian::new(&best.system, &own, &point, &[]) else { return floor };
+/// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
+fn rollouts(fitted: &Fitted, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
+    let own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
+    let initial = starts(&fitted.system, &own, parameters, fitted.nominal_states());
+    let scaled = outputs(&fitted.system, &own, parameters, &initial);
     let n_columns = own.columns.len();
-    let mut sums = vec![(0.0, 0.0); n_columns];
-    for ((block, window), start) in jacobian.blocks.iter().zip(&own.windows).zip(&beginning) {
-        let fitted = (start.last - start.first + 1) * n_columns;
-        let seen = block.derivative.rows(0, fitted.min(block.derivative.nrows()));
-        let mut information = seen.tr_mul(&seen);
-        let ridge = 1e-9 * information.diagonal().max() + f64::MIN_POSITIVE;
-        (0..information.nrows()).for_each(|i| information[(i, i)] += ridge);
-        let Some(factor) = information.cholesky() else { return floor };
-        let carried = factor.solve(&block.derivative.transpose());
-        for row in (0..(window.last - window.first + 1) * n_columns).filter(|&row| block.present[row]) {
-            let blur: f64 = block.derivative.row(row).iter().zip(carried.column(row).iter()).map(|(a, b)| a * b).sum();
-            let (sum, count) = &mut sums[row % n_columns];
-            // What was fitted comes out closer than the noise, the rest further.
-            *sum += if row < fitted { 1.0 - blur.min(1.0) } else { 1.0 + blur };
-            *count += 1.0;
-        }
-    }
-    let blurred = |(floor, (sum, count)): (f64, (f64, f64))| {
-        let factor = if count > 0.0 { sum / count } else { 1.0 };
-        if factor.is_finite() { floor * factor.max(1.0).sqrt() } else { floor }
-    };
-    floor.into_iter().zip(sums).map(blurred).collect()
+    let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();
+    scaled.into_iter().map(unscale).collect()
 }
 
-fn blocks(experiment: &Experiment, spread: &[f64], before: &[Vec<f64>], after: &[Vec<f64>]) -> Vec<Block> {
-    let n_columns = spread.len();
+/// Share of the gap that is closed: exact where there is a gap, and zero where there is none.
+fn closed(before: f64, after: f64, floor: f64) -> f64 {
+    if before == after { 0.0 } else { (before - after) / (before - floor).max(NO_GAP * floor) }
+}
+
+fn overall(blocks: &[Block], pick: impl Fn(&Block) -> &Vec<f64>) -> f64 {
+    let sum: f64 = blocks.iter().flat_map(|b| pick(b).iter()).sum();
+    let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
+    (sum / count).sqrt()
+}
+
+/// The floor over all columns, each as often as it was measured.
+fn floor_of_all(blocks: &[Block], floor: &[f64]) -> f64 {
+    let squares: f64 = blocks.iter().flat_map(|b| b.count.iter().zip(floor)).map(|(n, f)| n * f * f).sum();
+    let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
+    (squares / count).sqrt()
+}
+
+/// Errors in blocks of every rollout; columns that rest count nothing.
+fn blocks(experiment: &Experiment, moving: &[usize], before: &[Vec<f64>], after: &[Vec<f64>]) -> Vec<Block> {
+    let n_columns = experiment.columns.len();
     let mut all = Vec::new();
     for (w, window) in experiment.windows.iter().enumerate() {
         let log = &experiment.logs[window.log];
@@ -191,12 +225,12 @@ fn blocks(experiment: &Experiment, spread: &[f64], before: &[Vec<f64>], after: &
             let mut block =
                 Block { before: vec![0.0; n_columns], after: vec![0.0; n_columns], count: vec![0.0; n_columns] };
             for i in part * samples / parts..(part + 1) * samples / parts {
-                for c in 0..n_columns {
+                for &c in moving {
                     let measured = log.measured[c][window.first + i];
                     if measured.is_finite() {
                         let row = i * n_columns + c;
-                        block.before[c] += ((measured - before[w][row]) / spread[c]).powi(2);
-                        block.after[c] += ((measured - after[w][row]) / spread[c]).powi(2);
+                        block.before[c] += ((measured - before[w][row]) / experiment.noise[c]).powi(2);
+                        block.after[c] += ((measured - after[w][row]) / experiment.noise[c]).powi(2);
                         block.count[c] += 1.0;
                     }
                 }
@@ -229,61 +263,61 @@ fn bootstrap(blocks: &[Block], confidence: f64, statistic: impl Fn(&[Block]) -> 
 fn by_state(
     system: &crate::model::System,
     experiment: &Experiment,
-    spread: &[f64],
     floor: &[f64],
     blocks: &[Block],
-) -> Vec<ClosureState> {
-    (0..spread.len())
-        .map(|c| {
-            let state = &system.model().states[experiment.columns[c]];
-            let count: f64 = blocks.iter().map(|b| b.count[c]).sum();
-            let rms = |pick: &dyn Fn(&Block) -> f64| (blocks.iter().map(pick).sum::<f64>() / count).sqrt() * spread[c];
-            ClosureState {
-                state: state.name.clone(),
-                before: finite(rms(&|b| b.before[c])),
-                after: finite(rms(&|b| b.after[c])),
-                floor: finite(floor[c]),
-                unit: state.unit.clone(),
-            }
-        })
-        .collect()
+    c: usize,
+) -> ClosureState {
+    let state = &system.model().states[experiment.columns[c]];
+    let count: f64 = blocks.iter().map(|b| b.count[c]).sum();
+    let rms = |pick: &dyn Fn(&Block) -> f64| (blocks.iter().map(pick).sum::<f64>() / count).sqrt();
+    let (before, after) = (rms(&|b| b.before[c]), rms(&|b| b.after[c]));
+    let in_unit = |value: f64| finite(value * experiment.noise[c]);
+    ClosureState {
+        state: state.name.clone(),
+        before: in_unit(before),
+        after: in_unit(after),
+        floor: in_unit(floor[c]),
+        closed: finite(closed(before, after, floor[c])),
+        unit: state.unit.clone(),
+    }
 }
 
-fn figures(
-    system: &crate::model::System,
-    experiment: &Experiment,
-    before: &[Vec<f64>],
-    after: Option<&Vec<Vec<f64>>>,
-) -> Vec<RolloutFigure> {
-    let n_columns = experiment.columns.len();
-    let mut all = Vec::new();
-    for (index, log) in experiment.logs.iter().enumerate() {
-        let kept = thinned(log.time.len());
-        let windows: Vec<(usize, &Window)> =
-            experiment.windows.iter().enumerate().filter(|(_, w)| w.log == index).collect();
-        let series = |values: &[Vec<f64>], c: usize| -> Vec<Option<f64>> {
-            let mut line = vec![None; log.time.len()];
-            for (w, window) in &windows {
-                for i in window.first..=window.last {
-                    line[i] = finite(values[*w][(i - window.first) * n_columns + c]);
-                }
-            }
-            kept.iter().map(|&i| line[i]).collect()
-        };
-        for (c, &state) in experiment.columns.iter().enumerate() {
-            let state = &system.model().states[state];
-            all.push(RolloutFigure {
-                run: log.name.clone(),
-                column: state.name.clone(),
-                unit: state.unit.clone(),
-                time: kept.iter().map(|&i| log.time[i]).collect(),
-                measured: kept.iter().map(|&i| finite(log.measured[c][i])).collect(),
-                before: series(before, c),
-                after: after.map_or(Vec::new(), |a| series(a, c)),
-            });
-        }
+/// How surely the error of column `c` is larger than its noise, or a hundredth of its gap, allows.
+///
+/// Student's t of the blocks' mean excess: sure where it is large and everywhere, open where one block alone shows it; with
+/// what is known beforehand.
+fn missed(blocks: &[Block], floor: f64, model_error: f64, c: usize) -> f64 {
+    use statrs::distribution::{ContinuousCDF, StudentsT};
+    let own: Vec<&Block> = blocks.iter().filter(|b| b.count[c] > 0.0).collect();
+    let mean = |pick: &dyn Fn(&Block) -> f64| own.iter().map(|b| pick(b) / b.count[c]).sum::<f64>() / own.len() as f64;
+    let (before, after) = (mean(&|b| b.before[c]), mean(&|b| b.after[c]));
+    if !after.is_finite() {
+        return 1.0;
     }
-    all
+    let of_gap = floor + LEFT * (before.sqrt() - floor).max(0.0);
+    let of_gap = if of_gap.is_finite() { of_gap * of_gap } else { 0.0 };
+    let allowed = ((1.0 + ALLOWED) * (floor * floor + model_error)).max(of_gap);
+    let variance = own.iter().map(|b| (b.after[c] / b.count[c] - after).powi(2)).sum::<f64>();
+    let degrees = (own.len() as f64 - 1.0).max(1.0);
+    let deviation = (variance / degrees / own.len() as f64).sqrt().max(1e-12 * allowed);
+    let chance = StudentsT::new(0.0, 1.0, degrees).map_or(0.5, |t| t.sf((after - allowed) / deviation));
+    let odds = RARELY * (1.0 - chance) / chance.max(f64::MIN_POSITIVE);
+    odds / (1.0 + odds)
+}
+
+/// Whether the corrected model's error of column `c` is more than half of what the column moves within the rollouts.
+fn is_lost(experiment: &Experiment, blocks: &[Block], c: usize) -> bool {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for window in &experiment.windows {
+        let values = &experiment.logs[window.log].measured[c][window.first..=window.last];
+        let there: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        let mean = there.iter().sum::<f64>() / there.len().max(1) as f64;
+        squares += there.iter().map(|v| ((v - mean) / experiment.noise[c]).powi(2)).sum::<f64>();
+        count += there.len() as f64;
+    }
+    let error: f64 = blocks.iter().map(|b| b.after[c]).sum::<f64>() / blocks.iter().map(|b| b.count[c]).sum::<f64>();
+    // Noise alone is no motion.
+    !(error <= (0.25 * squares / count).max(4.0))
 }
 
 #[cfg(test)]
@@ -333,5 +367,51 @@ mod tests {
         let floor = diagnosis.closure.by_state[0].floor.unwrap();
         assert!(floor > 1.2 * noise, "{floor}");
         assert!(diagnosis.closure.closed.unwrap() > 0.85, "{:?}", diagnosis.closure);
+    }
+
+    /// Two carriages under commands of their rate, by encoder: one runs to an end stop and stays there, one never moves.
+    fn rig() -> (Model, Dataset) {
+        let (step, count) = (0.02, 1200_usize);
+        let command = |i: usize| 0.5 * (1.3 * step * i as f64).sin() - 0.25;
+        let encoder = |x: f64| (x / 1.5e-3).round() * 1.5e-3;
+        let mut x = 0.4;
+        let mut rows = Vec::new();
+        for i in 0..count {
+            // At rest the readings of the second differ by their rounding alone.
+            let rounding = if i % 7 == 0 { 2.0 * f64::EPSILON } else { 0.0 };
+            rows.push([encoder(x), 0.31 * (1.0 + rounding), command(i), 0.0]);
+            x = f64::max(x + step * command(i), -1.03);
+        }
+        let time = (0..count).map(|i| step * i as f64).collect();
+        let run = Run { name: "rig".into(), time, values: Mat::from_fn(count, 4, |i, c| rows[i][c]) };
+        let channels = ["q", "r", "u", "w"].map(Channel::new);
+        let model = Model {
+            states: vec![
+                State::new("q", Expression::parse("u").unwrap()),
+                State::new("r", Expression::parse("w").unwrap()),
+            ],
+            controls: vec![Control::new("u"), Control::new("w")],
+            ..Model::default()
+        };
+        (model, Dataset::new(channels.into(), vec![run]).unwrap())
+    }
+
+    #[test]
+    fn a_held_out_rollout_starts_where_the_log_does_and_what_rests_counts_nothing() {
+        let (model, data) = rig();
+        let (train, holdout) = hold_out(&data).unwrap();
+        let diagnosis = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let figures = diagnosis.figures.unwrap();
+        let curve = figures.rollouts.iter().find(|f| f.column == "q").unwrap();
+        // The carriage stands at its stop, and the nominal model moves it on: its rollout starts at the stop all the same.
+        for line in [&curve.before, &curve.after].into_iter().filter(|line| !line.is_empty()) {
+            let apart = line[0].unwrap() - curve.measured[0].unwrap();
+            assert!(apart.abs() < 3e-3, "{apart}");
+        }
+        let names: Vec<&str> = diagnosis.closure.by_state.iter().map(|s| s.state.as_str()).collect();
+        assert_eq!(names, ["q"]);
+        assert!(diagnosis.gap.by_state.iter().all(|s| s.state == "q"), "{:?}", diagnosis.gap.by_state);
+        assert!(figures.rollouts.iter().all(|f| f.column == "q"));
+        assert!(diagnosis.notes.iter().any(|n| n.starts_with("r: ")), "{:?}", diagnosis.notes);
     }
 }

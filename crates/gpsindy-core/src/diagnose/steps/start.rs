@@ -1,0 +1,263 @@
+//! Where a held-out rollout starts: at a place that the log's own first samples do not contradict.
+//!
+//! The belief is a parabola through as many first samples as one follows to within the noise. The model then refines it
+//! on the beginning of the rollout, as far as it follows the log there: its residual counts by its own size and colour. A
+//! model that is right learns its start to a fraction of the noise; one that is wrong can't move the start to where its
+//! errors look small.
+
+use crate::diagnose::fit::evidence::colours;
+use crate::diagnose::fit::lagging::with_lagging;
+use crate::model::System;
+use crate::refine::{Experiment, Jacobian, Log, Point, Refine, Window, guess_initial};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// Share of a held-out rollout that may refine its start.
+const BEGINNING: f64 = 0.25;
+
+/// Fewest samples of a beginning.
+const FEWEST: usize = 8;
+
+/// Fewest samples of a parabola, and by how much more the next one takes.
+const SHORTEST: usize = 6;
+const LONGER: f64 = 1.5;
+
+/// Deviations of its sampling error by which a parabola's residual may exceed the noise.
+const CHANCE: f64 = 2.0;
+
+/// Uncertainty of a belief beyond what the noise gives: as much again for what a parabola does not follow.
+const ROUGH: f64 = 2.0;
+
+/// How far a start that no sample tells may be from its guess, in typical sizes.
+const UNTOLD: f64 = 30.0;
+
+/// Steps of a start's fit, and how often its weights are taken anew.
+const STEPS: usize = 6;
+const ROUNDS: usize = 2;
+
+/// What the first samples tell of one window's start.
+struct Belief {
+    /// By logged column.
+    readings: Vec<Option<Reading>>,
+    /// By state: mean and deviation.
+    states: Vec<(f64, f64)>,
+}
+
+/// The first reading of a column, as its neighbours tell it.
+struct Reading {
+    /// The sample that it is of.
+    sample: usize,
+    /// By how much it is more than what was measured there.
+    more: f64,
+    deviation: f64,
+}
+
+/// Starts of all windows of `experiment` with every parameter fixed; the same rule for every model.
+pub(crate) fn starts(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[f64],
+    nominal_states: usize,
+) -> Vec<Vec<f64>> {
+    let beginning = Experiment { windows: beginnings(&experiment.windows), ..experiment.clone() };
+    let beliefs = beliefs(system, &beginning, nominal_states);
+    let believed: Vec<Vec<f64>> = beliefs.iter().map(|b| b.states.iter().map(|s| s.0).collect()).collect();
+    let settings = Refine { max_iterations: 15, tolerance: 1e-6 };
+    let free = settings.fit(system, &beginning, parameters, &[], Some(&believed));
+    let mut initial = free.map_or_else(|_| believed.clone(), |fit| fit.initial);
+    for _ in 0..ROUNDS {
+        initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);
+    }
+    initial
+}
+
+/// The windows' beginnings, on which their starts are refined.
+pub(crate) fn beginnings(windows: &[Window]) -> Vec<Window> {
+    let of = |w: &Window| {
+        let samples = (BEGINNING * (w.last - w.first) as f64) as usize;
+        Window { last: w.last.min(w.first + samples.max(FEWEST)), ..*w }
+    };
+    windows.iter().map(of).collect()
+}
+
+/// What the first samples of every window tell of its start.
+fn beliefs(system: &System, beginning: &Experiment, nominal_states: usize) -> Vec<Belief> {
+    let guess = with_lagging(system, beginning, guess_initial(system, beginning), nominal_states);
+    let model = system.model();
+    let one = |(window, guess): (&Window, Vec<f64>)| {
+        let log = &beginning.logs[window.log];
+        let lines: Vec<Option<Line>> =
+            (0..beginning.columns.len()).map(|c| line(log, c, window, beginning.noise[c])).collect();
+        let state = |j: usize| {
+            let position = model.integral_of(j).and_then(|i| beginning.column_of(i));
+            let rate = position.and_then(|c| lines[c].as_ref()).map(|l| l.slope);
+            match rate.filter(|_| beginning.column_of(j).is_none()) {
+                Some((slope, deviation)) => (slope, deviation.min(UNTOLD * beginning.scale[j])),
+                None => (guess[j], UNTOLD * beginning.scale[j]),
+            }
+        };
+        let reading = |(c, line): (usize, &Option<Line>)| {
+            let line = line.as_ref()?;
+            let more = line.value.0 - log.measured[c][line.sample];
+            Some(Reading { sample: line.sample, more, deviation: line.value.1 })
+        };
+        let readings = lines.iter().enumerate().map(reading).collect();
+        Belief { readings, states: (0..guess.len()).map(state).collect() }
+    };
+    beginning.windows.iter().zip(guess).map(one).collect()
+}
+
+/// A parabola through first samples: the first sample that is there, value and slope at it with their deviations.
+struct Line {
+    sample: usize,
+    value: (f64, f64),
+    slope: (f64, f64),
+}
+
+/// The parabola through as many first samples of column `c` as it follows to within the noise.
+fn line(log: &Log, c: usize, window: &Window, noise: f64) -> Option<Line> {
+    let there: Vec<usize> = (window.first..=window.last).filter(|&i| log.measured[c][i].is_finite()).collect();
+    let sample = *there.first()?;
+    let points: Vec<(f64, f64)> = there.iter().map(|&i| (log.time[i] - log.time[sample], log.measured[c][i])).collect();
+    let mut found = None;
+    let mut count = SHORTEST;
+    while count <= points.len() {
+        let Some((line, excess)) = parabola(&points[..count], noise, sample) else { break };
+        if excess > CHANCE * (2.0 / (count - 3) as f64).sqrt() {
+            break;
+        }
+        found = Some(line);
+        count = ((count as f64 * LONGER) as usize).max(count + 1);
+    }
+    let first = || {
+        let end = points.get(2).or(points.last()).filter(|p| p.0 > 0.0);
+        let slope = end
+            .map(|p| ((p.1 - points[0].1) / p.0, ROUGH * (2f64.sqrt() * noise).max((p.1 - points[0].1).abs()) / p.0));
+        Line { sample, value: (points[0].1, ROUGH * noise), slope: slope.unwrap_or((0.0, f64::INFINITY)) }
+    };
+    Some(found.unwrap_or_else(first))
+}
+
+/// The parabola through points, and by how much its residual exceeds the noise (in variances).
+fn parabola(points: &[(f64, f64)], noise: f64, sample: usize) -> Option<(Line, f64)> {
+    let span = points.last().map(|p| p.0).filter(|s| *s > 0.0)?;
+    let row = |t: f64| Vector3::new(1.0, t / span, (t / span).powi(2));
+    let (mut gram, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for &(t, v) in points {
+        gram += row(t) * row(t).transpose();
+        right += row(t) * v;
+    }
+    let inverse = gram.try_inverse()?;
+    let found = inverse * right;
+    let squares: f64 = points.iter().map(|&(t, v)| (v - row(t).dot(&found)).powi(2)).sum();
+    let excess = squares / ((points.len() - 3) as f64 * noise * noise) - 1.0;
+    let deviation = |i: usize| ROUGH * noise * inverse[(i, i)].max(0.0).sqrt();
+    let slope = (found[1] / span, deviation(1) / span);
+    Some((Line { sample, value: (found[0], deviation(0)), slope }, excess))
+}
+
+/// Gauss-Newton steps of every window's start: its belief, and the beginning's residual by its own size and colour.
+fn refined(
+    system: &System,
+    beginning: &Experiment,
+    parameters: &[f64],
+    beliefs: &[Belief],
+    initial: Vec<Vec<f64>>,
+    believed: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let at = |initial: &[Vec<f64>]| {
+        let point = Point { parameters: parameters.to_vec(), initial: initial.to_vec() };
+        Jacobian::new(system, beginning, &point, &[])
+    };
+    let (mut initial, mut jacobian) = match at(&initial) {
+        Ok(jacobian) => (initial, jacobian),
+        Err(_) => match at(believed) {
+            Ok(jacobian) => (believed.to_vec(), jacobian),
+            Err(_) => return believed.to_vec(),
+        },
+    };
+    let n_columns = beginning.columns.len();
+    let weights: Vec<Vec<f64>> = jacobian.residuals().iter().map(|r| weights(r, n_columns)).collect();
+    let normal = |jacobian: &Jacobian, initial: &[Vec<f64>], w: usize| {
+        Posterior::new(jacobian, w, &initial[w], &beliefs[w], &weights[w], &beginning.noise, beginning.windows[w].first)
+    };
+    for _ in 0..STEPS {
+        let mut next = initial.clone();
+        for (w, start) in next.iter_mut().enumerate() {
+            if let Some(step) = normal(&jacobian, &initial, w).step() {
+                start.iter_mut().zip(step.iter()).for_each(|(value, step)| *value += step);
+            }
+        }
+        let Ok(moved) = at(&next) else { break };
+        // Windows don't know of each other: each takes its step where it helps.
+        let helps: Vec<bool> =
+            (0..next.len()).map(|w| normal(&moved, &next, w).cost < normal(&jacobian, &initial, w).cost).collect();
+        if !helps.contains(&true) {
+            break;
+        }
+        for w in (0..next.len()).filter(|&w| helps[w]) {
+            initial[w].clone_from(&next[w]);
+            jacobian.blocks[w].clone_from(&moved.blocks[w]);
+        }
+    }
+    initial
+}
+
+/// By how much the residuals of each column count: one where they are noise, less where they are larger or last longer.
+fn weights(residuals: &[f64], n_columns: usize) -> Vec<f64> {
+    let one = |colour: &crate::diagnose::fit::evidence::Colour| {
+        let slow = colour.innovation / (1.0 - colour.coefficients.iter().sum::<f64>()).powi(2).max(1e-6);
+        let size = slow.max(colour.variance()).max(1.0);
+        if size.is_finite() { 1.0 / size } else { 0.0 }
+    };
+    colours(std::slice::from_ref(&residuals.to_vec()), n_columns).iter().map(one).collect()
+}
+
+/// Cost, curvature and slope of one window's start.
+struct Posterior {
+    cost: f64,
+    curvature: DMatrix<f64>,
+    slope: DVector<f64>,
+}
+
+impl Posterior {
+    fn new(
+        jacobian: &Jacobian,
+        window: usize,
+        start: &[f64],
+        belief: &Belief,
+        weights: &[f64],
+        noise: &[f64],
+        first: usize,
+    ) -> Self {
+        let (block, n, n_columns) = (&jacobian.blocks[window], jacobian.n_states, weights.len());
+        let mut all = Self { cost: 0.0, curvature: DMatrix::zeros(n, n), slope: DVector::zeros(n) };
+        for row in 0..block.residual.len() {
+            let weight = weights[row % n_columns];
+            all.add(block.derivative.row(row).transpose().rows(0, n).into_owned(), block.residual[row], weight);
+        }
+        for (c, reading) in belief.readings.iter().enumerate() {
+            let Some(Reading { sample, more, deviation }) = reading else { continue };
+            let row = (sample - first) * n_columns + c;
+            let missed = block.residual[row] * noise[c] + more;
+            let scale = noise[c] / deviation;
+            all.add(block.derivative.row(row).transpose().rows(0, n) * scale, missed / deviation, 1.0);
+        }
+        for (j, &(mean, deviation)) in belief.states.iter().enumerate() {
+            let mut direction = DVector::zeros(n);
+            direction[j] = 1.0 / deviation;
+            all.add(direction, (mean - start[j]) / deviation, 1.0);
+        }
+        all
+    }
+
+    fn add(&mut self, direction: DVector<f64>, missed: f64, weight: f64) {
+        self.cost += weight * missed * missed;
+        self.curvature.ger(weight, &direction, &direction, 1.0);
+        self.slope.axpy(weight * missed, &direction, 1.0);
+    }
+
+    fn step(&self) -> Option<DVector<f64>> {
+        let step = self.curvature.clone().cholesky()?.solve(&self.slope);
+        step.iter().all(|v| v.is_finite()).then_some(step)
+    }
+}
