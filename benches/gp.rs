@@ -74,6 +74,26 @@ fn smoothing(c: &mut Criterion) {
     group.finish();
 }
 
+/// Noise near the floor of a fit, where the covariance is nearly singular.
+fn little_noise(c: &mut Criterion) {
+    let mut group = c.benchmark_group("likelihood and gradient, se, noise 1e-4");
+    group.sample_size(10);
+    for n in [300, 1000] {
+        let points = points(n);
+        for engine in [Engine::Dense, Engine::Toeplitz] {
+            let (mut workspace, mut gradient) = (Workspace::default(), [0.0; 3]);
+            group.bench_function(BenchmarkId::new(format!("{engine:?}"), n), |b| {
+                b.iter(|| {
+                    let hyper = black_box([0.0, 0.0, -9.2]);
+                    let evaluation = Evaluation { kernel: &Kernel::SquaredExponential, hyper: &hyper, jitter: 0.0 };
+                    evaluation.likelihood_by(engine, &points, &mut gradient, &mut workspace)
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
 fn whole_fit(c: &mut Criterion) {
     let runs = [points(240)];
     let mut group = c.benchmark_group("fit, 240 samples");
@@ -85,5 +105,5 @@ fn whole_fit(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, quadratic_and_cubic, linear, smoothing, whole_fit);
+criterion_group!(benches, quadratic_and_cubic, linear, smoothing, little_noise, whole_fit);
 criterion_main!(benches);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(u8, &[&str])] = &[
     (1, &["data", "error", "progress", "expression"]),
     (2, &["gp", "regress", "library", "model"]),
-    (3, &["smooth", "differentiate", "weak", "refine", "simulate", "score", "systems"]),
+    (3, &["smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose"]),
     (5, &["paired"]),
 ];
@@ -18,10 +18,24 @@ const STRANGERS: &[(&str, &str)] =
     &[("identify", "diagnose"), ("gp", "regress"), ("gp", "model"), ("regress", "model")];
 
 /// The floors of a method, lowest first: its folders, and the files beside them. What stands on none is the body on top.
-const FLOORS: &[(&str, &[&[&str]])] = &[(
-    "diagnose",
-    &[&["limits", "notes", "report"], &["run"], &["catalogue"], &["fit"], &["steps"], &["power"], &["mod", "fixture"]],
-)];
+const FLOORS: &[(&str, &[&[&str]])] = &[
+    (
+        "diagnose",
+        &[&["limits", "notes", "report"], &["run"], &["catalogue"], &["fit"], &["steps"], &["power"], &["mod", "fixture"]],
+    ),
+    (
+        "identify",
+        &[
+            &["limits", "notes", "settings", "result", "names", "equations", "evidence"],
+            &["velocities", "prepare"],
+            &["algorithm1"],
+            &["report"],
+            &["support"],
+            &["online", "author"],
+            &["mod", "tests"],
+        ],
+    ),
+];
 
 /// Steps that other steps may know: what they stand on, and what they hand on.
 const SHARED_STEPS: &[&str] = &["contest", "findings", "noise", "prepare", "round", "screen", "suspects", "windows"];

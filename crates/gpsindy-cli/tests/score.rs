@@ -46,6 +46,33 @@ fn the_table_is_for_people_and_the_file_for_programs() {
 }
 
 #[test]
+fn models_are_compared_side_by_side_on_the_same_logs() {
+    let folder = Folder::new();
+    folder.write("m.toml", DECAY).write("log.csv", &fast());
+    folder.write("better.toml", &DECAY.replace("-x", "-1.9*x").replace("decay", "faster"));
+    let text = folder.run("score m.toml better.toml --data log.csv").done().stdout;
+    assert!(text.starts_with("2 models on 1 run, 21 samples;"), "{text}");
+    let row = |model: &str, what: &str| {
+        let cells = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
+        cells.filter(|c| c.len() > 3 && c[..2] == [model, what]).map(|c| c.join(" ")).next().unwrap()
+    };
+    let alone = folder.run("score better.toml --data log.csv").done().stdout;
+    let alone =
+        alone.lines().find(|line| line.starts_with("x ")).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_eq!(row("faster", "x"), format!("faster {alone}"));
+    assert!(row("decay", "together") != row("faster", "together"));
+    let json = folder.run("score m.toml better.toml --data log.csv --json").done().stdout;
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let pooled = |i: usize| json["models"][i]["rollout"]["pooled"].as_f64().unwrap();
+    assert_eq!(json["models"][1]["model"], "faster");
+    assert!(pooled(1) < 0.5 * pooled(0), "{json}");
+    folder.run("score m.toml m.toml --data log.csv --out score.csv").done();
+    // Two of one name go by their files.
+    assert!(folder.read("score.csv").starts_with("model,prediction,state,unit,rmse,"), "{}", folder.read("score.csv"));
+    assert!(folder.read("score.csv").contains("\nm.toml,rollout,x,m,"));
+}
+
+#[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let folder = Folder::new();
     let arguments = format!("score {} --data {} --run run --json", data("pendulum.toml"), data("pendulum.csv"));

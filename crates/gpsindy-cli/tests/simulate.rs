@@ -51,6 +51,35 @@ fn a_model_without_controls_needs_no_log() {
 }
 
 #[test]
+fn a_model_runs_without_a_log_under_constant_controls() {
+    let folder = Folder::new();
+    folder.write("cart.toml", CART);
+    let ran = folder.run("simulate cart.toml --initial x=0,v=0 --control u=2 --duration 3").done();
+    let (t, v) = (column(&ran.stdout, "t [s]"), column(&ran.stdout, "v [m/s]"));
+    assert_eq!((t.len(), t[1000]), (1001, 3.0));
+    for (t, v) in t.iter().zip(v) {
+        // The integrator's default tolerance is 1e-8.
+        assert!((v - 2.0 * (1.0 - (-t).exp())).abs() < 1e-6, "{t} {v}");
+    }
+    let same = folder.run("simulate cart.toml --initial x=0,v=0 --control u=2 --to 3 --period 0.003").done();
+    assert_eq!(same.stdout.lines().count(), 1002);
+}
+
+#[test]
+fn a_control_that_is_kept_at_a_value_replaces_the_log_s() {
+    let folder = Folder::new();
+    folder.write("cart.toml", CART).write("log.csv", "t,u,x,v\n0,1,5,0\n1,9,6,1\n2,0,7,1\n");
+    folder.write("no_u.csv", "t,x,v\n0,5,0\n1,6,1\n2,7,1\n");
+    let kept = folder.run("simulate cart.toml --data log.csv --control u=0.5 --quiet").done().stdout;
+    assert_eq!(folder.run("simulate cart.toml --data no_u.csv --control u=0.5 --quiet").done().stdout, kept);
+    let v = column(&kept, "v [m/s]");
+    assert!((v[2] - 0.5 * (1.0 - (-2.0_f64).exp())).abs() < 1e-6, "{v:?}");
+    let cut =
+        folder.run("simulate cart.toml --data log.csv --control u=0.5 --from 1 --duration 1 --quiet").done().stdout;
+    assert_eq!(cut.lines().count(), 3);
+}
+
+#[test]
 fn from_and_to_cut_the_rollout_and_initial_overrides_the_log() {
     let folder = Folder::new();
     folder.write("cart.toml", CART).write("log.csv", "t,u,x,v\n0,1,5,0\n1,0,6,1\n2,0,7,1\n3,0,8,1\n");
@@ -101,7 +130,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("simulate cart.toml --data log.csv --initial y=1", "--initial: no state `y`; the model has: x, v"),
         (
             "simulate cart.toml --data log.csv --from 7",
-            "log.csv: no sample between --from and --to; the log runs from 0 to 1 s",
+            "log.csv: no sample between start and end; the log runs from 0 to 1 s",
         ),
         (
             "simulate decay.toml --data other.csv",
@@ -111,9 +140,16 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("simulate cart.toml --data log.csv --period 0.1", "the model has the control `u`"),
         ("simulate decay.toml --period 0.1 --to 1", "state `x` has no initial value; give it with --initial x=..."),
         (
-            "simulate decay.toml --period 0.1 --initial x=1",
-            "without a log the end of the rollout is needed; give it with --to",
+            "simulate decay.toml --initial x=1",
+            "without a log the end of the rollout is needed; give it with --duration or --to, or a log with --data",
         ),
+        (
+            "simulate cart.toml --initial x=1,v=0 --to 1",
+            "the model has the control `u`; keep it at a value with --control u=0",
+        ),
+        ("simulate cart.toml --control w=1 --to 1", "--control: no control `w`; the model has: u"),
+        ("simulate decay.toml --control u=1 --to 1 --initial x=1", "--control: no control `u`; the model has: none"),
+        ("simulate decay.toml --duration 0 --initial x=1", "--period must be above 0 and the end after the start"),
         ("simulate decay.toml --period -1 --to 1 --initial x=1", "--period must be above 0"),
         (
             "simulate cart.toml --data log.csv --out no/such/out.csv",

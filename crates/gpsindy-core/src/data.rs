@@ -59,6 +59,16 @@ impl Run {
     }
 }
 
+/// What a control does between two samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Hold {
+    /// It keeps the value of the last sample.
+    #[default]
+    Zero,
+    /// It is interpolated.
+    Linear,
+}
+
 /// Runs that carry the same channels.
 ///
 /// ```
@@ -205,6 +215,31 @@ impl Dataset {
     }
 }
 
+/// Standard deviation of white noise on smooth signals, from the differences of order `order` of samples at even steps; 0 where
+/// no piece is longer than `order`.
+///
+/// `median |difference| / (0.6745 sqrt(g))`: differences of order k of white noise have `g = (2k)!/(k!)^2` times its variance,
+/// those of a dense smooth signal next to none. The median, because a jump of a control makes a corner; of a normal variable's
+/// size it is 0.6745 standard deviations. Differences over a missing value (NaN) are left out.
+pub(crate) fn difference_noise<'a>(pieces: impl IntoIterator<Item = &'a [f64]>, order: usize) -> f64 {
+    let mut weights = vec![0.0; order + 1];
+    weights[0] = 1.0;
+    for width in 1..=order {
+        for k in (1..=width).rev() {
+            weights[k] -= weights[k - 1];
+        }
+    }
+    let gain: f64 = weights.iter().map(|w| w * w).sum();
+    let difference = |w: &[f64]| w.iter().zip(&weights).map(|(v, weight)| v * weight).sum::<f64>().abs();
+    let mut sizes: Vec<f64> = pieces
+        .into_iter()
+        .flat_map(|piece| piece.windows(order + 1).map(difference))
+        .filter(|d| d.is_finite())
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).map_or(0.0, |median| median / (0.6745 * gain.sqrt()))
+}
+
 fn check_run(channels: &[Channel], run: &Run) -> Result<()> {
     let size = (run.values.nrows(), run.values.ncols());
     if size != (run.time.len(), channels.len()) {
@@ -274,6 +309,25 @@ mod tests {
         assert!(values[1].is_nan());
         assert!((values[2] - (turn - 3.0)).abs() < 1e-12);
         assert!((values[3] - (turn - 2.5)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_noise_on_a_smooth_signal_is_told_by_differences_of_any_order() {
+        use rand_chacha::ChaCha8Rng;
+        use rand_core::{Rng, SeedableRng};
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        // Sums of twelve uniforms are normal enough.
+        let mut values: Vec<f64> = (0..4000)
+            .map(|i| (0.01 * f64::from(i)).sin() + 0.1 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0))
+            .collect();
+        values[700] = f64::NAN;
+        for order in 1..=5 {
+            let noise = difference_noise([&values[..2000], &values[2000..]], order);
+            // The median of 4000 is known within 2 %, of correlated ones within 4 %.
+            assert!((noise - 0.1).abs() < 0.012, "{order}: {noise}");
+        }
+        assert_eq!(difference_noise([&values[..3]], 3), 0.0);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Time derivatives of the states, from which the regression learns: given columns, differences,
 //! the derivative of the Gaussian process over time, or the paper's second Gaussian process from
-//! smoothed states or controls to differences. The weak form, which needs none, is in `weak`.
+//! smoothed states or controls to differences.
 
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};

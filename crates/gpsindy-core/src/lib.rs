@@ -22,24 +22,23 @@ mod score;
 mod simulate;
 mod smooth;
 pub mod systems;
-mod weak;
 
-pub use data::{Channel, Dataset, Run};
+pub use data::{Channel, Dataset, Hold, Run};
 pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
 pub use identify::{
-    Author, AuthorResult, Choice, Delay, Estimate, Identification, Identify, Online, OnlineSettings, StateReport,
+    Author, AuthorResult, Choice, Delay, DelayReport, Estimate, Identification, Identify, Note, Online, OnlineSettings,
+    Regression, StateReport,
     Target,
 };
 pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
-    State, System,
+    State, System, rate_unit,
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
-pub use refine::{Experiment, Free, Hold, Log, Past, Refine, Refined, Starts, Window};
+pub use refine::{Experiment, Free, Log, Past, Refine, Refined, Starts, Window};
 pub use score::{Errors, Score, Scoring, StateError, score};
 pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};
-pub use weak::{WeakForm, WeakRows};

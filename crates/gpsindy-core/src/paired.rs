@@ -3,7 +3,7 @@
 //! The model must follow simulated logs that it has not seen, and what it misses there counts as no gap: the
 //! diagnosis is of the simulator, not of our picture of it.
 
-use crate::data::{Dataset, Run};
+use crate::data::{Dataset, Run, difference_noise};
 use crate::diagnose::{Diagnose, Diagnosed, hold_out};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
@@ -145,13 +145,7 @@ fn with_exact_velocities(model: &Model) -> Model {
 /// Root mean square error of a column without the noise of the simulated log itself.
 fn without_noise(error: &StateError, test: &Dataset) -> f64 {
     let Ok(column) = test.index_of(&error.state) else { return error.rmse };
-    // Third differences of white noise have twenty times its variance, those of a dense smooth curve next to none.
-    let third = |w: &[f64]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs();
-    let mut sizes: Vec<f64> =
-        test.runs().iter().flat_map(|r| r.column(column).windows(4).map(third)).filter(|d| d.is_finite()).collect();
-    sizes.sort_by(f64::total_cmp);
-    // The median, because a jump of a control makes a corner; of a normal variable it is 0.6745 deviations.
-    let noise = sizes.get(sizes.len() / 2).map_or(0.0, |median| median / (0.6745 * 20f64.sqrt()));
+    let noise = difference_noise(test.runs().iter().map(|r| r.column(column)), 3);
     (error.rmse * error.rmse - noise * noise).max(0.0).sqrt()
 }
 

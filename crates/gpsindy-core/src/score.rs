@@ -13,6 +13,9 @@ use std::ops::Range;
 /// One-step predictions made in a run at most, spread evenly over it.
 const MOST_STEPS: usize = 2000;
 
+/// Share of the largest value logged by which rounding alone moves a state that is zero, as the integrator counts it.
+const ROUNDING: f64 = 1e-14;
+
 /// Settings of a score.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Scoring {
@@ -28,7 +31,7 @@ pub struct Errors {
     /// One entry a logged state, in the model's order.
     pub by_state: Vec<StateError>,
     /// Root mean square, over samples and logged columns, of the error divided by that column's standard
-    /// deviation in the data. Columns that do not vary are left out; NaN where nothing is left.
+    /// deviation in the data. Columns that do not vary beyond rounding are left out; NaN where nothing is left.
     pub pooled: f64,
     /// Predictions started: runs, windows or steps.
     pub n_started: usize,
@@ -45,7 +48,7 @@ pub struct StateError {
     pub unit: String,
     /// Root mean square error, in that unit; NaN where no sample could be compared.
     pub rmse: f64,
-    /// The same divided by the column's standard deviation in the data; NaN for a column that does not vary.
+    /// The same divided by the column's standard deviation in the data; NaN for a column that does not vary beyond rounding.
     pub normalised: f64,
     /// Samples compared.
     pub n_samples: usize,
@@ -95,7 +98,7 @@ pub fn score(system: &System, data: &Dataset, settings: &Scoring, progress: &dyn
         return Err(Error::range("window", "above 0 s", window));
     }
     let logged = logged_columns(system, data)?;
-    let deviations: Vec<f64> = logged.iter().map(|&(_, column)| deviation(data, column)).collect();
+    let deviations = deviations(data, &logged);
     let n_runs = data.runs().len();
     let tallies: Vec<[Tally; 3]> = data
         .runs()
@@ -121,6 +124,21 @@ fn logged_columns(system: &System, data: &Dataset) -> Result<Vec<(usize, usize)>
         return Err(Error::unknown("state", &states[0].name, data.channels().iter().map(|c| &c.name)));
     }
     Ok(logged)
+}
+
+/// Standard deviation of every compared column; 0 where it is a rest that only rounding moves.
+fn deviations(data: &Dataset, logged: &[(usize, usize)]) -> Vec<f64> {
+    let largest = |column: usize| {
+        let values = data.runs().iter().flat_map(|run| run.column(column));
+        values.filter(|v| !v.is_nan()).fold(0.0, |m: f64, v| m.max(v.abs()))
+    };
+    let of_all = logged.iter().map(|&(_, column)| largest(column)).fold(0.0, f64::max);
+    let of = |&(_, column): &(usize, usize)| {
+        let deviation = deviation(data, column);
+        let rounding = (ROUNDING * of_all).max(8.0 * f64::EPSILON * largest(column));
+        if deviation > rounding { deviation } else { 0.0 }
+    };
+    logged.iter().map(of).collect()
 }
 
 /// Standard deviation of a column over all runs, missing cells left out.
@@ -261,12 +279,7 @@ fn pool<'a>(
             n_samples: total.counts[k],
         });
     }
-    Errors {
-        by_state,
-        pooled: (sum / f64::from(count as u32)).sqrt(),
-        n_started: total.n_started,
-        n_diverged: total.n_diverged,
-    }
+    Errors { by_state, pooled: (sum / count as f64).sqrt(), n_started: total.n_started, n_diverged: total.n_diverged }
 }
 
 #[cfg(test)]
@@ -331,6 +344,21 @@ mod tests {
         let found = scored(&sensor, &data(51, |t| 2.0 * (t - 0.25) + 3.0), 1.0);
         assert!(found.one_step.pooled < 1e-8, "{}", found.one_step.pooled);
         assert!(found.windowed.pooled < 1e-8, "{}", found.windowed.pooled);
+    }
+
+    #[test]
+    fn a_column_that_rests_but_for_rounding_has_no_relative_error() {
+        // A joint at rest beside one that turns: what it logs is the rounding of the simulator.
+        let mut two = model("u");
+        two.states.push(State::new("rest", Expression::parse("1e-3*u").unwrap()));
+        let time: Vec<f64> = (0..51).map(|i| 0.1 * i as f64).collect();
+        let rounding = |i: usize| 1e-16 * (i as f64).sin();
+        let values = Mat::from_fn(51, 3, |i, j| [time[i], 1.0, rounding(i)][j]);
+        let channels = ["x", "u", "rest"].map(Channel::new).to_vec();
+        let data = Dataset::new(channels, vec![Run { name: "a".into(), time, values }]).unwrap();
+        let found = scored(&two, &data, 1.0).rollout;
+        assert!(found.by_state[1].normalised.is_nan(), "{found:?}");
+        assert!(found.by_state[1].rmse > 1e-3 && found.pooled < 1e-8, "{found:?}");
     }
 
     #[test]

@@ -102,12 +102,15 @@ pub struct SmoothedRun {
     pub derivative_covariance: Vec<Mat<f64>>,
 }
 
+/// Most samples of a run with a joint covariance of derivatives: 3.2 GB a channel.
+const LARGEST_JOINT: usize = 20_000;
+
 impl Smoother {
     /// Smooths `channels` (indices into the dataset's) of all runs.
     ///
     /// # Errors
     /// A channel that does not exist or has no value at all, a given noise that does not match
-    /// the channels, no kernel; a request to stop.
+    /// the channels, no kernel, a run of more than 20000 samples where `covariance` is asked for; a request to stop.
     pub fn smooth(&self, data: &Dataset, channels: &[usize], progress: &dyn Progress) -> Result<Smoothed> {
         self.check(data, channels)?;
         let done = AtomicUsize::new(0);
@@ -140,6 +143,15 @@ impl Smoother {
             if let Some(n) = noise.iter().find(|n| !(**n > 0.0 && n.is_finite())) {
                 return Err(Error::range("noise", "above 0", n));
             }
+        }
+        if self.covariance
+            && let Some(run) = data.runs().iter().find(|run| run.n_samples() > LARGEST_JOINT)
+        {
+            return Err(Error::invalid(format!(
+                "run `{}` has {} samples; a joint covariance of derivatives is kept for at most {LARGEST_JOINT}, thin the samples",
+                run.name,
+                run.n_samples()
+            )));
         }
         for &c in channels {
             if data.runs().iter().all(|r| r.column(c).iter().all(|v| v.is_nan())) {
@@ -178,8 +190,13 @@ impl Smoother {
             }
             return Ok([value, derivative]);
         }
-        let value = process.predict(at, &[Quantity::Value], true)?;
-        let slope = mean_slope(&run.time, &value);
+        if self.covariance {
+            let value = process.predict(at, &[Quantity::Value], true)?;
+            let slope = mean_slope(&run.time, &value);
+            return Ok([value, slope]);
+        }
+        let (value, neighbours) = process.with_neighbours(&run.time)?;
+        let slope = mean_slope_of_band(&run.time, &value, &neighbours);
         Ok([value, slope])
     }
 
@@ -220,21 +237,42 @@ fn halves(both: &Posterior) -> [Posterior; 2] {
     })
 }
 
-/// Law of the slope over the neighbouring samples (one-sided at the ends), a linear map of the values.
+/// The samples whose difference stands for the slope at sample i of n: its neighbours, one-sided at the ends.
+fn ends(i: usize, n: usize) -> (usize, usize) {
+    (i.saturating_sub(1), (i + 1).min(n - 1))
+}
+
+/// Slope of `f` over the neighbours of sample i; 0 where there is but one sample.
+fn slope_over(time: &[f64], i: usize, f: impl Fn(usize) -> f64) -> f64 {
+    let (a, b) = ends(i, time.len());
+    if a == b { 0.0 } else { (f(b) - f(a)) / (time[b] - time[a]) }
+}
+
+/// Law of the slope over the neighbouring samples, a linear map of the values, with its joint covariance.
 fn mean_slope(time: &[f64], value: &Posterior) -> Posterior {
     let n = time.len();
-    let ends = |i: usize| (i.saturating_sub(1), (i + 1).min(n - 1));
-    let over = |i: usize, f: &dyn Fn(usize) -> f64| {
-        let (a, b) = ends(i);
-        if a == b { 0.0 } else { (f(b) - f(a)) / (time[b] - time[a]) }
-    };
-    let mean = (0..n).map(|i| over(i, &|k| value.mean[k])).collect();
+    let mean = (0..n).map(|i| slope_over(time, i, |k| value.mean[k])).collect();
     let covariance = match &value.covariance {
-        Some(c) => Mat::from_fn(n, n, |i, j| over(i, &|a| over(j, &|b| c[(a, b)]))),
+        Some(c) => Mat::from_fn(n, n, |i, j| slope_over(time, i, |a| slope_over(time, j, |b| c[(a, b)]))),
         None => Mat::zeros(n, n),
     };
     let variance = (0..n).map(|i| covariance[(i, i)].max(0.0)).collect();
     Posterior { mean, variance, covariance: Some(covariance) }
+}
+
+/// The same without the joint covariance, from the covariances of each value with the next two.
+fn mean_slope_of_band(time: &[f64], value: &Posterior, neighbours: &[[f64; 2]]) -> Posterior {
+    let n = time.len();
+    let mean = (0..n).map(|i| slope_over(time, i, |k| value.mean[k])).collect();
+    let variance = |i: usize| {
+        let (a, b) = ends(i, n);
+        if a == b {
+            return 0.0;
+        }
+        let difference = value.variance[a] + value.variance[b] - 2.0 * neighbours[a][b - a - 1];
+        (difference / (time[b] - time[a]).powi(2)).max(0.0)
+    };
+    Posterior { mean, variance: (0..n).map(variance).collect(), covariance: None }
 }
 
 #[cfg(test)]
@@ -302,5 +340,31 @@ mod tests {
         let slope = (run.mean[(11, 0)] - run.mean[(9, 0)]) / (run.time[11] - run.time[9]);
         assert!((run.derivative[(10, 0)] - slope).abs() < 1e-12);
         assert!(run.derivative_std[(10, 0)] > 0.0);
+    }
+    #[test]
+    fn slopes_of_a_long_log_have_the_same_law_without_the_joint_covariance() {
+        for missing in [0, 7] {
+            let data = data(90, 0.05, missing);
+            let with = |covariance| Smoother { kernels: vec![Kernel::Matern12], covariance, ..Smoother::default() };
+            let [joint, band] = [true, false].map(|c| with(c).smooth(&data, &[0], &Silent).unwrap());
+            for i in 0..90 {
+                let (joint, band) = (&joint.runs[0], &band.runs[0]);
+                assert!((joint.derivative[(i, 0)] - band.derivative[(i, 0)]).abs() < 1e-12);
+                // The variance of a difference of values that go together loses a few digits.
+                assert!((joint.derivative_std[(i, 0)] / band.derivative_std[(i, 0)] - 1.0).abs() < 1e-9, "{i}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_hundred_thousand_samples_are_smoothed_without_a_derivative_in_linear_memory() {
+        // Their joint covariance would take 80 GB.
+        let smoother = Smoother { kernels: vec![Kernel::Matern12], ..Smoother::default() };
+        let out = smoother.smooth(&data(100_000, 0.1, 0), &[0], &Silent).unwrap();
+        assert!(out.runs[0].derivative_std.col_as_slice(0).iter().all(|s| *s > 0.0));
+        assert!((out.fits[0].noise - 0.1).abs() < 0.01, "{}", out.fits[0].noise);
+        let joint = Smoother { covariance: true, ..smoother };
+        let error = joint.smooth(&data(100_000, 0.1, 0), &[0], &Silent).unwrap_err();
+        assert!(error.to_string().contains("100000 samples"), "{error}");
     }
 }

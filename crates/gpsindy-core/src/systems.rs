@@ -1,10 +1,9 @@
 //! Test systems with known equations: models, usual starts and controls, and noisy logs of them.
 
-use crate::data::{Channel, Dataset, Run};
+use crate::data::{Channel, Dataset, Hold, Run};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Control, Model, Parameter, State};
-use crate::refine::Hold;
 use crate::simulate::{Excitation, Simulate};
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;

@@ -4,6 +4,9 @@ use crate::error::{Error, Result};
 use crate::log::{Log, LogOptions, Row};
 use csv::StringRecord;
 
+/// A row that is put behind each line to see that the line is a whole one.
+const NEXT: &str = "next";
+
 /// Reads the lines of a log as they come.
 ///
 /// ```
@@ -71,9 +74,11 @@ impl Stream {
             let message = format!("byte 0x{:02x} is not UTF-8; save the file as UTF-8", line[e.valid_up_to()]);
             Error::line(&self.file, self.line, None, message)
         })?;
-        let text = if self.line == 1 { text.trim_start_matches('\u{feff}') } else { text };
+        let text = if self.line == 1 { text.strip_prefix('\u{feff}').unwrap_or(text) } else { text };
         let text = text.trim_end_matches(['\n', '\r']);
-        if text.trim().is_empty() || (self.header.is_none() && text.trim_start().starts_with('#')) {
+        // Among the samples only a line without any character is none, as in a whole file.
+        let before_header = self.header.is_none();
+        if text.is_empty() || (before_header && (text.trim().is_empty() || text.trim_start().starts_with('#'))) {
             return Ok(None);
         }
         let row = Row { line: self.line, cells: self.cells(text)? };
@@ -111,17 +116,24 @@ impl Stream {
 
     fn cells(&self, text: &str) -> Result<StringRecord> {
         let wrong = |message: String| Error::line(&self.file, self.line, None, message);
-        if text.matches('"').count() % 2 == 1 {
-            return Err(wrong("a quoted cell that does not end in its line; end the quotes".into()));
-        }
+        // A second line after this one comes out by itself, unless a quoted cell or a line end of its own stands between.
+        let followed = format!("{text}\n{NEXT}");
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
             .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
-        let mut cells = StringRecord::new();
-        reader.read_record(&mut cells).map_err(|e| wrong(format!("not a row of CSV: {e}")))?;
-        Ok(cells)
+            .from_reader(followed.as_bytes());
+        let mut read = || -> Result<Option<StringRecord>> {
+            let mut cells = StringRecord::new();
+            let more = reader.read_record(&mut cells).map_err(|e| wrong(format!("not a row of CSV: {e}")))?;
+            Ok(more.then_some(cells))
+        };
+        let (cells, next, end) = (read()?, read()?, read()?);
+        match (cells, next, end) {
+            (Some(cells), Some(next), None) if next.len() == 1 && &next[0] == NEXT => Ok(cells),
+            (Some(_), None, _) => Err(wrong("a quoted cell that does not end in its line; end the quotes".into())),
+            _ => Err(wrong("a carriage return within the line; end lines by a line feed".into())),
+        }
     }
 }
 
@@ -180,6 +192,60 @@ mod tests {
         };
         assert!(message(b"t,x\n0,\xff\n").starts_with("log.csv:2: byte 0xff is not UTF-8"));
         assert!(message(b"t,x\n0,\"1\n").starts_with("log.csv:2: a quoted cell that does not end in its line"));
+    }
+
+    #[test]
+    fn random_lines_are_rows_of_the_whole_file_or_are_refused() {
+        // Everything that a reader of CSV treats in a way of its own, and some that look as if it did.
+        let pieces = [
+            "t", "x", ",", ",", "\n", "\n", "\r\n", "\r", "\"", "\"", "\0", " ", "#", "0", "1", "2", ";", "\u{b}",
+            "\u{feff}", "NA",
+        ];
+        let mut state = 7u64;
+        let mut pick = |n: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % n
+        };
+        let (mut both, mut refused) = (0, 0);
+        for _ in 0..40_000 {
+            // A header and rows that would do, with characters put into them.
+            let mut text: Vec<&str> =
+                ["t", ",", "x", "\n", "0", ",", "1", "\n", "1", ",", "2", "\n", "2", ",", "", "\n"].into();
+            for _ in 0..1 + pick(4) {
+                let at = pick(text.len());
+                text.insert(at, pieces[pick(pieces.len())]);
+            }
+            let text = text.concat();
+            let whole = Log::parse("log.csv", text.as_bytes(), &LogOptions::default());
+            let mut stream = Stream::new("log.csv", LogOptions::default());
+            let lines = text.split_inclusive('\n').map(|line| stream.push(line.as_bytes()));
+            let lines =
+                lines.collect::<Result<Vec<_>>>().map(|found| found.iter().flatten().map(Sample::time).collect());
+            match (whole, lines) {
+                (Ok(log), Ok(times)) => {
+                    let times: Vec<f64> = times;
+                    assert_eq!(times, log.times(), "{text:?}");
+                    both += 1;
+                }
+                (Ok(_), Err(error)) => {
+                    let said = error.to_string();
+                    let own = said.contains("does not end in its line") || said.contains("carriage return");
+                    assert!(own, "{text:?}: {said}");
+                    refused += 1;
+                }
+                // A stream can't know that nothing follows.
+                (Err(error), Ok(times)) => {
+                    let times: Vec<f64> = times;
+                    let said = error.to_string();
+                    let short = said.contains("a run needs at least 2")
+                        || said.contains("no samples follow")
+                        || said.contains("is empty");
+                    assert!(short && times.len() < 2, "{text:?}: {said}");
+                }
+                (Err(_), Err(_)) => {}
+            }
+        }
+        assert!(both > 5000 && refused > 50, "{both} {refused}");
     }
 
     #[test]

@@ -46,6 +46,64 @@ def test_every_frame_gives_the_same_run_with_its_names(kind):
     np.testing.assert_array_equal(data[0].values, np.column_stack([COLUMNS["x"], COLUMNS["u"]]))
 
 
+def clocks():
+    import datetime
+
+    import pandas
+    import polars
+    import pyarrow
+
+    start = datetime.datetime(2024, 3, 31, 0, 59, 59, 900_000)
+    steps = [datetime.timedelta(milliseconds=100 * i) for i in range(3)]
+    dates = [start + step for step in steps]
+    x = [1.0, 2.0, 3.0]
+    return {
+        "pandas datetime": pandas.DataFrame({"t": pandas.to_datetime(dates), "x": x}),
+        # Clocks go forward an hour within these samples; the time that passes does not.
+        "pandas with a zone": pandas.DataFrame({"t": pandas.to_datetime(dates).tz_localize("UTC").tz_convert("Europe/Berlin"), "x": x}),
+        "pandas timedelta": pandas.DataFrame({"t": pandas.to_timedelta(steps), "x": x}),
+        "polars datetime": polars.DataFrame({"t": dates, "x": x}),
+        "polars milliseconds": polars.DataFrame({"t": dates, "x": x}).with_columns(polars.col("t").dt.cast_time_unit("ms")),
+        "polars duration": polars.DataFrame({"t": steps, "x": x}),
+        "pyarrow timestamp": pyarrow.table({"t": pyarrow.array(dates), "x": x}),
+        "numpy": {"t": np.array(dates, dtype="datetime64[us]"), "x": x},
+        "python": {"t": dates, "x": x},
+    }
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "pandas datetime",
+        "pandas with a zone",
+        "pandas timedelta",
+        "polars datetime",
+        "polars milliseconds",
+        "polars duration",
+        "pyarrow timestamp",
+        "numpy",
+        "python",
+    ],
+)
+def test_dates_and_durations_become_seconds(kind):
+    data = gpsindy.Dataset(clocks()[kind])
+    assert data.columns == ("x",)
+    np.testing.assert_allclose(data[0].t, T, rtol=0, atol=1e-12)
+
+
+def test_times_handed_in_beside_the_samples_may_be_dates_and_the_step_a_duration():
+    dates = np.datetime64("2024-03-31T01:00:00.000000000") + np.array([0, 100, 200]) * np.timedelta64(1, "ms")
+    np.testing.assert_allclose(gpsindy.Dataset(np.ones((3, 1)), dates)[0].t, T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(gpsindy.Dataset(np.ones((3, 1)), np.timedelta64(100, "ms"))[0].t, T, rtol=0, atol=1e-12)
+
+
+def test_a_column_of_dates_beside_the_time_is_no_state():
+    dates = np.array(["2024-03-31", "2024-04-01", "2024-04-02"], dtype="datetime64[D]")
+    assert gpsindy.Dataset({"t": T, "x": T, "day": dates}).columns == ("x",)
+    with pytest.raises(ValueError, match="dates or durations, not numbers"):
+        gpsindy.Dataset(dates, 0.1)
+
+
 def test_one_run_and_a_list_of_one_run_are_the_same():
     assert len(gpsindy.Dataset(COLUMNS)) == len(gpsindy.Dataset([COLUMNS])) == 1
     assert len(gpsindy.Dataset([COLUMNS, COLUMNS])) == 2

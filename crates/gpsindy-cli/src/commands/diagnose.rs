@@ -292,12 +292,12 @@ pub(crate) fn logs(
     screen: &Screen,
 ) -> Outcome<(Dataset, Dataset)> {
     let train = Logs::read(train, &columns.options())?;
-    let train = model_dataset(&train, model, columns, screen)?;
+    let train = model_dataset(&train, std::slice::from_ref(model), columns, screen)?;
     if holdout.is_empty() {
         return Ok(hold_out(&train)?);
     }
     let holdout = Logs::read(holdout, &columns.options())?;
-    Ok((train, model_dataset(&holdout, model, columns, screen)?))
+    Ok((train, model_dataset(&holdout, std::slice::from_ref(model), columns, screen)?))
 }
 
 /// Writes the three files of a diagnosis.

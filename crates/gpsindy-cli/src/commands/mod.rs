@@ -104,13 +104,19 @@ fn columns_of(model: &Model) -> (Vec<String>, Vec<String>) {
     (controls, model.states.iter().map(|s| s.name.clone()).collect())
 }
 
-/// The columns of a model, in logs that each carry at least one of its states.
-fn model_dataset(logs: &Logs, model: &Model, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
-    let (controls, states) = columns_of(model);
-    for log in logs.files() {
-        check_states(log, &states)?;
+/// The columns of models, in logs that each carry at least one state of each.
+fn model_dataset(logs: &Logs, models: &[Model], columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
+    let (mut all_controls, mut all_states): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
+    for (controls, states) in models.iter().map(columns_of) {
+        for log in logs.files() {
+            check_states(log, &states)?;
+        }
+        all_controls.extend(controls.into_iter().filter(|name| !all_controls.contains(name)).collect::<Vec<_>>());
+        all_states.extend(states.into_iter().filter(|name| !all_states.contains(name)).collect::<Vec<_>>());
     }
-    dataset(logs, &controls, &states, columns, screen)
+    // A state of one model may be a control of another.
+    all_states.retain(|name| !all_controls.contains(name));
+    dataset(logs, &all_controls, &all_states, columns, screen)
 }
 
 /// Refuses a log without any state of the model: most likely the wrong log, or other names.

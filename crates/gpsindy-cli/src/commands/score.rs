@@ -1,4 +1,4 @@
-//! `gpsindy score`: rollout, windowed and one-step errors of a model on logs, by state.
+//! `gpsindy score`: rollout, windowed and one-step errors of models on logs, by state.
 
 use crate::args::{Columns, Output};
 use crate::commands::simulate::Between;
@@ -7,20 +7,22 @@ use crate::failure::Outcome;
 use crate::screen::Screen;
 use crate::text::{aligned, count, short};
 use clap::Args;
-use gpsindy_core::{Channel, Dataset, Errors, Model, Score as Result, Scoring, Simulate as Settings, score};
+use gpsindy_core::{Channel, Dataset, Errors, Model, Score as Scores, Scoring, Simulate as Settings, System, score};
 use gpsindy_files::{Logs, Table, read_model};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Rollout, windowed and one-step errors of a model on logs, by state
+/// Rollout, windowed and one-step errors of one model or several on logs, by state
 ///
-/// Each is a root mean square error in the state's unit, and relative to the column's standard deviation in the logs: 0 is perfect,
+/// Several models are compared on the same logs, state by state. Each is a root mean square error in the state's unit, and relative to the column's standard deviation in the logs: 0 is perfect,
 /// 1 is as bad as predicting the mean.
 #[derive(Debug, Args)]
-#[command(before_help = "Example: gpsindy score model.toml --data run_3.csv run_4.csv --window 1")]
+#[command(before_help = "Example: gpsindy score model.toml --data run_3.csv run_4.csv --window 1\n         \
+                         gpsindy score nominal.toml augmented.toml --data run_3.csv")]
 pub(crate) struct Score {
-    /// The model (TOML or JSON); `-` is standard input
-    model: PathBuf,
+    /// The models (TOML or JSON); `-` is standard input
+    #[arg(required = true, value_name = "MODEL")]
+    models: Vec<PathBuf>,
     /// The logs (CSV); `-` is standard input
     #[arg(long, required = true, num_args = 1.., value_name = "LOG")]
     data: Vec<PathBuf>,
@@ -38,32 +40,55 @@ pub(crate) struct Score {
 
 pub(crate) fn run(command: &Score, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
-    let model = read_model(&command.model)?;
-    let system = model.compile()?;
+    let models = command.models.iter().map(|file| read_model(file)).collect::<gpsindy_files::Result<Vec<Model>>>()?;
+    let systems = models.iter().map(Model::compile).collect::<gpsindy_core::Result<Vec<System>>>()?;
     let logs = Logs::read(&command.data, &command.columns.options())?;
-    let data = model_dataset(&logs, &model, &command.columns, screen)?;
+    let data = model_dataset(&logs, &models, &command.columns, screen)?;
     let simulate = Settings { hold: command.hold.into(), ..Settings::default() };
+    let scoring = Scoring { simulate, window: command.window };
     let progress = screen.progress();
-    let result = score(&system, &data, &Scoring { simulate, window: command.window }, &progress)?;
+    let scores = systems.iter().map(|system| score(system, &data, &scoring, &progress));
+    let scores = scores.collect::<gpsindy_core::Result<Vec<Scores>>>()?;
     drop(progress);
+    let scored: Vec<Scored> = names(&models, &command.models).into_iter().zip(scores).collect();
     if screen.json() {
-        let text = json!({
-            "model": model.name,
-            "runs": data.runs().iter().map(|r| &r.name).collect::<Vec<_>>(),
-            "rollout": as_json(&result.rollout),
-            "windowed": as_json(&result.windowed),
-            "one_step": as_json(&result.one_step),
+        let runs: Vec<&String> = data.runs().iter().map(|r| &r.name).collect();
+        let each = scored.iter().map(|(name, score)| {
+            json!({
+                "model": name,
+                "runs": runs,
+                "rollout": as_json(&score.rollout),
+                "windowed": as_json(&score.windowed),
+                "one_step": as_json(&score.one_step),
+            })
         });
+        let mut each: Vec<serde_json::Value> = each.collect();
+        let text = if each.len() == 1 { each.remove(0) } else { json!({"models": each}) };
         return deliver(&command.output, &format!("{text}\n"), screen);
     }
     match &command.output.out {
-        None => screen.out(&summary(&model, &data, &result, command.window)),
-        Some(_) => deliver(&command.output, &table(&result).to_csv(), screen),
+        None => screen.out(&summary(&scored, &data, command.window)),
+        Some(_) => deliver(&command.output, &table(&scored).to_csv(), screen),
+    }
+}
+
+/// What a model is called and how it did.
+type Scored = (String, Scores);
+
+/// The models' own names; the files' where several have the same, or where one of several has none.
+fn names(models: &[Model], files: &[PathBuf]) -> Vec<String> {
+    let name = |i: usize| models[i].name.clone();
+    let all = 0..models.len();
+    let clear = all.clone().all(|i| !models[i].name.is_empty() && (0..i).all(|j| models[j].name != models[i].name));
+    if clear || models.len() == 1 {
+        all.map(name).collect()
+    } else {
+        files.iter().map(|f| f.display().to_string()).collect()
     }
 }
 
 /// The three kinds of prediction and what they are called in a file.
-fn kinds(result: &Result) -> [(&'static str, &Errors); 3] {
+fn kinds(result: &Scores) -> [(&'static str, &Errors); 3] {
     [("rollout", &result.rollout), ("windowed", &result.windowed), ("one_step", &result.one_step)]
 }
 
@@ -79,15 +104,26 @@ pub(crate) fn as_json(errors: &Errors) -> serde_json::Value {
     })
 }
 
-/// One row a state and kind of prediction.
-fn table(result: &Result) -> Table {
-    let rows: Vec<(&str, &Errors, usize)> =
-        kinds(result).into_iter().flat_map(|(kind, e)| (0..e.by_state.len()).map(move |j| (kind, e, j))).collect();
-    let number = |pick: fn(&Errors, usize) -> f64| rows.iter().map(|(_, e, j)| pick(e, *j)).collect::<Vec<f64>>();
-    Table::new()
-        .with_text("prediction", rows.iter().map(|(kind, _, _)| (*kind).to_string()).collect())
-        .with_text("state", rows.iter().map(|(_, e, j)| e.by_state[*j].state.clone()).collect())
-        .with_text("unit", rows.iter().map(|(_, e, j)| e.by_state[*j].unit.clone()).collect())
+/// One row a state and kind of prediction, and model where there are several.
+fn table(scored: &[Scored]) -> Table {
+    let of_model = |(name, score): &'_ Scored| {
+        let name = name.clone();
+        let of_kind = move |(kind, e): (&'static str, Errors)| {
+            let name = name.clone();
+            (0..e.by_state.len()).map(move |j| (name.clone(), kind, e.clone(), j))
+        };
+        kinds(score).map(|(kind, e)| (kind, e.clone())).into_iter().flat_map(of_kind).collect::<Vec<_>>()
+    };
+    let rows: Vec<(String, &str, Errors, usize)> = scored.iter().flat_map(of_model).collect();
+    let number = |pick: fn(&Errors, usize) -> f64| rows.iter().map(|(_, _, e, j)| pick(e, *j)).collect::<Vec<f64>>();
+    let mut table = Table::new();
+    if scored.len() > 1 {
+        table = table.with_text("model", rows.iter().map(|(name, ..)| name.clone()).collect());
+    }
+    table
+        .with_text("prediction", rows.iter().map(|(_, kind, _, _)| (*kind).to_string()).collect())
+        .with_text("state", rows.iter().map(|(_, _, e, j)| e.by_state[*j].state.clone()).collect())
+        .with_text("unit", rows.iter().map(|(_, _, e, j)| e.by_state[*j].unit.clone()).collect())
         .with(&Channel::new("rmse"), number(|e, j| e.by_state[j].rmse))
         .with(&Channel::new("normalised"), number(|e, j| e.by_state[j].normalised))
         .with(&Channel::new("samples"), number(|e, j| e.by_state[j].n_samples as f64))
@@ -95,31 +131,56 @@ fn table(result: &Result) -> Table {
         .with(&Channel::new("diverged"), number(|e, _| e.n_diverged as f64))
 }
 
-fn summary(model: &Model, data: &Dataset, result: &Result, window: Option<f64>) -> String {
+fn summary(scored: &[Scored], data: &Dataset, window: Option<f64>) -> String {
     let windows = window.map_or("windows".into(), |s| format!("{} s windows", short(s)));
-    let text = |cells: &[&str]| cells.iter().map(|c| (*c).to_string()).collect::<Vec<String>>();
+    let several = scored.len() > 1;
+    // The model stands in a column of its own where there are several.
+    let row = |model: &str, cells: &[&str]| {
+        let model = several.then(|| model.to_string());
+        model.into_iter().chain(cells.iter().map(|c| (*c).to_string())).collect::<Vec<String>>()
+    };
     let mut rows = vec![
-        text(&["", "", "whole runs", "", &windows, "", "one step", ""]),
-        text(&["state", "unit", "rmse", "relative", "rmse", "relative", "rmse", "relative"]),
+        row("", &["", "", "whole runs", "", &windows, "", "one step", ""]),
+        row("model", &["state", "unit", "rmse", "relative", "rmse", "relative", "rmse", "relative"]),
     ];
-    for (j, state) in result.rollout.by_state.iter().enumerate() {
-        let mut row = vec![state.state.clone(), state.unit.clone()];
-        for (_, errors) in kinds(result) {
-            row.extend([short(errors.by_state[j].rmse), short(errors.by_state[j].normalised)]);
+    let mut states: Vec<&str> = Vec::new();
+    for state in scored.iter().flat_map(|(_, score)| &score.rollout.by_state) {
+        if !states.contains(&state.state.as_str()) {
+            states.push(&state.state);
         }
-        rows.push(row);
     }
-    let mut pooled = text(&["together", ""]);
-    let mut diverged = text(&["diverged", ""]);
-    for (_, errors) in kinds(result) {
-        pooled.extend([String::new(), short(errors.pooled)]);
-        diverged.extend([String::new(), format!("{} of {}", errors.n_diverged, errors.n_started)]);
+    for wanted in states {
+        for (model, score) in scored {
+            let Some(j) = score.rollout.by_state.iter().position(|s| s.state == wanted) else { continue };
+            let state = &score.rollout.by_state[j];
+            let mut cells = row(model, &[&state.state, &state.unit]);
+            for (_, errors) in kinds(score) {
+                cells.extend([short(errors.by_state[j].rmse), short(errors.by_state[j].normalised)]);
+            }
+            rows.push(cells);
+        }
     }
-    rows.push(pooled);
-    if kinds(result).iter().any(|(_, errors)| errors.n_diverged > 0) {
-        rows.push(diverged);
+    for (model, score) in scored {
+        let mut pooled = row(model, &["together", ""]);
+        for (_, errors) in kinds(score) {
+            pooled.extend([String::new(), short(errors.pooled)]);
+        }
+        rows.push(pooled);
     }
-    let name = if model.name.is_empty() { "model" } else { &model.name };
+    for (model, score) in scored {
+        let mut diverged = row(model, &["diverged", ""]);
+        for (_, errors) in kinds(score) {
+            diverged.extend([String::new(), format!("{} of {}", errors.n_diverged, errors.n_started)]);
+        }
+        if kinds(score).iter().any(|(_, errors)| errors.n_diverged > 0) {
+            rows.push(diverged);
+        }
+    }
+    let name = match scored {
+        [(name, _)] if name.is_empty() => "model".to_string(),
+        [(name, _)] => name.clone(),
+        _ => count(scored.len(), "model"),
+    };
     let head = format!("{name} on {}, {}", count(data.runs().len(), "run"), count(data.n_samples(), "sample"));
     format!(
         "{head}; errors are root mean square, relative ones divided by the column's standard deviation\n\n{}",

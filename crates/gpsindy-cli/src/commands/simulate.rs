@@ -1,37 +1,46 @@
-//! `gpsindy simulate`: a rollout of a model under the controls of a log, as CSV.
+//! `gpsindy simulate`: a rollout of a model under the controls of a log or under constant ones, as CSV.
 
 use crate::args::{Columns, Output, values};
 use crate::commands::{check_folder_of, check_states, columns_of, dataset, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
-use gpsindy_core::{Channel, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System};
+use gpsindy_core::{
+    Channel, Dataset, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System,
+};
 use gpsindy_files::{Logs, Table, read_model};
 use serde_json::json;
 use std::path::PathBuf;
 
 /// A rollout of a model, as CSV: `t`, then every state
 ///
-/// Under the log's controls, from the state at the log's first sample. What the model's `measured` says is what is written.
+/// Under the log's controls, from the state at the log's first sample; or without a log, under constant controls from the
+/// initial state that is given. What the model's `measured` says is what is written.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy simulate model.toml --data run_1.csv --out rollout.csv\n         \
-                         gpsindy simulate model.toml --initial x=1,v=0 --to 10 --period 0.01")]
+                         gpsindy simulate model.toml --initial x=1,v=0 --control u=0.5 --duration 10")]
 pub(crate) struct Simulate {
     /// The model (TOML or JSON); `-` is standard input
     model: PathBuf,
     /// The log (CSV) with the controls and the first state; `-` is standard input
-    #[arg(long, value_name = "LOG", required_unless_present = "period")]
+    #[arg(long, value_name = "LOG")]
     data: Option<PathBuf>,
-    /// Start at the first sample from this time on, s; delays see the log before it
+    /// Start at the first sample from this time on, s; delays see the log before it [default: the log's first, else 0]
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     from: Option<f64>,
     /// Stop at the last sample up to this time, s
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     to: Option<f64>,
+    /// Stop this long after the start, s
+    #[arg(long, value_name = "S", conflicts_with = "to")]
+    duration: Option<f64>,
     /// Initial state, such as x=0.1,v=0 [default: the log's, else the model's `[initial]`]
     #[arg(long, value_name = "STATE=VALUE", value_parser = values)]
     initial: Vec<Vec<(String, f64)>>,
-    /// Time between the rows, s, for a model without controls [default: the log's samples]
+    /// Keep a control at a value, such as u=0.5, whatever the log says
+    #[arg(long, value_name = "CONTROL=VALUE", value_parser = values)]
+    control: Vec<Vec<(String, f64)>>,
+    /// Time between the rows, s, where no control comes from a log [default: the log's samples, else a thousandth of the whole]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     period: Option<f64>,
     /// What a control does between its samples
@@ -75,32 +84,34 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
     }
     let system = model.compile()?;
     let settings = Settings { hold: command.hold.into(), ..Settings::default() };
-    let rollouts = match (&command.data, command.period) {
-        (Some(log), _) => {
+    let kept = kept_controls(&model, command)?;
+    let rollouts = match &command.data {
+        None => vec![(model.name.clone(), without_log(command, &system, &settings, &kept)?)],
+        Some(log) => {
             let logs = Logs::read(std::slice::from_ref(log), &command.columns.options())?;
             let (controls, states) = columns_of(&model);
+            let needed: Vec<String> =
+                controls.into_iter().zip(&kept).filter(|(_, value)| value.is_none()).map(|(name, _)| name).collect();
             if states.iter().any(|state| !model.initial.contains_key(state)) {
                 check_states(&logs.files()[0], &states)?;
             }
-            let data = dataset(&logs, &controls, &states, &command.columns, screen)?;
+            let data = dataset(&logs, &needed, &states, &command.columns, screen)?;
             let rollout = |run: &Run| {
-                let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
-                let range = samples(run, command.from, command.to)?;
+                let excitation = excitation(&system, run, &data, &kept, &settings)?;
+                let range = samples(run, command)?;
                 let mut initial = StateReader::new(&system, run, data.channels(), &excitation)?.at(range.start)?;
                 override_initial(&model, &given, &mut initial);
                 let rollout = match command.period {
                     None => settings.rollout_range(&system, &excitation, &initial, range)?,
                     Some(period) => {
                         let span = (run.time[range.start], run.time[range.end - 1]);
-                        on_grid(&system, &settings, period, span, &initial)?
+                        on_grid(&system, &settings, period, span, &initial, &kept)?
                     }
                 };
                 Ok((run.name.clone(), rollout))
             };
             data.runs().iter().map(rollout).collect::<Outcome<Vec<_>>>()?
         }
-        (None, Some(period)) => vec![(model.name.clone(), without_log(command, &system, &settings, period)?)],
-        (None, None) => return Err(Failure::input("hand in a log with --data")),
     };
     let table = table(&model, &rollouts);
     if screen.json() {
@@ -110,11 +121,46 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
     deliver(&command.output, &table.to_csv(), screen)
 }
 
+/// The value that each control of the model is kept at, where `--control` says one.
+fn kept_controls(model: &Model, command: &Simulate) -> Outcome<Vec<Option<f64>>> {
+    let mut kept = vec![None; model.controls.len()];
+    for (name, value) in command.control.iter().flatten() {
+        let Some(place) = model.controls.iter().position(|c| c.name == *name) else {
+            let known: Vec<&str> = model.controls.iter().map(|c| c.name.as_str()).collect();
+            let has = if known.is_empty() { "none".into() } else { known.join(", ") };
+            return Err(Failure::input(format!("--control: no control `{name}`; the model has: {has}")));
+        };
+        kept[place] = Some(*value);
+    }
+    Ok(kept)
+}
+
+/// The controls of a run, those that are kept at a value aside.
+fn excitation(
+    system: &System,
+    run: &Run,
+    data: &Dataset,
+    kept: &[Option<f64>],
+    settings: &Settings,
+) -> Outcome<Excitation> {
+    let names = system.model().controls.iter().map(|c| &c.name);
+    let columns: Vec<usize> = names
+        .zip(kept)
+        .map(|(name, value)| if value.is_some() { Ok(0) } else { data.index_of(name) })
+        .collect::<Result<_, _>>()?;
+    let value = |i, j: usize| kept[j].unwrap_or_else(|| run.values[(i, columns[j])]);
+    let controls = faer::Mat::from_fn(run.n_samples(), kept.len(), value);
+    Ok(Excitation::new(system, &run.time, controls.as_ref(), settings.hold)?)
+}
+
 /// A rollout from the model's own initial state.
-fn without_log(command: &Simulate, system: &System, settings: &Settings, period: f64) -> Outcome<Rollout> {
+fn without_log(command: &Simulate, system: &System, settings: &Settings, kept: &[Option<f64>]) -> Outcome<Rollout> {
     let model = system.model();
-    let Some(to) = command.to else {
-        return Err(Failure::input("without a log the end of the rollout is needed; give it with --to"));
+    let from = command.from.unwrap_or(0.0);
+    let Some(to) = command.to.or(command.duration.map(|duration| from + duration)) else {
+        let message =
+            "without a log the end of the rollout is needed; give it with --duration or --to, or a log with --data";
+        return Err(Failure::input(message));
     };
     let initial = model.states.iter().map(|state| {
         let found = model.initial.get(&state.name).copied();
@@ -123,20 +169,25 @@ fn without_log(command: &Simulate, system: &System, settings: &Settings, period:
         })
     });
     let initial = initial.collect::<Outcome<Vec<f64>>>()?;
-    on_grid(system, settings, period, (command.from.unwrap_or(0.0), to), &initial)
+    on_grid(system, settings, command.period.unwrap_or((to - from) / ROWS), (from, to), &initial, kept)
 }
 
-/// A rollout of a model without controls at equally spaced times.
+/// Rows, less one, of a rollout without a log whose period is not given.
+const ROWS: f64 = 1000.0;
+
+/// A rollout under constant controls at equally spaced times.
 fn on_grid(
     system: &System,
     settings: &Settings,
     period: f64,
     (from, to): (f64, f64),
     initial: &[f64],
+    kept: &[Option<f64>],
 ) -> Outcome<Rollout> {
-    if let Some(control) = system.model().controls.first() {
+    let controls = &system.model().controls;
+    if let Some((control, _)) = controls.iter().zip(kept).find(|(_, value)| value.is_none()) {
         let message = format!(
-            "the model has the control `{}`, which is known at the samples of a log; hand in --data and leave --period out",
+            "the model has the control `{0}`; keep it at a value with --control {0}=0, or hand in a log with --data and leave --period out",
             control.name
         );
         return Err(Failure::input(message));
@@ -148,18 +199,21 @@ fn on_grid(
     }
     let n_steps = ((to - from) / period * (1.0 + 1e-12)).floor() as usize;
     let time: Vec<f64> = (0..=n_steps).map(|i| from + i as f64 * period).collect();
-    let excitation = Excitation::new(system, &time, faer::Mat::zeros(time.len(), 0).as_ref(), settings.hold)?;
+    let constant = faer::Mat::from_fn(time.len(), kept.len(), |_, j| kept[j].unwrap_or_default());
+    let excitation = Excitation::new(system, &time, constant.as_ref(), settings.hold)?;
     Ok(settings.rollout(system, &excitation, initial)?)
 }
 
-/// The samples of a run between two times, both included.
-fn samples(run: &Run, from: Option<f64>, to: Option<f64>) -> Outcome<std::ops::Range<usize>> {
-    let start = from.map_or(0, |from| run.time.partition_point(|t| *t < from));
+/// The samples of a run between start and end, both included.
+fn samples(run: &Run, command: &Simulate) -> Outcome<std::ops::Range<usize>> {
+    let start = command.from.map_or(0, |from| run.time.partition_point(|t| *t < from));
+    let after = |duration: f64| run.time.get(start).map_or(f64::INFINITY, |first| first + duration);
+    let to = command.to.or(command.duration.map(after));
     let end = to.map_or(run.time.len(), |to| run.time.partition_point(|t| *t <= to));
     if start >= end {
         let (first, last) = (run.time[0], run.time[run.time.len() - 1]);
         return Err(Failure::input(format!(
-            "{}: no sample between --from and --to; the log runs from {first} to {last} s",
+            "{}: no sample between start and end; the log runs from {first} to {last} s",
             run.name
         )));
     }

@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::gp::Kernel;
-use gpsindy_core::{Channel, Smoothed, Smoother};
+use gpsindy_core::{Channel, Smoothed, Smoother, rate_unit};
 use gpsindy_files::{Logs, Table};
 use serde_json::json;
 use std::path::PathBuf;
@@ -14,7 +14,8 @@ use std::path::PathBuf;
 /// Denoised states and derivatives with standard deviations
 ///
 /// One Gaussian process over time a column; hyperparameters are shared by all runs. For a column `x` the result has `x` and its standard
-/// deviation `x_std`, the time derivative `x_dot` and its standard deviation `x_dot_std`.
+/// deviation `x_std`, the time derivative `x_dot` and its standard deviation `x_dot_std`. A process with kernel `matern12` has no
+/// derivative: `x_dot` is then the mean slope from the sample before to the sample after.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy smooth run_1.csv --state x,v --out smooth.csv")]
 pub(crate) struct Smooth {
@@ -58,6 +59,12 @@ pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
     drop(progress);
     for (channel, fit) in smoothed.channels.iter().zip(&smoothed.fits) {
         screen.note(&format!("{}: kernel {}, noise {:.3e} {}", channel.name, fit.kernel, fit.noise, channel.unit));
+        if !fit.kernel.differentiable() {
+            screen.note(&format!(
+                "{0}: kernel {1} has no derivative; {0}_dot is the mean slope over the neighbouring samples",
+                channel.name, fit.kernel
+            ));
+        }
         for weakness in &fit.weak {
             screen.warn(&format!("{}: {weakness}", channel.name));
         }
@@ -82,7 +89,7 @@ fn table(smoothed: &Smoothed) -> Table {
     }
     table = table.with(&Channel::new("t").with_unit("s"), smoothed.runs.iter().flat_map(|r| r.time.clone()).collect());
     for (j, channel) in smoothed.channels.iter().enumerate() {
-        let rate = rate_of(&channel.unit);
+        let rate = rate_unit(&channel.unit);
         let column = |pick: fn(&gpsindy_core::SmoothedRun) -> &faer::Mat<f64>| {
             smoothed.runs.iter().flat_map(|r| pick(r).col_as_slice(j).to_vec()).collect::<Vec<f64>>()
         };
@@ -94,27 +101,4 @@ fn table(smoothed: &Smoothed) -> Table {
             .with(&named("_dot_std", &rate), column(|r| &r.derivative_std));
     }
     table
-}
-
-/// The unit of a time derivative: `m` gives `m/s`, `m/s` gives `m/s^2`.
-pub(crate) fn rate_of(unit: &str) -> String {
-    if unit.is_empty() {
-        return String::new();
-    }
-    if let Some(power) = unit.rsplit_once("/s^").and_then(|(head, power)| Some((head, power.parse::<u32>().ok()?))) {
-        return format!("{}/s^{}", power.0, power.1 + 1);
-    }
-    if unit.ends_with("/s") { format!("{unit}^2") } else { format!("{unit}/s") }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::rate_of;
-
-    #[test]
-    fn the_unit_of_a_derivative_is_per_second() {
-        for (unit, rate) in [("", ""), ("m", "m/s"), ("m/s", "m/s^2"), ("rad/s^2", "rad/s^3"), ("kpelts", "kpelts/s")] {
-            assert_eq!(rate_of(unit), rate);
-        }
-    }
 }

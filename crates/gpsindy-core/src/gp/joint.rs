@@ -33,16 +33,7 @@ impl<const M: usize> Remembered<M> {
         let mut out = Mat::zeros(size, size);
         let mut order: Vec<usize> = (0..at.len()).collect();
         order.sort_by_key(|&k| place[k]);
-        let mut steps = Steps::<M>::new();
-        let transitions: Vec<Matrix<M>> = (0..events.time.len())
-            .map(|i| match i {
-                0 => [[0.0; M]; M],
-                _ => {
-                    let place = steps.reach::<S>(scaled.lambda, &events.time, i);
-                    steps.at(place).0
-                }
-            })
-            .collect();
+        let transitions = transitions::<M, S>(scaled, events);
         for (qa, &quantity_a) in quantities.iter().enumerate() {
             let (ca, factor_a) = component(quantity_a);
             for (rank, &ka) in order.iter().enumerate() {
@@ -51,11 +42,8 @@ impl<const M: usize> Remembered<M> {
                 let mut here = place[ka];
                 for &kb in &order[rank..] {
                     while here < place[kb] {
-                        let f = &self.filtered[here];
-                        let first = row[0];
-                        let updated: Vector<M> = std::array::from_fn(|k| row[k] - f.gain[k] * first);
+                        row = self.carried(row, here, &transitions);
                         here += 1;
-                        row = times::<M, false>(&transitions[here], &updated);
                     }
                     for (qb, &quantity_b) in quantities.iter().enumerate() {
                         let (cb, factor_b) = component(quantity_b);
@@ -70,4 +58,47 @@ impl<const M: usize> Remembered<M> {
         }
         out
     }
+    /// Covariances of the value at each of the ascending times `at` with the values at the next `W` of them; 0 beyond the last.
+    pub(super) fn band<S: Form<M>, const W: usize>(
+        &self,
+        scaled: &Scaled,
+        events: &Events,
+        at: &[f64],
+    ) -> Vec<[f64; W]> {
+        let place = events.places(at);
+        let transitions = transitions::<M, S>(scaled, events);
+        let of = |i: usize| {
+            let (mut row, mut here) = (self.filtered[place[i]].covariance[0], place[i]);
+            let mut out = [0.0; W];
+            for (value, &there) in out.iter_mut().zip(&place[i + 1..]) {
+                while here < there {
+                    row = self.carried(row, here, &transitions);
+                    here += 1;
+                }
+                *value = scaled.s2 * (0..M).map(|k| row[k] * self.left[there][0][k]).sum::<f64>();
+            }
+            out
+        };
+        (0..at.len()).map(of).collect()
+    }
+
+    /// A row of the filter's covariance after the measurement at event `here`, carried to the next event.
+    fn carried(&self, row: Vector<M>, here: usize, transitions: &[Matrix<M>]) -> Vector<M> {
+        let gain = &self.filtered[here].gain;
+        let updated: Vector<M> = std::array::from_fn(|k| row[k] - gain[k] * row[0]);
+        times::<M, false>(&transitions[here + 1], &updated)
+    }
+}
+
+/// Transition from the event before to each event; of the first there is none.
+fn transitions<const M: usize, S: Form<M>>(scaled: &Scaled, events: &Events) -> Vec<Matrix<M>> {
+    let mut steps = Steps::<M>::new();
+    let mut to = |i: usize| match i {
+        0 => [[0.0; M]; M],
+        _ => {
+            let place = steps.reach::<S>(scaled.lambda, &events.time, i);
+            steps.at(place).0
+        }
+    };
+    (0..events.time.len()).map(&mut to).collect()
 }

@@ -62,17 +62,11 @@ impl Evaluation<'_> {
     }
 
     /// Negative log marginal likelihood of zero-mean targets; fills `gradient` (with respect to
-    /// `hyper`) unless it is empty. Where the Toeplitz recursion is not to be trusted (little
-    /// noise) the dense engine answers.
+    /// `hyper`) unless it is empty.
     ///
     /// `None` where the covariance is not positive definite in floating point or a number overflows.
     pub fn likelihood(&self, points: &Points, gradient: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
-        let engine = self.engine(points);
-        let result = self.likelihood_by(engine, points, gradient, workspace);
-        match (engine, result) {
-            (Engine::Toeplitz, None) => self.likelihood_by(Engine::Dense, points, gradient, workspace),
-            _ => result,
-        }
+        self.likelihood_by(self.engine(points), points, gradient, workspace)
     }
 
     /// [`Evaluation::likelihood`] by the engine that the caller names; `None` also where that
@@ -98,12 +92,7 @@ impl Evaluation<'_> {
 
     /// Leave-one-out quantities of zero-mean targets; `None` as for the likelihood.
     pub fn leave_one_out(&self, points: &Points, workspace: &mut Workspace) -> Option<LeaveOneOut> {
-        let engine = self.engine(points);
-        let result = self.leave_one_out_by(engine, points, workspace);
-        match (engine, &result) {
-            (Engine::Toeplitz, None) => self.leave_one_out_by(Engine::Dense, points, workspace),
-            _ => result,
-        }
+        self.leave_one_out_by(self.engine(points), points, workspace)
     }
 
     /// [`Evaluation::leave_one_out`] by the engine that the caller names.

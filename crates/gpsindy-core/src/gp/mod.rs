@@ -26,6 +26,7 @@ mod points;
 mod posterior;
 mod profile;
 mod scale;
+mod schur;
 mod search;
 mod start;
 mod state_smoother;

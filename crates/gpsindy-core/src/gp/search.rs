@@ -314,6 +314,24 @@ mod tests {
     }
 
     #[test]
+    fn a_long_log_of_a_fast_signal_is_not_taken_for_noise() {
+        // Correlated over ten samples of a hundred thousand: far below a hundredth of the span.
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let time: Vec<f64> = (0..100_000).map(|i| 0.1 * f64::from(i)).collect();
+        let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.5 * (2.3 * t).cos() + 0.01 * normal(&mut rng)).collect();
+        for kernel in [Kernel::Matern32, Kernel::Matern52] {
+            let found = super::super::fit(
+                std::slice::from_ref(&kernel),
+                &[Points::in_time(&time, &values)],
+                &FitSettings::default(),
+            );
+            let found = found.unwrap();
+            // A rougher process than the signal takes some of its bends for noise, and none of the noise for signal.
+            assert!((0.005..0.02).contains(&found.noise), "{kernel}: {}", found.noise);
+        }
+    }
+
+    #[test]
     fn a_part_of_the_points_leads_to_the_minimum_of_all() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let places: Vec<Vec<f64>> = (0..2).map(|_| (0..200).map(|_| 4.0 * uniform(&mut rng)).collect()).collect();

@@ -123,15 +123,15 @@ pub(crate) fn starts(kernel: &Kernel, runs: &[Points], bounds: &Bounds) -> Vec<V
     let roles = kernel.roles(runs[0].dimension());
     let has = |wanted: fn(&Role) -> bool| roles.iter().any(wanted);
     let periods = if has(|r| matches!(r, Role::Period)) { likely_periods(runs, bounds) } else { vec![bounds.spans[0]] };
-    let lengths: &[f64] = match (has(|r| matches!(r, Role::Length(_))), periods.len() > 1) {
-        (true, false) => &[1.0, 0.3, 0.1, 0.03, 0.01],
-        (true, true) => &[1.0, 0.2],
-        _ => &[1.0],
+    let lengths = match (has(|r| matches!(r, Role::Length(_))), periods.len() > 1) {
+        (true, false) => ladder(bounds),
+        (true, true) => vec![1.0, 0.2],
+        _ => vec![1.0],
     };
     let noises: &[f64] = if bounds.known_noise.is_some() { &[0.1] } else { &[0.02, 0.15, 0.6] };
     let mut list = Vec::new();
     for &period in &periods {
-        for &fraction in lengths {
+        for &fraction in &lengths {
             for &noise in noises {
                 let of = |role: &Role| match role {
                     Role::Length(d) => {
@@ -148,6 +148,21 @@ pub(crate) fn starts(kernel: &Kernel, runs: &[Points], bounds: &Bounds) -> Vec<V
     }
     list.dedup();
     list
+}
+
+/// Shortest length of the ladder beyond a hundredth of the span, in spacings: a signal whose length is shorter still has
+/// its optimum downhill from there.
+const FINEST: f64 = 10.0;
+
+/// Lengths to start from, in spans: down to a hundredth, and on to a few spacings of a long log. A likelihood is flat where
+/// the length is far too long (the noise explains everything), so a start must stand near the length of the signal.
+fn ladder(bounds: &Bounds) -> Vec<f64> {
+    let mut lengths = vec![1.0, 0.3, 0.1, 0.03, 0.01];
+    let finest = bounds.spans.iter().zip(&bounds.spacings).map(|(span, spacing)| FINEST * spacing / span);
+    let finest = finest.fold(f64::INFINITY, f64::min);
+    let finer = (0..).map(|k| if k % 2 == 0 { 3e-3 } else { 1e-3 } * 0.1f64.powi(k / 2));
+    lengths.extend(finer.take_while(|fraction| *fraction >= finest.max(1e-12)));
+    lengths
 }
 
 /// Periods at the three highest peaks of the least-squares periodogram, and twice the first.

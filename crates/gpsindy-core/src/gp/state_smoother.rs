@@ -48,6 +48,23 @@ pub(super) fn posterior(
     }
 }
 
+/// Covariances of the value at each of the ascending times `at` with the values at the next two of them, of the standardised
+/// targets.
+pub(super) fn neighbours(
+    kernel: &Kernel,
+    hyper: &[f64],
+    points: &Points,
+    jitter: f64,
+    at: &[f64],
+) -> Option<Vec<[f64; 2]>> {
+    match kernel {
+        Kernel::Matern12 => band::<1, Half>(hyper, points, jitter, at),
+        Kernel::Matern32 => band::<2, ThreeHalves>(hyper, points, jitter, at),
+        Kernel::Matern52 => band::<3, FiveHalves>(hyper, points, jitter, at),
+        _ => None,
+    }
+}
+
 /// Means, variances and (where asked for) joint covariance.
 pub(super) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
 
@@ -299,6 +316,16 @@ fn predict<const M: usize, S: Form<M>>(
     let finite = all_finite(&mean) && all_finite(&variance);
     let covariance = remembered.map(|r| r.covariance::<S>(&scaled, &events, at, quantities));
     finite.then_some((mean, variance, covariance))
+}
+
+fn band<const M: usize, S: Form<M>>(hyper: &[f64], points: &Points, jitter: f64, at: &[f64]) -> Option<Vec<[f64; 2]>> {
+    let scaled = Scaled::new(hyper, S::RATE, jitter)?;
+    let events = Events::new(points, at);
+    let mut left = vec![[[0.0; M]; 2]; events.time.len()];
+    let filtered = sweep::<M, S>(&scaled, &events, usize::MAX, |i, f, adjoint| {
+        left[i][0] = remaining(&f.covariance, &adjoint.information, 0);
+    })?;
+    Some(Remembered { filtered, left }.band::<S, 2>(&scaled, &events, at))
 }
 
 /// Column c of `1 - information P`: what the later measurements leave of the error.

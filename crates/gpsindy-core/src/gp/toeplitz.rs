@@ -3,7 +3,8 @@
 //!
 //! One pass of Levinson and Durbin gives `ln|T|`, `T^-1 y` and the first column x of `T^-1`; by
 //! Gohberg and Semencul the sum of the d-th diagonal of `T^-1` is
-//! `1/x_0 sum_k (n - d - 2 k) x_k x_(k+d)`, and the gradient is a sum over lags.
+//! `1/x_0 sum_k (n - d - 2 k) x_k x_(k+d)`, and the gradient is a sum over lags. With little noise that recursion loses its
+//! digits; the same three then come from a Cholesky factor (see `schur`).
 //! Source: Golub & Van Loan 2013, Matrix Computations, section 4.7; Gohberg & Semencul 1972.
 
 use super::covariance::{Lags, contract, dot, values};
@@ -11,9 +12,10 @@ use super::dense::split;
 use super::kernel::Kernel;
 use super::likelihood::LeaveOneOut;
 use super::points::Points;
+use super::schur::Schur;
 
 /// Noise variance over signal variance below which the recursion loses too many digits: relative
-/// errors against the dense engine are 1e-9 at 6e-7, 1e-6 at 1e-8, 1e-3 at 1e-10.
+/// errors against the dense engine are 1e-9 at 6e-7, 1e-6 at 1e-8, 1e-3 at 1e-10. Schur's algorithm answers below.
 const LOWEST_NOISE_RATIO: f64 = 1e-7;
 /// Largest residual of `T a = y` that passes, relative to the largest target.
 const LARGEST_RESIDUAL: f64 = 1e-7;
@@ -33,10 +35,21 @@ pub(crate) struct ToeplitzWorkspace {
     /// `T^-1 y`.
     solution: Vec<f64>,
     weights: Vec<f64>,
+    schur: Schur,
+}
+
+/// What a pass over the matrix gives beside the vectors of the workspace.
+struct Pass {
+    /// `ln|T|`
+    log_determinant: f64,
+    /// Variance of the last point given the others; the first element of `T^-1` is its inverse.
+    error: f64,
+    /// `y' T^-1 y`
+    fit: f64,
 }
 
 /// Negative log marginal likelihood and, where `gradient` is not empty, its gradient.
-/// `None` where T is not positive definite or the recursion is not to be trusted.
+/// `None` where T is not positive definite to rounding or a number overflows.
 pub(crate) fn likelihood(
     kernel: &Kernel,
     hyper: &[f64],
@@ -46,9 +59,8 @@ pub(crate) fn likelihood(
     workspace: &mut ToeplitzWorkspace,
 ) -> Option<f64> {
     let n = points.len();
-    let (log_determinant, error) = workspace.recur(kernel, hyper, points, jitter)?;
-    let nll =
-        0.5 * (dot(&workspace.solution, &points.targets) + log_determinant + n as f64 * std::f64::consts::TAU.ln());
+    let Pass { log_determinant, error, fit } = workspace.pass(kernel, hyper, points, jitter, !gradient.is_empty())?;
+    let nll = 0.5 * (fit + log_determinant + n as f64 * std::f64::consts::TAU.ln());
     if gradient.is_empty() {
         return nll.is_finite().then_some(nll);
     }
@@ -78,7 +90,7 @@ pub(crate) fn leave_one_out(
     workspace: &mut ToeplitzWorkspace,
 ) -> Option<LeaveOneOut> {
     let n = points.len();
-    let (_, error) = workspace.recur(kernel, hyper, points, jitter)?;
+    let Pass { error, .. } = workspace.pass(kernel, hyper, points, jitter, true)?;
     let x = &workspace.forward;
     let mut diagonal = vec![1.0 / error; n];
     for i in 1..n {
@@ -88,8 +100,9 @@ pub(crate) fn leave_one_out(
 }
 
 impl ToeplitzWorkspace {
-    /// Fills the first column and runs the recursion; returns `ln|T|` and the last prediction error.
-    fn recur(&mut self, kernel: &Kernel, hyper: &[f64], points: &Points, jitter: f64) -> Option<(f64, f64)> {
+    /// Fills the first column and runs the recursion, or Schur's algorithm where that is not to be trusted; `forward` and
+    /// `solution` are filled where `solve` asks for them.
+    fn pass(&mut self, kernel: &Kernel, hyper: &[f64], points: &Points, jitter: f64, solve: bool) -> Option<Pass> {
         let n = points.len();
         let step = points.uniform_step()?;
         let (kernel_hyper, noise) = split(hyper);
@@ -109,21 +122,40 @@ impl ToeplitzWorkspace {
         values(kernel, kernel_hyper, lags, &mut self.reversed);
         let signal = self.reversed[0];
         let noise2 = (2.0 * noise).exp() + jitter * signal;
-        // Negated, so that what is not a number fails too.
-        if !matches!(noise2.partial_cmp(&(LOWEST_NOISE_RATIO * signal)), Some(std::cmp::Ordering::Greater)) {
-            return None;
-        }
         self.reversed[0] += noise2;
         self.reversed.reverse();
+        if noise2 > LOWEST_NOISE_RATIO * signal
+            && let Some(pass) = self.recur(&points.targets)
+        {
+            return Some(pass);
+        }
+        self.factorise(&points.targets, solve)
+    }
+
+    /// The recursion of Levinson and Durbin; `None` where it is not accurate.
+    fn recur(&mut self, targets: &[f64]) -> Option<Pass> {
         let recursion = Levinson {
             reversed: &self.reversed,
-            targets: &points.targets,
+            targets,
             forward: &mut self.forward,
             backward: &mut self.backward,
             solution: &mut self.solution,
         };
-        let result = pulp::Arch::new().dispatch(recursion)?;
-        self.accurate(&points.targets).then_some(result)
+        let (log_determinant, error) = pulp::Arch::new().dispatch(recursion)?;
+        let fit = dot(&self.solution, targets);
+        self.accurate(targets).then_some(Pass { log_determinant, error, fit })
+    }
+
+    /// The same by Schur's algorithm.
+    fn factorise(&mut self, targets: &[f64], solve: bool) -> Option<Pass> {
+        let first = self.reversed.iter().rev().copied();
+        let (log_determinant, fit) = self.schur.factorise(first, targets, solve)?;
+        let error = if solve { 1.0 / self.schur.inverse[0] } else { f64::NAN };
+        if solve {
+            self.solution.copy_from_slice(&self.schur.solution);
+            self.forward.iter_mut().zip(&self.schur.inverse).for_each(|(f, x)| *f = x * error);
+        }
+        Some(Pass { log_determinant, error, fit })
     }
 
     /// Whether some rows of T times the solution give back the targets.
@@ -206,7 +238,7 @@ impl pulp::WithSimd for DiagonalSums<'_> {
 
 /// Dot products of `row` with two vectors (the second may be empty), in sixteen running sums.
 #[inline(always)]
-fn two_dots(row: &[f64], first: &[f64], second: &[f64]) -> [f64; 2] {
+pub(super) fn two_dots(row: &[f64], first: &[f64], second: &[f64]) -> [f64; 2] {
     const L: usize = 16;
     let (mut s1, mut s2) = ([0.0; L], [0.0; L]);
     let body = row.len() / L * L;

@@ -99,14 +99,22 @@ impl State {
 
     /// The unit of its rate: `m` gives `m/s`, `m/s` gives `m/s^2`; empty where it has none.
     pub(crate) fn rate_unit(&self) -> String {
-        let unit = &self.unit;
-        let power = |(head, power): (&str, &str)| Some(format!("{head}/s^{}", power.parse::<u32>().ok()? + 1));
-        match unit.rsplit_once("/s^").and_then(power) {
-            Some(higher) => higher,
-            None if unit.is_empty() => String::new(),
-            None if unit.ends_with("/s") => format!("{unit}^2"),
-            None => format!("{unit}/s"),
-        }
+        rate_unit(&self.unit)
+    }
+}
+
+/// The unit of a time derivative of what is in `unit`: `m` gives `m/s`, `m/s` gives `m/s^2`; empty where there is none.
+///
+/// ```
+/// assert_eq!(gpsindy_core::rate_unit("rad/s^2"), "rad/s^3");
+/// ```
+pub fn rate_unit(unit: &str) -> String {
+    let power = |(head, power): (&str, &str)| Some(format!("{head}/s^{}", power.parse::<u32>().ok()?.checked_add(1)?));
+    match unit.rsplit_once("/s^").and_then(power) {
+        Some(higher) => higher,
+        None if unit.is_empty() => String::new(),
+        None if unit.ends_with("/s") => format!("{unit}^2"),
+        None => format!("{unit}/s"),
     }
 }
 
@@ -233,6 +241,18 @@ impl Model {
                 return name;
             }
             number += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rate_unit;
+
+    #[test]
+    fn the_unit_of_a_derivative_is_per_second() {
+        for (unit, rate) in [("", ""), ("m", "m/s"), ("m/s", "m/s^2"), ("rad/s^2", "rad/s^3"), ("kpelts", "kpelts/s")] {
+            assert_eq!(rate_unit(unit), rate);
         }
     }
 }

@@ -1,19 +1,9 @@
 //! What a fit looks at: logs, the windows they are cut into, and the noise of every logged column.
 
-use crate::data::{Dataset, Run};
+use crate::data::{Dataset, Hold, Run};
 use crate::error::{Error, Result};
 use crate::model::System;
 use std::sync::Arc;
-
-/// What a control does between two samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Hold {
-    /// It keeps the value of the last sample.
-    #[default]
-    Zero,
-    /// It is interpolated.
-    Linear,
-}
 
 /// What a sensor that answers late shows until its delay has passed since the log began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -3,7 +3,8 @@
 //! They depend on the controls alone, so they are sampled over a whole log once. A late input that is held enters a step
 //! by its mean, which is smooth in the delay.
 
-use super::experiment::{Hold, Log};
+use super::experiment::Log;
+use crate::data::Hold;
 use crate::model::{InputKind, System};
 
 /// An input with a history, sampled, for every lane.

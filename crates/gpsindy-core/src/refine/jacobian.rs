@@ -281,19 +281,23 @@ impl Normal {
         next.parameters.iter().chain(next.initial.iter().flatten()).all(|v| v.is_finite()).then_some(next)
     }
 
-    /// Covariance of the free parameters with the initial states free; infinite where they are not told.
-    pub(crate) fn covariance(&self) -> DMatrix<f64> {
+    /// Covariance of the free parameters with the initial states free, infinite where they are not told; and the windows
+    /// whose equations for the initial state are not positive definite to rounding, which tell nothing.
+    pub(crate) fn covariance(&self) -> (DMatrix<f64>, Vec<usize>) {
         let q = self.gradient.len();
         let mut reduced = self.parameters.clone();
-        for (initial, mixed, _) in &self.windows {
-            if let Some(factor) = initial.clone().cholesky() {
-                reduced -= mixed.tr_mul(&factor.solve(mixed));
+        let mut left_out = Vec::new();
+        for (w, (initial, mixed, _)) in self.windows.iter().enumerate() {
+            match initial.clone().cholesky() {
+                Some(factor) => reduced -= mixed.tr_mul(&factor.solve(mixed)),
+                None => left_out.push(w),
             }
         }
-        match reduced.cholesky() {
+        let covariance = match reduced.cholesky() {
             Some(factor) => factor.inverse(),
             None => DMatrix::from_diagonal_element(q, q, f64::INFINITY),
-        }
+        };
+        (covariance, left_out)
     }
 }
 
@@ -345,4 +349,27 @@ fn damped(matrix: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
         damped[(i, i)] = matrix[(i, i)] * (1.0 + damping) + f64::MIN_POSITIVE;
     }
     damped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_that_the_covariance_leaves_out_are_named() {
+        let window = |own: f64| {
+            (DMatrix::from_element(1, 1, own), DMatrix::from_element(1, 1, 1.0), DVector::from_element(1, 0.0))
+        };
+        let normal = |own: [f64; 2]| Normal {
+            windows: own.map(window).into(),
+            parameters: DMatrix::from_element(1, 1, 10.0),
+            gradient: DVector::from_element(1, 0.0),
+        };
+        // Each window takes 1/2 of the information; the second tells nothing where its own is no number.
+        let (covariance, left_out) = normal([2.0, 2.0]).covariance();
+        assert!((covariance[(0, 0)] - 1.0 / 9.0).abs() < 1e-15 && left_out.is_empty());
+        let (covariance, left_out) = normal([2.0, -2.0]).covariance();
+        assert!((covariance[(0, 0)] - 1.0 / 9.5).abs() < 1e-15);
+        assert_eq!(left_out, [1]);
+    }
 }

@@ -3,8 +3,9 @@
 //! A lane is one set of parameters and initial states. Classical Runge-Kutta of order 4; a held
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
-use super::experiment::{Hold, Log, Past};
+use super::experiment::{Log, Past};
 use super::history::{History, Stages, histories};
+use crate::data::Hold;
 use crate::model::System;
 
 /// What is rolled out, and who receives it: sample, state or column, values.

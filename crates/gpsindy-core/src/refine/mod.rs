@@ -10,7 +10,8 @@ mod history;
 mod jacobian;
 pub(crate) mod lanes;
 
-pub use experiment::{Experiment, Hold, Log, Past, Starts, Window};
+pub(crate) use crate::data::Hold;
+pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
 
 use crate::error::{Error, Result};
@@ -73,11 +74,17 @@ pub struct Refined {
     pub residuals: Vec<Vec<f64>>,
     /// Covariance of the free parameters for residuals of unit variance, initial states being free.
     pub covariance: Vec<Vec<f64>>,
+    /// Windows that the covariance leaves out, because overflow or rounding made their own equations singular: empty is good.
+    pub left_out: Vec<usize>,
     /// Whether the search came to rest.
     pub converged: bool,
     /// Steps taken.
     pub iterations: usize,
 }
+
+/// Factors on the damping that a step tries side by side: nearly Newton's own step, about as far as before, and two that are
+/// shorter, so that a round that fails raises the damping by little more than the longest of them.
+const DAMPING: [f64; 4] = [0.01, 0.3, 10.0, 300.0];
 
 impl Refine {
     /// Fits the `free` parameters and every window's initial state, from `parameters` (all of the system's).
@@ -139,15 +146,15 @@ impl Refine {
             let normal = Normal::new(&jacobian, experiment, &point, free);
             let mut improved = false;
             for _ in 0..3 {
-                let trials: Vec<Point> = [0.01, 0.3, 10.0, 300.0]
+                let (factors, trials): (Vec<f64>, Vec<Point>) = DAMPING
                     .iter()
-                    .filter_map(|factor| normal.step(&point, free, damping * factor))
-                    .collect();
+                    .filter_map(|factor| Some((*factor, normal.step(&point, free, damping * factor)?)))
+                    .unzip();
                 let costs = costs(system, experiment, &trials, free);
                 let Some(best) = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])) else { break };
                 if costs[best] < cost {
                     converged = cost - costs[best] <= self.tolerance * cost;
-                    damping = (damping * [0.01, 0.3, 10.0, 300.0][best]).clamp(1e-12, 1e6);
+                    damping = (damping * factors[best]).clamp(1e-12, 1e6);
                     cost = costs[best];
                     point = trials[best].clone();
                     improved = true;
@@ -162,13 +169,14 @@ impl Refine {
             }
             jacobian = Jacobian::new(system, experiment, &point, free)?;
         }
-        let covariance = Normal::new(&jacobian, experiment, &point, free).covariance();
+        let (covariance, left_out) = Normal::new(&jacobian, experiment, &point, free).covariance();
         let refined = Refined {
             parameters: point.parameters,
             initial: point.initial,
             cost,
             residuals: jacobian.residuals(),
             covariance: rows(&covariance),
+            left_out,
             converged,
             iterations,
         };

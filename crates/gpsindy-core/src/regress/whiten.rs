@@ -1,4 +1,4 @@
-//! Rows with unequal or correlated errors, made equal and independent (generalised least squares).
+//! Rows with correlated errors, made equal and independent (generalised least squares).
 
 use super::dense::Cholesky;
 use crate::error::{Error, Result};
@@ -11,28 +11,11 @@ use faer::Mat;
 /// Source: Golub and Van Loan 2013, Matrix Computations, section 6.1.2.
 #[derive(Debug, Clone)]
 pub struct Whitening {
-    kind: Kind,
+    factor: Cholesky,
     jitter: f64,
 }
 
-#[derive(Debug, Clone)]
-enum Kind {
-    Rows(Vec<f64>),
-    Full(Cholesky),
-}
-
 impl Whitening {
-    /// From a standard deviation of each row, r of them.
-    ///
-    /// # Errors
-    /// A value that is not positive and finite.
-    pub fn from_noise(noise: &[f64]) -> Result<Self> {
-        if let Some(found) = noise.iter().find(|v| !(v.is_finite() && **v > 0.0)) {
-            return Err(Error::range("noise of a row", "positive and finite", found));
-        }
-        Ok(Self { kind: Kind::Rows(noise.iter().map(|v| v.recip()).collect()), jitter: 0.0 })
-    }
-
     /// From a covariance of the rows (r x r), of which the lower triangle is read.
     ///
     /// # Errors
@@ -50,7 +33,7 @@ impl Whitening {
             return Err(Error::NotFinite { what: "covariance of the rows".into() });
         }
         let (factor, jitter) = Cholesky::with_jitter(covariance, "covariance")?;
-        Ok(Self { kind: Kind::Full(factor), jitter })
+        Ok(Self { factor, jitter })
     }
 
     /// Share of the mean diagonal that had to be added, 0 where none.
@@ -67,10 +50,7 @@ impl Whitening {
 
     /// Whitens one column of r values in place.
     pub fn apply_column(&self, column: &mut [f64]) {
-        match &self.kind {
-            Kind::Rows(weights) => column.iter_mut().zip(weights).for_each(|(v, w)| *v *= w),
-            Kind::Full(factor) => factor.solve_lower(column),
-        }
+        self.factor.solve_lower(column);
     }
 }
 
@@ -93,18 +73,17 @@ mod tests {
     }
 
     #[test]
-    fn a_diagonal_covariance_equals_row_weights() {
+    fn a_diagonal_covariance_divides_each_row_by_its_deviation() {
         let covariance = Mat::from_fn(3, 3, |i, j| if i == j { (i + 1) as f64 } else { 0.0 });
-        let rows = Whitening::from_noise(&[1.0, 2f64.sqrt(), 3f64.sqrt()]).unwrap();
-        let mut x = [1.0, -2.0, 0.5];
-        let mut y = x;
-        Whitening::from_covariance(&covariance).unwrap().apply_column(&mut x);
-        rows.apply_column(&mut y);
-        assert!(x.iter().zip(y).all(|(a, b)| (a - b).abs() < 1e-15));
+        let mut column = [1.0, -2.0, 0.5];
+        Whitening::from_covariance(&covariance).unwrap().apply_column(&mut column);
+        let wanted = [1.0, -2.0 / 2f64.sqrt(), 0.5 / 3f64.sqrt()];
+        assert!(column.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-15));
     }
 
     #[test]
-    fn noise_of_zero_is_refused() {
-        assert!(Whitening::from_noise(&[1.0, 0.0]).unwrap_err().to_string().contains("positive"));
+    fn a_variance_of_zero_or_below_is_refused() {
+        let covariance = Mat::from_fn(2, 2, |i, j| if i == j { 1.0 - 2.0 * i as f64 } else { 0.0 });
+        assert!(Whitening::from_covariance(&covariance).is_err());
     }
 }

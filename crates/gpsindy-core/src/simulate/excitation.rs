@@ -3,10 +3,9 @@
 //! A held control jumps at its samples, a delayed one `tau` later; an integrator must stop there. The
 //! excitation knows these break points, and between two of them it gives smooth signals.
 
-use crate::data::{Channel, Run};
+use crate::data::{Channel, Hold, Run};
 use crate::error::{Error, Result};
 use crate::model::{InputKind, System};
-use crate::refine::Hold;
 use faer::{Mat, MatRef};
 
 /// A moment: the time that expressions see, and the time at which held signals are looked up.

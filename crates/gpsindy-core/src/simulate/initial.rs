@@ -4,11 +4,10 @@ use super::Simulate;
 use super::excitation::Excitation;
 use super::local_fit::{local_derivative, noise_level};
 use super::rates::Rates;
-use crate::data::{Channel, Run};
+use crate::data::{Channel, Hold, Run};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Tape};
 use crate::model::{Model, System};
-use crate::refine::Hold;
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 
@@ -158,11 +157,6 @@ impl StateReader {
                 Source::Given(value) => Ok(*value),
             })
             .collect()
-    }
-
-    /// Whether state `j` is read from a column of its own.
-    pub fn is_logged(&self, j: usize) -> bool {
-        matches!(self.sources[j], Source::Logged(_))
     }
 }
 

@@ -5,6 +5,7 @@
 //!
 //! Source: Goldenshluger, Nemirovski 1997, On spatially adaptive estimation of nonparametric regression.
 
+use crate::data::difference_noise;
 use nalgebra::{DMatrix, DVector};
 
 /// Half width of the confidence intervals that must agree, in standard deviations.
@@ -87,19 +88,13 @@ fn polynomial(
     Some((coefficients[order] * factor, unit.norm() * factor))
 }
 
-/// Standard deviation of white noise on a smooth signal: the third differences have 20 times its variance.
+/// Standard deviation of white noise on a smooth signal, by its third differences.
 ///
 /// A column with a resolution carries at least the noise of its rounding.
 pub(super) fn noise_level(values: &[f64]) -> f64 {
     let size = values.iter().map(|v| v.abs()).fold(0.0, f64::max);
     let floor = (4.0 * f64::EPSILON * size.max(f64::MIN_POSITIVE)).max(resolution(values) / 12.0_f64.sqrt());
-    let mut third: Vec<f64> = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
-    if third.is_empty() {
-        return floor;
-    }
-    third.sort_by(f64::total_cmp);
-    // The median of a normal's size is 0.6745 standard deviations.
-    (third[third.len() / 2] / 0.6745 / 20.0_f64.sqrt()).max(floor)
+    difference_noise([values], 3).max(floor)
 }
 
 /// The step of which all differences are multiples, such as an encoder's count; 0 where there is none.

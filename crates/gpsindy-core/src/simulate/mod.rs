@@ -15,9 +15,9 @@ mod rosenbrock;
 pub use excitation::Excitation;
 pub use initial::{StateReader, initial_state, unmeasure};
 
+use crate::data::Hold;
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::Hold;
 use dense::DenseStep;
 use faer::Mat;
 use rates::Rates;

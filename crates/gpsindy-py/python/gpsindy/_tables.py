@@ -5,6 +5,7 @@ Nothing is imported here but numpy. A frame is known by what it can do.
 
 from __future__ import annotations
 
+import datetime
 import importlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -58,6 +59,9 @@ class Frame:
     def numbers(self, name: str) -> Array:
         return floats(self._column(self.headers[name]), f"column {name!r}")
 
+    def times(self, name: str) -> Array:
+        return seconds(self._column(self.headers[name]), f"column {name!r}")
+
     def is_numeric(self, name: str) -> bool:
         try:
             self.numbers(name)
@@ -66,10 +70,37 @@ class Frame:
         return True
 
 
+def seconds(values: Any, what: str) -> Array:
+    """Times in seconds: numbers as they are, durations in seconds, dates and times since the first of them."""
+    try:
+        found = np.asarray(values)
+    except ValueError:
+        return floats(values, what)
+    if found.dtype.kind == "O" and found.size > 0:
+        known = [entry for entry in found.flat if entry is not None]
+        if known and all(isinstance(entry, datetime.datetime) for entry in known):
+            return np.array([_since(entry, known[0]) for entry in found.flat]).reshape(found.shape)
+        if known and all(isinstance(entry, datetime.timedelta) for entry in known):
+            return np.array([_since(entry, datetime.timedelta()) for entry in found.flat]).reshape(found.shape)
+    if found.dtype.kind == "M" and found.ndim > 0:
+        known = found[~np.isnat(found)]
+        found = found - (known[0] if known.size else found[:1])
+    if found.dtype.kind == "m":
+        return np.asarray(found / np.timedelta64(1, "s"), dtype=np.float64)
+    return floats(values, what)
+
+
+def _since(entry: Any, first: Any) -> float:
+    return float("nan") if entry is None else float((entry - first).total_seconds())
+
+
 def floats(values: Any, what: str) -> Array:
     """Values as an array of floats; a missing value is NaN."""
     try:
-        return np.asarray(values, dtype=np.float64)
+        found = np.asarray(values)
+        # They would be counted in nanoseconds, or in whatever unit they have.
+        if found.dtype.kind not in ("m", "M"):
+            return np.asarray(found, dtype=np.float64)
     except (TypeError, ValueError) as first:
         if hasattr(values, "to_numpy"):
             try:
@@ -77,6 +108,7 @@ def floats(values: Any, what: str) -> Array:
             except (TypeError, ValueError):
                 pass
         raise ValueError(f"{what}: not numbers: {first}") from None
+    raise ValueError(f"{what}: dates or durations, not numbers; only times may be that")
 
 
 def frame(data: Any) -> Frame | None:
@@ -166,7 +198,7 @@ def _table(entry: Any, what: str, time: str | None) -> Table:
             raise ValueError(f"{what}: column {name!r} has shape {column.shape}, column {names[0]!r} has {found[0].shape}")
     values = np.column_stack(found)
     units = tuple(columns.units[name] for name in names)
-    return Table(tuple(names), units, values, None if clock is None else columns.numbers(clock))
+    return Table(tuple(names), units, values, None if clock is None else columns.times(clock))
 
 
 def times(t: Any, runs: Sequence[Table], what: str = "t") -> list[Array]:
@@ -187,7 +219,7 @@ def times(t: Any, runs: Sequence[Table], what: str = "t") -> list[Array]:
 
 
 def _time(t: Any, run: Table, what: str) -> Array:
-    values = floats(t, what)
+    values = seconds(t, what)
     if values.ndim == 0:
         if not values > 0:
             raise ValueError(f"{what}: the step must be above 0 s, found {float(values):g}")

@@ -56,7 +56,8 @@ class Dataset:
         One run or a list of runs. A run is an array of shape (n_samples, n_columns), a mapping of columns, or a frame:
         pandas, polars, pyarrow, anything with the Arrow stream interface. NaN is a missing value.
     t : float, array or list of arrays, optional
-        Times in seconds, or the step between samples. Left out, frames bring a column ``t`` or ``time``.
+        Times in seconds, or the step between samples. Left out, frames bring a column ``t`` or ``time``. Dates with times
+        (``datetime``, ``datetime64``) become seconds since the first of the run, durations (``timedelta``) become seconds.
     columns : sequence of str, optional
         Names of the columns of arrays; of frames the columns to keep.
     units : mapping of str to str, optional
