@@ -105,7 +105,7 @@ fn main() {
         _ => LibrarySettings { degree: 0, extra, ..LibrarySettings::default() },
     };
     let delays = match arguments[2].as_str() {
-        "auto" => [Delay::Auto(0.4), Delay::Auto(0.4)],
+        "auto" => [Delay::Auto(Some(0.4)), Delay::Auto(Some(0.4))],
         "fixed" => [Delay::Fixed(0.2), Delay::Fixed(0.12)],
         _ => [Delay::Fixed(0.0); 2],
     };
@@ -127,7 +127,7 @@ fn main() {
     for state in &found.model.states {
         println!("{}' = {}", state.name, state.equation);
     }
-    println!("delays {:?}, window {:.2} s, notes {:?}", found.delays, found.window, found.notes);
+    println!("delays {:?}, window {:?} s, notes {:?}", found.delays, found.window, found.notes);
     let all = errors(&found.model, &test);
     let at = |share: f64| all[(share * (all.len() - 1) as f64) as usize];
     println!(

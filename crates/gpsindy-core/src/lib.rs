@@ -29,8 +29,8 @@ pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives
 pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
 pub use identify::{
-    Author, AuthorResult, Choice, Delay, Estimate, Identification, Identify, Online, OnlineSettings, StateReport,
-    Target,
+    Author, AuthorResult, Choice, Delay, DelayReport, Estimate, Identification, Identify, Note, Online, OnlineSettings,
+    Regression, StateReport, Target,
 };
 pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,

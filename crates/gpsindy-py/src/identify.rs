@@ -6,10 +6,10 @@ use crate::model::{PyModel, hold_of};
 use crate::smooth::smoother;
 use crate::watch::Watch;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
-use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
+use gpsindy_core::regress::Selection;
 use gpsindy_core::{
-    Choice, Control, Dataset, Delay, Differentiation, Error, Expression, Hold, Identification, Identify, Model, Result,
-    Run, SecondStage, Smoother, State, Target,
+    Choice, Control, Delay, Error, Expression, Hold, Identification, Identify, Model, Regression, Result, Smoother,
+    State,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -45,15 +45,16 @@ pub(crate) struct Settings {
     ensemble: usize,
     refine: bool,
     window: Option<f64>,
+    consensus: bool,
     seed: u64,
 }
 
 impl Settings {
-    pub(crate) fn identify(self, data: &Dataset) -> PyResult<Identify> {
+    pub(crate) fn identify(self) -> PyResult<Identify> {
         self.check_names().map_err(error)?;
         let kernel = smoother(&self.kernel)?;
         let hold = self.hold.as_deref().map(hold_of).transpose()?;
-        let settings = self.build(kernel, data).map_err(error)?;
+        let settings = self.build(kernel).map_err(error)?;
         Ok(Identify { hold, ..settings })
     }
 
@@ -67,7 +68,7 @@ impl Settings {
         model.check()
     }
 
-    fn build(self, kernel: Smoother, data: &Dataset) -> Result<Identify> {
+    fn build(self, kernel: Smoother) -> Result<Identify> {
         let smoother = match self.smoother.as_deref() {
             None => None,
             Some("gp") => Some(kernel),
@@ -76,8 +77,9 @@ impl Settings {
         let known = constraints(&self.fix, &self.forbid, &self.sign)?;
         let kept = self.keep.iter().map(|text| Kept::parse(text)).collect::<Result<_>>()?;
         let constraints = Constraints { kept, ..known };
-        let most = self.max_delay.unwrap_or_else(|| sensible_delay(data));
-        let delay = |(control, delay): (String, Option<f64>)| (control, delay.map_or(Delay::Auto(most), Delay::Fixed));
+        let delay = |(control, delay): (String, Option<f64>)| {
+            (control, delay.map_or(Delay::Auto(self.max_delay), Delay::Fixed))
+        };
         Ok(Identify {
             library: LibrarySettings {
                 degree: self.degree,
@@ -86,8 +88,8 @@ impl Settings {
                 extra: self.terms,
                 controls: self.control_terms,
             },
-            target: target(&self.derivative_method)?,
-            regressor: regressor(&self.regressor)?,
+            target: self.derivative_method.parse()?,
+            regressor: self.regressor.parse::<Regression>()?.regressor(),
             choice: choice(&self.select, self.lambda_)?,
             delays: self.delays.into_iter().map(delay).collect(),
             states: self.states,
@@ -100,6 +102,7 @@ impl Settings {
             ensemble: self.ensemble,
             refine: self.refine,
             window: self.window,
+            consensus: self.consensus,
             hold: None,
             seed: self.seed,
         })
@@ -116,56 +119,8 @@ pub(crate) fn constraints(fix: &[String], forbid: &[String], sign: &[String]) ->
     })
 }
 
-/// As far as is sensible for the sampling and the length of the runs, s.
-fn sensible_delay(data: &Dataset) -> f64 {
-    let length = |run: &Run| run.time[run.time.len() - 1] - run.time[0];
-    let shortest = data.runs().iter().map(length).fold(f64::INFINITY, f64::min);
-    let period = data.runs().iter().map(Run::period).fold(0.0, f64::max);
-    (25.0 * period).max(shortest / 100.0).min(shortest / 10.0)
-}
-
-fn target(name: &str) -> Result<Target> {
-    Ok(match name {
-        "weak" => Target::Weak,
-        "given" => Target::Derivative(Differentiation::Given(Vec::new())),
-        "difference" => Target::Derivative(Differentiation::Central),
-        "gp-time" => Target::Derivative(Differentiation::GpTime),
-        "gp-state" => Target::Derivative(Differentiation::GpState(SecondStage::default())),
-        "gp-control" => Target::Derivative(Differentiation::GpControl(SecondStage::default())),
-        other => {
-            let known = ["weak", "given", "difference", "gp-time", "gp-state", "gp-control"];
-            return Err(Error::unknown("derivative_method", other, known));
-        }
-    })
-}
-
-pub(crate) fn regressor(name: &str) -> Result<Arc<dyn Regressor>> {
-    Ok(match name {
-        "subset" => Arc::new(Subset::default()),
-        "lasso" => Arc::new(Lasso::default()),
-        "sqrt-lasso" => Arc::new(SqrtLasso::default()),
-        "stlsq" => Arc::new(Stlsq::default()),
-        "ssr-coefficient" => Arc::new(Ssr::by_coefficient()),
-        "ssr-residual" => Arc::new(Ssr::by_residual()),
-        "least-squares" => Arc::new(LeastSquares),
-        other => {
-            let known = ["subset", "lasso", "sqrt-lasso", "stlsq", "ssr-coefficient", "ssr-residual", "least-squares"];
-            return Err(Error::unknown("regressor", other, known));
-        }
-    })
-}
-
 pub(crate) fn choice(name: &str, lambda: Option<f64>) -> Result<Choice> {
-    if let Some(lambda) = lambda {
-        return Ok(Choice::Rows(Selection::Fixed(lambda)));
-    }
-    Ok(match name {
-        "cv" => Choice::Rows(Selection::default()),
-        "cv-best" => Choice::Rows(Selection::CrossValidation { one_standard_error: false }),
-        "bic" => Choice::Rows(Selection::Bic { noise: None }),
-        "rollout" => Choice::Rollout,
-        other => return Err(Error::unknown("select", other, ["cv", "cv-best", "bic", "rollout"])),
-    })
+    lambda.map_or_else(|| name.parse(), |lambda| Ok(Choice::Rows(Selection::Fixed(lambda))))
 }
 
 /// The model, and a dict of what is known about how it came about.
@@ -177,7 +132,7 @@ pub(crate) fn identify<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(PyModel, Bound<'py, PyDict>)> {
     let data = data.get().0.clone();
-    let settings = settings.identify(&data)?;
+    let settings = settings.identify()?;
     let watch = Arc::new(Watch::default());
     let listening = watch.clone();
     let found = watch.run(py, progress.as_ref(), move || settings.fit(&data, listening.as_ref()))?;
@@ -199,9 +154,10 @@ pub(crate) fn report(py: Python<'_>, found: Identification) -> PyResult<(PyModel
         Ok(entry)
     });
     report.set_item("states", states.collect::<PyResult<Vec<_>>>()?)?;
-    report.set_item("delays", found.delays)?;
+    let delays = found.delays.into_iter().map(|d| (d.control, d.delay, d.standard_error));
+    report.set_item("delays", delays.collect::<Vec<_>>())?;
     report.set_item("window", found.window)?;
     report.set_item("hold", if found.hold == Hold::Linear { "linear" } else { "zero" })?;
-    report.set_item("notes", found.notes)?;
+    report.set_item("notes", found.notes.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     Ok((found.model.into(), report))
 }

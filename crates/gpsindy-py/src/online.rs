@@ -1,12 +1,12 @@
 //! Online identification: samples in, the current model out.
 
 use crate::convert::{Matrix, Vector, array1, error, matrix, vector};
-use crate::identify::{choice, constraints, regressor, report};
+use crate::identify::{choice, constraints, report};
 use crate::model::{PyModel, hold_of};
 use crate::watch::lock;
 use gpsindy_core::gp::Kernel;
 use gpsindy_core::library::LibrarySettings;
-use gpsindy_core::{Channel, Choice, Error, Estimate, Online, OnlineSettings, Result};
+use gpsindy_core::{Channel, Choice, Error, Estimate, Online, OnlineSettings, Regression, Result};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -67,7 +67,7 @@ impl Settings {
                 controls: self.control_terms,
             },
             constraints: constraints(&self.fix, &self.forbid, &self.sign)?,
-            regressor: regressor(&self.regressor)?,
+            regressor: self.regressor.parse::<Regression>()?.regressor(),
             selection,
             delays: self.delays,
             hold,

@@ -27,7 +27,7 @@ pub(crate) struct FollowOptions {
     /// Follow one log sample by sample, from standard input (`-`) or a file that grows; Ctrl-C ends it in good order
     #[arg(long)]
     pub(crate) follow: bool,
-    /// Tell the model every N samples [default: whenever its terms change]
+    /// Print the model every N samples [default: whenever its terms change]
     #[arg(long, value_name = "N", requires = "follow")]
     every: Option<NonZeroUsize>,
     /// Forget: time in which the weight of a sample falls by 1/e [default: nothing is forgotten]
@@ -188,7 +188,7 @@ impl<'a> Following<'a> {
     fn end(self, out: Option<&Path>) -> Outcome {
         let found = self.online.identification()?;
         for note in &found.notes {
-            self.screen.warn(note);
+            self.screen.warn(&note.to_string());
         }
         if let Some(path) = out {
             write_model(path, &found.model)?;
@@ -260,7 +260,7 @@ fn delays(command: &Identify, logs: &Logs) -> Outcome<Vec<(String, f64)>> {
             "--delay {control}=auto does not go with --follow: it needs the whole log; hand in seconds"
         ))),
     };
-    identify::delays(command, logs, 1.0)?.into_iter().map(known).collect()
+    identify::delays(command, logs)?.into_iter().map(known).collect()
 }
 
 /// The next line; `None` at the end of the log and after Ctrl-C.

@@ -11,15 +11,14 @@ use crate::commands::follow::{self, FollowOptions};
 use crate::commands::{check_folder_of, chosen, chosen_with, dataset, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use choices::{DerivativeMethod, Preset, Regression, Select, Smoothing};
+use choices::{Preset, Smoothing, named};
 use clap::Args;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
-use gpsindy_core::regress::{Lasso, LeastSquares, Regressor, Selection, SqrtLasso, Ssr, Stlsq, Subset};
-use gpsindy_core::{Choice, Delay, Identify as Settings, Target};
-use gpsindy_core::{Dataset, Differentiation, Expression, Scoring, SecondStage, Simulate, Smoother, score};
+use gpsindy_core::regress::Selection;
+use gpsindy_core::{Choice, Delay, Identify as Settings, Regression, Target};
+use gpsindy_core::{Expression, Scoring, Simulate, Smoother, score};
 use gpsindy_files::{Logs, model_to_toml, write_model};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Logs to a model: equations with standard errors
 ///
@@ -56,7 +55,7 @@ pub(crate) struct Identify {
 }
 
 impl Identify {
-    /// Whether the second fit was asked for by name.
+    /// Whether the refinement was asked for by name.
     pub(super) fn refines(&self) -> bool {
         self.method.refine
     }
@@ -112,17 +111,17 @@ struct MethodOptions {
     #[arg(long, default_value = "auto")]
     kernel: String,
     /// What the regression compares [default: weak, with the derivatives of --derivative where there are some]
-    #[arg(long, value_enum, value_name = "METHOD")]
-    derivative_method: Option<DerivativeMethod>,
+    #[arg(long, value_name = "METHOD", value_parser = named::<Target>(Target::NAMES))]
+    derivative_method: Option<Target>,
     /// The sparse regression [default: subset]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = named::<Regression>(Regression::NAMES))]
     regressor: Option<Regression>,
     /// Its tuning value: auto, or a number (lambda, a threshold or a number of terms)
     #[arg(long, default_value = "auto", allow_negative_numbers = true)]
     lambda: String,
     /// How auto chooses the tuning value [default: cv]
-    #[arg(long, value_enum)]
-    select: Option<Select>,
+    #[arg(long, value_parser = named::<Choice>(Choice::NAMES))]
+    select: Option<Choice>,
     /// Delay of a control in s, or auto to estimate it (auto:0.5 between 0 and 0.5 s)
     #[arg(long, value_name = "CONTROL=auto|SECONDS", value_parser = pair)]
     delay: Vec<(String, String)>,
@@ -138,10 +137,10 @@ struct MethodOptions {
     /// Above 0: inclusion probabilities, by the evidence; without the refinement by N bootstraps of the regression
     #[arg(long, value_name = "N", default_value_t = 0)]
     ensemble: usize,
-    /// Fit once more through the integrator, on the raw measurements [default: unless the preset is paper]
+    /// Refine coefficients and terms through the integrator, on the raw samples [default: unless the preset is paper]
     #[arg(long, overrides_with = "no_refine")]
     refine: bool,
-    /// Leave the second fit out: terms may then stand for errors of the smoother
+    /// Leave the refinement out: some terms may then only make up for errors of the smoother
     #[arg(long)]
     no_refine: bool,
 }
@@ -174,7 +173,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     let unlogged = unlogged(&settings.constraints, &logs);
     let needed: Vec<String> = needed.into_iter().filter(|name| !unlogged.contains(name)).collect();
     let data = dataset(&logs, &needed, &[], &command.columns, screen)?;
-    settings.delays = delays(command, &logs, sensible_delay(&data))?;
+    settings.delays = delays(command, &logs)?;
     let progress = screen.progress();
     let found = settings.fit(&data, &progress)?;
     let simulate = Simulate { hold: found.hold, ..Simulate::default() };
@@ -182,7 +181,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     let fit = found.model.compile().and_then(|system| score(&system, &data, &scoring, &progress)).ok();
     drop(progress);
     for note in &found.notes {
-        screen.warn(note);
+        screen.warn(&note.to_string());
     }
     if let Some(path) = &command.output.out {
         write_model(path, &found.model)?;
@@ -267,24 +266,14 @@ pub(super) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
     if let Some(smoother) = &mut settings.smoother {
         smoother.kernels = smooth::kernels(&method.kernel, smoother.kernels.clone())?;
     }
-    if let Some(derivative) = method.derivative_method {
-        settings.target = match derivative {
-            DerivativeMethod::Weak => Target::Weak,
-            DerivativeMethod::GpState => Target::Derivative(Differentiation::GpState(SecondStage::default())),
-            DerivativeMethod::GpControl => Target::Derivative(Differentiation::GpControl(SecondStage::default())),
-            DerivativeMethod::GpTime => Target::Derivative(Differentiation::GpTime),
-            DerivativeMethod::Difference => Target::Derivative(Differentiation::Central),
-            DerivativeMethod::Given => Target::Derivative(Differentiation::Given(Vec::new())),
-        };
+    if let Some(target) = &method.derivative_method {
+        settings.target = target.clone();
     }
     if let Some(regression) = method.regressor {
-        settings.regressor = regressor(regression);
+        settings.regressor = regression.regressor();
     }
-    match method.select {
-        Some(Select::Cv) => settings.choice = Choice::Rows(Selection::default()),
-        Some(Select::Bic) => settings.choice = Choice::Rows(Selection::Bic { noise: None }),
-        Some(Select::Rollout) => settings.choice = Choice::Rollout,
-        None => {}
+    if let Some(choice) = &method.select {
+        settings.choice = choice.clone();
     }
     if method.lambda != "auto" {
         settings.choice = Choice::Rows(Selection::Fixed(level(&method.lambda)?));
@@ -305,28 +294,8 @@ fn level(text: &str) -> Outcome<f64> {
     Ok(number)
 }
 
-fn regressor(regression: Regression) -> Arc<dyn Regressor> {
-    match regression {
-        Regression::Subset => Arc::new(Subset::default()),
-        Regression::Lasso => Arc::new(Lasso::default()),
-        Regression::SqrtLasso => Arc::new(SqrtLasso::default()),
-        Regression::Stlsq => Arc::new(Stlsq::default()),
-        Regression::SsrCoefficient => Arc::new(Ssr::by_coefficient()),
-        Regression::SsrResidual => Arc::new(Ssr::by_residual()),
-        Regression::LeastSquares => Arc::new(LeastSquares),
-    }
-}
-
-/// As far as is sensible for the sampling and the length of the runs, s.
-fn sensible_delay(data: &Dataset) -> f64 {
-    let length = |run: &gpsindy_core::Run| run.time[run.time.len() - 1] - run.time[0];
-    let shortest = data.runs().iter().map(length).fold(f64::INFINITY, f64::min);
-    let period = data.runs().iter().map(gpsindy_core::Run::period).fold(0.0, f64::max);
-    (25.0 * period).max(shortest / 100.0).min(shortest / 10.0)
-}
-
-/// The delays asked for; `auto` looks up to `sensible` seconds.
-pub(super) fn delays(command: &Identify, logs: &Logs, sensible: f64) -> Outcome<Vec<(String, Delay)>> {
+/// The delays asked for.
+pub(super) fn delays(command: &Identify, logs: &Logs) -> Outcome<Vec<(String, Delay)>> {
     let wrong = |control: &str, text: &str| {
         Failure::input(format!(
             "--delay {control}={text}: expected auto, auto:SECONDS or a number of seconds, at least 0"
@@ -338,9 +307,9 @@ pub(super) fn delays(command: &Identify, logs: &Logs, sensible: f64) -> Outcome<
             text.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0).ok_or_else(|| wrong(control, text))
         };
         let delay = match text.split_once(':') {
-            None if text == "auto" => Delay::Auto(sensible),
+            None if text == "auto" => Delay::Auto(None),
             None => Delay::Fixed(number(text)?),
-            Some(("auto", most)) => Delay::Auto(number(most)?),
+            Some(("auto", most)) => Delay::Auto(Some(number(most)?)),
             Some(_) => return Err(wrong(control, text)),
         };
         delays.push((logs.resolve(control)?, delay));

@@ -5,7 +5,8 @@
 use crate::data::{Channel, Dataset, Run};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
-use crate::identify::Identify;
+use crate::identify::notes::Note;
+use crate::identify::settings::Identify;
 use crate::progress::Progress;
 use crate::smooth::{Noise, Smoother};
 use faer::Mat;
@@ -17,7 +18,7 @@ impl Identify {
         &self,
         data: &'a Dataset,
         progress: &dyn Progress,
-    ) -> Result<(Cow<'a, Dataset>, Vec<String>)> {
+    ) -> Result<(Cow<'a, Dataset>, Vec<Note>)> {
         let (mut positions, mut velocities) = (Vec::new(), Vec::new());
         for fixed in &self.constraints.fixed {
             let Expression::Variable(velocity) = &fixed.equation else { continue };
@@ -51,8 +52,7 @@ impl Identify {
         for (velocity, &position) in velocities.iter().zip(&positions) {
             let position = &data.channels()[position];
             channels.push(Channel::new(velocity).with_unit(rate(&position.unit)));
-            let slope = format!("`{velocity}` is not in the logs and was taken from the slope of `{}`", position.name);
-            notes.push(format!("{slope}: standard errors of its equation come out too small"));
+            notes.push(Note::UnloggedVelocity { velocity: velocity.clone(), position: position.name.clone() });
         }
         let width = data.channels().len();
         let runs = data.runs().iter().zip(&smoothed.runs).map(|(run, smoothed)| {
@@ -64,7 +64,7 @@ impl Identify {
     }
 
     /// Last time of a run that is learnt from, s.
-    fn training_end(&self, run: &Run) -> f64 {
+    pub(crate) fn training_end(&self, run: &Run) -> f64 {
         let (from, to) = (run.time[0], run.time[run.n_samples() - 1]);
         from + self.train_fraction * (to - from)
     }

@@ -1,12 +1,14 @@
 //! What the options of `gpsindy identify` choose between.
 
 use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use std::str::FromStr;
 
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum Preset {
-    /// Our best
+    /// The defaults of every option
     Default,
-    /// Algorithm 1 of the paper as it is stated, without a second fit
+    /// Algorithm 1 of the paper as it is stated, without refinement
     Paper,
     /// The pipeline behind the paper's tables as its authors ran it, slips included, on one log; --smoother none is their SINDy
     Author,
@@ -20,46 +22,11 @@ pub(super) enum Smoothing {
     None,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum DerivativeMethod {
-    /// Derivative of a Gaussian process over the smoothed states (the paper's second stage)
-    GpState,
-    /// The same over the controls
-    GpControl,
-    /// Derivative of the Gaussian process over time, with its covariance
-    GpTime,
-    /// Integrals of the terms; nothing is differentiated
-    Weak,
-    /// Central differences, any grid
-    Difference,
-    /// The columns of --derivative alone
-    Given,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum Regression {
-    /// Best subset with exchanges
-    Subset,
-    /// LASSO by ADMM
-    Lasso,
-    /// LASSO with the unsquared norm that the paper prints
-    SqrtLasso,
-    /// Sequentially thresholded least squares (SINDy)
-    Stlsq,
-    /// Stepwise sparse regression, smallest coefficient first
-    SsrCoefficient,
-    /// Stepwise sparse regression, smallest increase of the residual first
-    SsrResidual,
-    /// Least squares with all terms
-    LeastSquares,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-pub(super) enum Select {
-    /// Cross-validation with the one-standard-error rule
-    Cv,
-    /// Bayesian information criterion
-    Bic,
-    /// Error of rollouts
-    Rollout,
+/// Reads a value by one of these names; the second of each pair is its help.
+pub(super) fn named<T>(names: &'static [(&'static str, &'static str)]) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err = gpsindy_core::Error> + Clone + Send + Sync + 'static,
+{
+    let values = names.iter().map(|(name, help)| PossibleValue::new(*name).help(*help));
+    PossibleValuesParser::new(values).try_map(|name| name.parse::<T>())
 }

@@ -39,8 +39,9 @@ pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Score>
     if rows.len() > 1 {
         text += &format!("\n{}", aligned(&rows));
     }
-    for (control, delay, error) in &found.delays {
-        text += &format!("  delay of {control}: {} s, std error {}\n", short(*delay), short(*error));
+    for late in &found.delays {
+        let error = late.standard_error.map_or("given".into(), |error| format!("std error {}", short(error)));
+        text += &format!("  delay of {}: {} s, {error}\n", late.control, short(late.delay));
     }
     let mut rows = vec![vec!["  state".to_string(), "noise".into(), "rollout rmse".into(), "relative".into()]];
     for (s, state) in found.states.iter().enumerate() {
@@ -87,8 +88,10 @@ pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json
     let states = found.states.iter().map(|s| {
         json!({"state": s.state, "terms": s.terms, "level": s.level, "score": s.score, "residual": s.residual, "noise": s.noise, "kernel": s.kernel})
     });
-    let delays =
-        found.delays.iter().map(|(c, value, error)| json!({"control": c, "value": value, "standard_error": error}));
+    let delays = found
+        .delays
+        .iter()
+        .map(|d| json!({"control": d.control, "value": d.delay, "standard_error": d.standard_error}));
     let rollout = fit.map(|fit| crate::commands::score::as_json(&fit.rollout));
     json!({
         "model": found.model,
@@ -96,6 +99,6 @@ pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json
         "delays": delays.collect::<Vec<_>>(),
         "hold": if found.hold == Hold::Zero { "zero" } else { "linear" },
         "rollout": rollout,
-        "notes": found.notes,
+        "notes": found.notes.iter().map(ToString::to_string).collect::<Vec<_>>(),
     })
 }

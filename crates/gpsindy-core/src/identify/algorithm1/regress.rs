@@ -1,22 +1,77 @@
-//! The sparse regression of one state: which terms, by held-out error, BIC or a given number, under the constraints.
+//! Lines 7 to 9 of Algorithm 1: the sparse regression of one state: which terms, by held-out error, BIC or a given number, under
+//! the constraints.
 
 use crate::error::Result;
 use crate::identify::algorithm1::rows::Rows;
+use crate::identify::equations::Equations;
+use crate::identify::limits::{DEPENDENT, FOLDS, GAP};
+use crate::identify::settings::{Choice, Identify};
+use crate::progress::{Progress, step};
 use crate::regress::{Candidates, Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
 use faer::Mat;
+use rayon::prelude::*;
+
+/// What the regression came to.
+#[derive(Debug, Clone)]
+pub(crate) struct Regressed {
+    pub(crate) equations: Equations,
+    /// One entry a state; none where its equation is given.
+    pub(crate) chosen: Vec<Option<Chosen>>,
+}
+
+/// The sparse regression of every state whose equation is not given.
+pub(crate) fn regress(
+    settings: &Identify,
+    frame: Equations,
+    rows: &[Option<Rows>],
+    progress: &dyn Progress,
+) -> Result<Regressed> {
+    let selection = match &settings.choice {
+        Choice::Rows(selection) => selection.clone(),
+        Choice::Rollout => Selection::default(),
+    };
+    step(progress, "choose terms", 0, 1)?;
+    let one = |(s, rows): (usize, &Option<Rows>)| {
+        rows.as_ref().map(|rows| Task::new(settings, &frame, s, &selection).choose(rows)).transpose()
+    };
+    let chosen = rows.par_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
+    let mut equations = frame;
+    for (s, chosen) in chosen.iter().enumerate() {
+        if let Some(chosen) = chosen {
+            equations.set(s, &chosen.coefficients);
+        }
+    }
+    Ok(Regressed { equations, chosen })
+}
+
+/// Inclusion probabilities by block bootstraps of the regression, one row a state; nothing where none are asked for.
+pub(crate) fn inclusion(settings: &Identify, regressed: &Regressed, rows: &[Option<Rows>]) -> Result<Vec<Vec<f64>>> {
+    if settings.ensemble == 0 {
+        return Ok(Vec::new());
+    }
+    let ensemble = Ensemble { replicates: settings.ensemble, seed: settings.seed, ..Ensemble::default() };
+    let (equations, selection) = (&regressed.equations, Selection::default());
+    let one = |s: usize| match (&rows[s], &regressed.chosen[s]) {
+        (Some(rows), Some(chosen)) => {
+            Task::new(settings, equations, s, &selection).stability(rows, chosen.level, &ensemble)
+        }
+        _ => Ok(vec![0.0; equations.n_terms()]),
+    };
+    (0..equations.n_states()).map(one).collect()
+}
 
 /// What the regression of one state may do.
-pub(crate) struct Task<'a> {
+struct Task<'a> {
     /// Columns that may enter.
-    pub(crate) allowed: &'a [usize],
+    allowed: &'a [usize],
     /// Columns that are in whatever the rows say.
-    pub(crate) kept: &'a [usize],
+    kept: &'a [usize],
     /// Sign that each column's coefficient must have, `Some(true)` above 0.
-    pub(crate) signs: &'a [Option<bool>],
-    pub(crate) regressor: &'a dyn Regressor,
-    pub(crate) selection: &'a Selection,
+    signs: &'a [Option<bool>],
+    regressor: &'a dyn Regressor,
+    selection: &'a Selection,
     /// Whether columns and target are brought to unit size before the regression.
-    pub(crate) standardize: bool,
+    standardize: bool,
 }
 
 /// A chosen equation of one state, and the sparser and denser ones it was chosen from.
@@ -36,6 +91,14 @@ pub(crate) struct Chosen {
     pub(crate) path: Vec<Vec<f64>>,
     /// Place of the candidate of the best evidence by its own rows; the chosen one may be sparser.
     pub(crate) best: Option<usize>,
+}
+
+impl Chosen {
+    /// With score and residual in units of `noise`, from the square of the target's unit.
+    pub(crate) fn in_units_of(self, noise: f64) -> Self {
+        let square = noise * noise;
+        Self { score: self.score / square, residual: self.residual / square, ..self }
+    }
 }
 
 /// Place of the smallest `n ln(residual / n) + k (ln n + 2 ln p)`, n rows, k of p terms.
@@ -59,7 +122,7 @@ fn directions(theta: &Mat<f64>, kept: &[usize]) -> Vec<Vec<f64>> {
             basis.iter().for_each(|direction| take_out(direction, &mut column));
         }
         let left = norm(&column);
-        if left > 1e-10 * before {
+        if left > DEPENDENT * before {
             column.iter_mut().for_each(|v| *v /= left);
             basis.push(column);
         }
@@ -77,12 +140,20 @@ fn take_out(direction: &[f64], values: &mut [f64]) {
     values.iter_mut().zip(direction).for_each(|(v, d)| *v -= along * d);
 }
 
-/// Folds of the cross-validation.
-const FOLDS: usize = 5;
+impl<'a> Task<'a> {
+    fn new(settings: &'a Identify, frame: &'a Equations, s: usize, selection: &'a Selection) -> Self {
+        Self {
+            allowed: &frame.allowed[s],
+            kept: &frame.kept[s],
+            signs: &frame.signs[s],
+            regressor: settings.regressor.as_ref(),
+            selection,
+            standardize: settings.standardize,
+        }
+    }
 
-impl Task<'_> {
     /// Runs the regression; a term that comes out with a forbidden sign is taken out and the regression runs again.
-    pub(crate) fn choose(&self, rows: &Rows) -> Result<Chosen> {
+    fn choose(&self, rows: &Rows) -> Result<Chosen> {
         let mut allowed = self.allowed.to_vec();
         loop {
             let chosen = self.choose_among(rows, &allowed)?;
@@ -142,7 +213,7 @@ impl Task<'_> {
         (theta, target): (&Mat<f64>, &[f64]),
         problem: &Reduced,
     ) -> Result<Candidates> {
-        let gap = (rows.target.len() / (FOLDS * 20)).min(10);
+        let gap = (rows.target.len() / (FOLDS * 20)).min(GAP);
         let folds = Folds::new(&rows.lengths, FOLDS.min(rows.target.len() / 2).max(2), gap)?;
         let choose = |theta: &Mat<f64>, target: &[f64]| {
             let choice = self.selection.choose(self.regressor, theta.as_ref(), target, &folds)?;
@@ -192,7 +263,7 @@ impl Task<'_> {
     }
 
     /// The same regression on block bootstraps of the rows, at the tuning value chosen; p inclusion probabilities.
-    pub(crate) fn stability(&self, rows: &Rows, level: f64, ensemble: &Ensemble) -> Result<Vec<f64>> {
+    fn stability(&self, rows: &Rows, level: f64, ensemble: &Ensemble) -> Result<Vec<f64>> {
         let (theta, _, size) = self.scaled(rows, self.allowed);
         let target: Vec<f64> = rows.target.iter().map(|v| v / size).collect();
         let Stability { inclusion, .. } =

@@ -1,42 +1,142 @@
-//! The states as the rows see them: smoothed, or the samples as they are.
+//! Lines 1 to 3 of Algorithm 1: the states as a smooth motion, their slopes, and the sizes that follow from them.
 
 use crate::data::Dataset;
-use crate::differentiate::{Differentiation, central};
+use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
 use crate::error::{Error, Result};
-use crate::identify::{Identify, Target};
+use crate::gp::Weakness;
+use crate::identify::algorithm1::track::Track;
+use crate::identify::limits::{LEAST_NOISE, MOST_STEPS, STEPS_PER_PACE, WINDOW_PACES, WINDOW_SAMPLES};
+use crate::identify::notes::Note;
+use crate::identify::prepare::{Logs, mean_period};
+use crate::identify::settings::{Identify, Target};
+use crate::library::Library;
 use crate::progress::Progress;
-use crate::smooth::{SmoothedRun, Smoother};
+use crate::refine::Hold;
+use crate::smooth::{Noise, Smoothed, SmoothedRun, Smoother};
 use faer::Mat;
 
-/// Smoothed runs and what the smoother says of them, the noise of each state, its kernel.
-pub(crate) type SmoothedRuns = ((Vec<SmoothedRun>, Option<crate::smooth::Smoothed>), Vec<f64>, Vec<String>);
+/// The logs smoothed.
+pub(crate) struct Motion {
+    /// One a run.
+    pub(crate) tracks: Vec<Track>,
+    /// Derivatives at the samples, where the regression compares those.
+    pub(crate) derivatives: Option<Derivatives>,
+    /// Noise of every state's column, then of every logged derivative.
+    pub(crate) noise: Vec<f64>,
+    /// Kernel of every state, empty without smoother.
+    pub(crate) kernels: Vec<String>,
+    /// Typical size of each coefficient (n x p): what would make its term as large as the state's rate.
+    pub(crate) scales: Vec<Vec<f64>>,
+    /// Standard deviation of every smoothed state over all runs, in its unit; 0 for one that stands still.
+    pub(crate) spread: Vec<f64>,
+    /// Time in which the fastest state changes by its own spread, s.
+    pub(crate) pace: f64,
+    /// Shortest mean sampling period of a run, s.
+    pub(crate) period: f64,
+    pub(crate) notes: Vec<Note>,
+}
+
+/// Smooths the states and, where the regression compares derivatives, differentiates them.
+pub(crate) fn smooth(settings: &Identify, logs: &Logs, progress: &dyn Progress) -> Result<Motion> {
+    let (data, states) = (&logs.data, logs.states());
+    let mut notes = Vec::new();
+    let Smooth { runs, whole, mut noise, kernels } = match &settings.smoother {
+        Some(smoother) => smoothed(smoother, settings, data, &mut notes, progress)?,
+        None => unsmoothed(data, &states)?,
+    };
+    let rates: Vec<usize> = logs.rates.iter().flatten().copied().collect();
+    noise.extend(match &settings.smoother {
+        Some(smoother) if !rates.is_empty() => {
+            let smoother = Smoother { noise: Noise::Estimated, covariance: false, ..smoother.clone() };
+            smoother.smooth(data, &rates, progress)?.fits.iter().map(|f| f.noise).collect()
+        }
+        _ => roughness(data, &rates),
+    });
+    let derivatives = match &settings.target {
+        Target::Weak | Target::Derivative(Differentiation::Given(_)) => None,
+        Target::Derivative(method) => {
+            let method = with_logged(method, &rates, states.len());
+            let derived = method.differentiate(data, &states, &logs.controls(), whole.as_ref(), progress)?;
+            let thinned =
+                settings.states.iter().zip(&derived.fits).filter(|(_, f)| f.weak.contains(&Weakness::Thinned));
+            notes.extend(thinned.map(|(state, _)| Note::ThinnedSecondStage { state: state.clone() }));
+            Some(derived)
+        }
+    };
+    let pairs = data.runs().iter().zip(&runs);
+    let tracks = pairs.map(|(run, smoothed)| Track::new(logs, run, smoothed)).collect::<Result<Vec<_>>>()?;
+    let spread = spreads(&tracks);
+    let (scales, pace) = sizes(&tracks, &logs.frame.library, &spread, settings.hold.unwrap_or_default())?;
+    let period = tracks.iter().map(|track| mean_period(&track.time)).fold(f64::INFINITY, f64::min);
+    Ok(Motion { tracks, derivatives, noise, kernels, scales, spread, pace, period, notes })
+}
+
+impl Motion {
+    /// Length in s of the shortest rollouts that tell an equation from its neighbours; the longest run halved some times.
+    pub(crate) fn shortest_window(&self) -> f64 {
+        let longest = self.longest_run();
+        let wanted = shortest_window(self.pace, self.period);
+        longest / (longest / wanted).max(1.0).log2().floor().exp2()
+    }
+
+    /// Length of the longest run, s.
+    pub(crate) fn longest_run(&self) -> f64 {
+        self.tracks.iter().map(|t| t.time[t.n_samples() - 1] - t.time[0]).fold(0.0, f64::max)
+    }
+
+    /// Runge-Kutta steps between two samples.
+    pub(crate) fn substeps(&self) -> usize {
+        (STEPS_PER_PACE * self.period / self.pace).ceil().clamp(1.0, MOST_STEPS) as usize
+    }
+}
+
+/// Length in s of rollouts that show a turn of the fastest state, and enough samples of it.
+pub(crate) fn shortest_window(pace: f64, period: f64) -> f64 {
+    (WINDOW_PACES * pace).max(WINDOW_SAMPLES * period)
+}
+
+/// The method, with logged derivatives as the targets of a second stage where every state has one.
+fn with_logged(method: &Differentiation, logged: &[usize], n_states: usize) -> Differentiation {
+    let given = (logged.len() == n_states).then(|| logged.to_vec());
+    match method {
+        Differentiation::GpState(stage) => Differentiation::GpState(SecondStage { given, ..stage.clone() }),
+        Differentiation::GpControl(stage) => Differentiation::GpControl(SecondStage { given, ..stage.clone() }),
+        other => other.clone(),
+    }
+}
+
+/// Smoothed runs with the noise and the kernel of each state; `whole` is the smoother's own answer.
+struct Smooth {
+    runs: Vec<SmoothedRun>,
+    whole: Option<Smoothed>,
+    noise: Vec<f64>,
+    kernels: Vec<String>,
+}
 
 /// The states smoothed; what makes a fit weak becomes a note.
-pub(crate) fn smooth(
+fn smoothed(
     smoother: &Smoother,
     settings: &Identify,
     data: &Dataset,
-    states: &[usize],
-    notes: &mut Vec<String>,
+    notes: &mut Vec<Note>,
     progress: &dyn Progress,
-) -> Result<SmoothedRuns> {
-    let wants_covariance = matches!(settings.target, Target::Derivative(Differentiation::GpTime));
-    let smoother = Smoother { covariance: wants_covariance, ..smoother.clone() };
-    let smoothed = smoother.smooth(data, states, progress)?;
-    let mut kernels = Vec::new();
-    for (fit, channel) in smoothed.fits.iter().zip(&smoothed.channels) {
-        let weak: Vec<String> = fit.weak.iter().map(ToString::to_string).collect();
-        if !weak.is_empty() {
-            notes.push(format!("smoothing of `{}`: {}", channel.name, weak.join("; ")));
-        }
-        kernels.push(format!("{:?}", fit.kernel));
+) -> Result<Smooth> {
+    let covariance = matches!(settings.target, Target::Derivative(Differentiation::GpTime));
+    let states: Vec<usize> = (0..settings.states.len()).collect();
+    let whole = Smoother { covariance, ..smoother.clone() }.smooth(data, &states, progress)?;
+    for (fit, channel) in whole.fits.iter().zip(&whole.channels).filter(|(fit, _)| !fit.weak.is_empty()) {
+        notes.push(Note::WeakSmoothing { column: channel.name.clone(), reasons: fit.weak.clone() });
     }
-    let noise = smoothed.fits.iter().map(|f| f.noise).collect();
-    Ok(((smoothed.runs.clone(), Some(smoothed)), noise, kernels))
+    Ok(Smooth {
+        runs: whole.runs.clone(),
+        noise: whole.fits.iter().map(|f| f.noise).collect(),
+        kernels: whole.fits.iter().map(|f| f.kernel.to_string()).collect(),
+        whole: Some(whole),
+    })
 }
 
 /// The samples as they are: gaps closed by straight lines, slopes by parabolas.
-pub(crate) fn unsmoothed(data: &Dataset, states: &[usize]) -> Result<SmoothedRuns> {
+fn unsmoothed(data: &Dataset, states: &[usize]) -> Result<Smooth> {
     let mut runs = Vec::with_capacity(data.runs().len());
     for run in data.runs() {
         let r = run.n_samples();
@@ -62,7 +162,7 @@ pub(crate) fn unsmoothed(data: &Dataset, states: &[usize]) -> Result<SmoothedRun
             derivative_covariance: Vec::new(),
         });
     }
-    Ok(((runs, None), roughness(data, states), vec![String::new(); states.len()]))
+    Ok(Smooth { runs, whole: None, noise: roughness(data, states), kernels: vec![String::new(); states.len()] })
 }
 
 fn fill(time: &[f64], values: &[f64]) -> Option<Vec<f64>> {
@@ -82,8 +182,9 @@ fn fill(time: &[f64], values: &[f64]) -> Option<Vec<f64>> {
     Some((0..values.len()).map(between).collect())
 }
 
-/// Noise of channels from their second differences (of variance 6 for white noise of variance 1), at least 1e-4 of the spread.
-pub(crate) fn roughness(data: &Dataset, channels: &[usize]) -> Vec<f64> {
+/// Noise of channels from their second differences (of variance 6 for white noise of variance 1), at least a small share of the
+/// spread.
+fn roughness(data: &Dataset, channels: &[usize]) -> Vec<f64> {
     let of = |c: usize| {
         let mut bends: Vec<f64> = Vec::new();
         let (mut sum, mut square, mut count) = (0.0, 0.0, 0.0);
@@ -99,7 +200,47 @@ pub(crate) fn roughness(data: &Dataset, channels: &[usize]) -> Vec<f64> {
         bends.sort_by(f64::total_cmp);
         let middle = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
         let spread = if count > 0.0 { (square / count - (sum / count).powi(2)).max(0.0).sqrt() } else { 0.0 };
-        (middle / (0.6745 * 6f64.sqrt())).max(1e-4 * spread).max(f64::MIN_POSITIVE.sqrt())
+        (middle / (0.6745 * 6f64.sqrt())).max(LEAST_NOISE * spread).max(f64::MIN_POSITIVE.sqrt())
     };
     channels.iter().map(|&c| of(c)).collect()
+}
+
+/// Standard deviation of every smoothed state over all runs.
+fn spreads(tracks: &[Track]) -> Vec<f64> {
+    let of = |s: usize| {
+        let values = || tracks.iter().flat_map(move |t| (0..t.n_samples()).map(move |i| t.mean[(i, s)]));
+        let count = values().count() as f64;
+        let mean = values().sum::<f64>() / count;
+        (values().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    (0..tracks[0].mean.ncols()).map(of).collect()
+}
+
+/// Typical size of every coefficient (n x p): what would make its term as large as the state's rate. And the pace.
+fn sizes(tracks: &[Track], library: &Library, spread: &[f64], hold: Hold) -> Result<(Vec<Vec<f64>>, f64)> {
+    let (n, p) = (tracks[0].mean.ncols(), library.n_terms());
+    let m = tracks[0].controls.ncols();
+    let mut terms = vec![0.0; p];
+    let mut rates = vec![0.0; n];
+    let mut count = 0.0;
+    for track in tracks {
+        let theta = library.evaluate(track.samples(hold, &vec![0.0; m]).as_ref(), &track.time)?;
+        for i in 0..track.n_samples() {
+            (0..p).for_each(|j| terms[j] += theta[(i, j)].powi(2));
+            for (s, rate) in rates.iter_mut().enumerate() {
+                *rate += track.slope[(i, s)].powi(2);
+            }
+        }
+        count += track.n_samples() as f64;
+    }
+    let rms = |sum: f64| (sum / count).sqrt();
+    let scales = rates.iter().map(|&rate| {
+        let size = |&term: &f64| if term > 0.0 && rate > 0.0 { rms(rate) / rms(term) } else { 1.0 };
+        terms.iter().map(size).collect()
+    });
+    let pace = (0..n).map(|s| if rates[s] > 0.0 { spread[s] / rms(rates[s]) } else { f64::INFINITY });
+    let pace = pace.fold(f64::INFINITY, f64::min);
+    let scales = scales.collect();
+    let whole = tracks.iter().map(|t| t.time[t.n_samples() - 1] - t.time[0]).fold(0.0, f64::max);
+    Ok((scales, if pace.is_finite() && pace > 0.0 { pace } else { whole }))
 }

@@ -1,17 +1,17 @@
 //! What the controls do between samples and how late they act, by what all allowed terms together leave.
 
 use crate::error::Result;
-use crate::identify::Identify;
-use crate::identify::prepare::Plan;
-use crate::identify::support::equations::{DelayValue, Equations};
-use crate::identify::support::search::independent_share;
+use crate::identify::algorithm1::rows::rows;
+use crate::identify::algorithm1::smooth::Motion;
+use crate::identify::equations::DelayValue;
+use crate::identify::evidence::independent_share;
+use crate::identify::limits::{DELAY_ROWS, DELAYS_TRIED, RULED_OUT};
+use crate::identify::prepare::Logs;
+use crate::identify::settings::Identify;
 use crate::progress::{Progress, step};
 use crate::refine::Hold;
 use crate::regress::Reduced;
 use faer::Mat;
-
-/// Rows at most in the regression that compares delays.
-const DELAY_ROWS: usize = 3000;
 
 /// What the controls do between samples, and when they act.
 #[derive(Debug, Clone)]
@@ -19,9 +19,29 @@ pub(crate) struct Timing {
     pub(crate) hold: Hold,
     /// One a control.
     pub(crate) delays: Vec<DelayValue>,
-    misfit: Misfit,
-    /// Whether the rows speak decidedly against it. Smoothing rounds what a held control does, so it is not yet out.
+    /// Whether the rows rule it out.
     pub(crate) unlikely: bool,
+}
+
+impl Timing {
+    /// Delay of every control, s.
+    pub(crate) fn delay_values(&self) -> Vec<f64> {
+        self.delays.iter().map(|delay| delay.value).collect()
+    }
+}
+
+/// What the controls may do between samples, with the delays that belong to it, likeliest first.
+#[derive(Debug, Clone)]
+pub(crate) struct Timings {
+    /// What leaves the smallest residual of the whole library.
+    pub(crate) best: Timing,
+    pub(crate) others: Vec<Timing>,
+}
+
+impl Timings {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Timing> {
+        std::iter::once(&self.best).chain(&self.others)
+    }
 }
 
 /// What a regression leaves.
@@ -33,71 +53,74 @@ struct Misfit {
     share: f64,
 }
 
-/// Twice the logarithm of a likelihood ratio that decides between held and interpolated controls before any term is chosen:
-/// odds of 20,000.
-const DECIDED: f64 = 20.0;
-
-impl Plan {
-    /// What the controls may do between samples, with the delays that belong to it, best first: what leaves the smallest
-    /// residual of the whole library. The first is what the rows then take.
-    pub(crate) fn find_timings(
-        &mut self,
-        settings: &Identify,
-        equations: &mut Equations,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Timing>> {
-        let holds = match settings.hold {
-            Some(hold) => vec![hold],
-            None if settings.controls.is_empty() => vec![Hold::Zero],
-            None => vec![Hold::Zero, Hold::Linear],
-        };
-        let open = holds.len() > 1;
-        let mut timings = Vec::with_capacity(holds.len());
-        for hold in holds {
-            self.tracks.iter_mut().for_each(|track| track.hold = hold);
-            self.find_delays(settings, equations, progress)?;
-            let misfit = if open { self.misfit(settings, equations)? } else { Misfit { value: 0.0, share: 1.0 } };
-            timings.push(Timing { hold, delays: equations.delays.clone(), misfit, unlikely: false });
+/// Held or interpolated controls, and how late: each with the delays at which the whole library leaves least.
+pub(crate) fn time(settings: &Identify, logs: &Logs, motion: &Motion, progress: &dyn Progress) -> Result<Timings> {
+    let comparison = Comparison { settings, logs, motion, progress };
+    let known = |hold| Timing { hold, delays: logs.frame.delays.clone(), unlikely: false };
+    let alone = |hold| {
+        let best = comparison.with_delays(known(hold))?;
+        Ok(Timings { best, others: Vec::new() })
+    };
+    match settings.hold {
+        Some(hold) => alone(hold),
+        None if settings.controls.is_empty() => alone(Hold::Zero),
+        None => {
+            let held = comparison.with_delays(known(Hold::Zero))?;
+            let before = comparison.misfit(&held)?;
+            // The search for delays goes on from those of the held controls.
+            let interpolated = comparison.with_delays(Timing { hold: Hold::Linear, ..held.clone() })?;
+            let after = comparison.misfit(&interpolated)?;
+            let (mut best, mut other, gap, share) = match after.value < before.value {
+                true => (interpolated, held, before.value - after.value, after.share),
+                false => (held, interpolated, after.value - before.value, before.share),
+            };
+            other.unlikely = share * gap > RULED_OUT;
+            best.unlikely = false;
+            Ok(Timings { best, others: vec![other] })
         }
-        timings.sort_by(|x, y| x.misfit.value.total_cmp(&y.misfit.value));
-        let best = timings[0].misfit;
-        for other in &mut timings {
-            other.unlikely = best.share * (other.misfit.value - best.value) > DECIDED;
-        }
-        self.tracks.iter_mut().for_each(|track| track.hold = timings[0].hold);
-        equations.delays.clone_from(&timings[0].delays);
-        Ok(timings)
     }
+}
 
-    /// Delays at which the whole library leaves the smallest residual, one control after the other, twice.
-    fn find_delays(&self, settings: &Identify, equations: &mut Equations, progress: &dyn Progress) -> Result<()> {
-        let free: Vec<(usize, f64)> = equations.free_delays().map(|(k, delay)| (k, delay.most)).collect();
+struct Comparison<'a> {
+    settings: &'a Identify,
+    logs: &'a Logs,
+    motion: &'a Motion,
+    progress: &'a dyn Progress,
+}
+
+impl Comparison<'_> {
+    /// Delays at which the whole library leaves the smallest residual, one control after the other; twice where there are
+    /// several, since each moves with the others.
+    fn with_delays(&self, mut timing: Timing) -> Result<Timing> {
+        let free: Vec<usize> = (0..timing.delays.len()).filter(|&k| timing.delays[k].free).collect();
         let rounds = if free.len() > 1 { 2 } else { 1 };
         for round in 0..rounds {
-            for &(k, most) in &free {
-                step(progress, "find delays", round, rounds)?;
-                let count = ((most / self.period).round() as usize).clamp(4, 40);
+            for &k in &free {
+                step(self.progress, "find delays", round, rounds)?;
+                let most = timing.delays[k].most;
+                let count = ((most / self.motion.period).round() as usize).clamp(DELAYS_TRIED.0, DELAYS_TRIED.1);
                 let grid: Vec<f64> = (0..=count).map(|i| most * i as f64 / count as f64).collect();
                 let mut misfit_at = |value: f64| {
-                    equations.delays[k].value = value;
-                    self.misfit(settings, equations).map(|misfit| misfit.value)
+                    timing.delays[k].value = value;
+                    self.misfit(&timing).map(|misfit| misfit.value)
                 };
                 let misfits = grid.iter().map(|&value| misfit_at(value)).collect::<Result<Vec<_>>>()?;
                 let best = (0..grid.len()).min_by(|&a, &b| misfits[a].total_cmp(&misfits[b])).unwrap_or(0);
-                equations.delays[k].value = vertex(&grid, &misfits, best);
+                timing.delays[k].value = vertex(&grid, &misfits, best);
             }
         }
-        Ok(())
+        Ok(timing)
     }
 
     /// What all allowed terms leave: the sum over the states of `n ln(rss)`.
-    fn misfit(&self, settings: &Identify, equations: &Equations) -> Result<Misfit> {
+    fn misfit(&self, timing: &Timing) -> Result<Misfit> {
         let (mut sum, mut left) = (0.0, Vec::new());
-        for (s, rows) in self.rows(settings, equations)?.iter().enumerate() {
+        let all = rows(self.settings, self.logs, self.motion, timing.hold, &timing.delay_values())?;
+        for (s, rows) in all.iter().enumerate() {
             let Some(rows) = rows else { continue };
             let step = rows.target.len().div_ceil(DELAY_ROWS);
             let kept: Vec<usize> = (0..rows.target.len()).step_by(step).collect();
-            let allowed = &equations.allowed[s];
+            let allowed = &self.logs.frame.allowed[s];
             let theta = Mat::from_fn(kept.len(), allowed.len(), |i, j| rows.theta[(kept[i], allowed[j])]);
             let target: Vec<f64> = kept.iter().map(|&i| rows.target[i]).collect();
             let problem = Reduced::new(theta.as_ref(), &target)?;

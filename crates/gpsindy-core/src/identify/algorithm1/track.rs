@@ -1,7 +1,8 @@
 //! One run as the regression sees it: smoothed states, their slopes, and controls with their delays.
 
-use crate::data::{Dataset, Run};
+use crate::data::Run;
 use crate::error::{Error, Result};
+use crate::identify::prepare::Logs;
 use crate::refine::Hold;
 use crate::smooth::SmoothedRun;
 use faer::Mat;
@@ -21,28 +22,19 @@ pub(crate) struct Track {
     pub(crate) given: Mat<f64>,
     /// (r x m), the controls; a missing value holds the last known one.
     pub(crate) controls: Mat<f64>,
-    /// What the controls do between samples.
-    pub(crate) hold: Hold,
 }
 
 impl Track {
-    /// From a run and its smoothed states.
-    pub(crate) fn new(
-        data: &Dataset,
-        run: &Run,
-        smoothed: &SmoothedRun,
-        states: &[usize],
-        derivatives: &[Option<usize>],
-        controls: &[usize],
-        hold: Hold,
-    ) -> Result<Self> {
-        let r = run.n_samples();
-        let given = |i: usize, j: usize| derivatives[j].map_or(f64::NAN, |c| run.values[(i, c)]);
+    /// From a run of the logs and its smoothed states.
+    pub(crate) fn new(logs: &Logs, run: &Run, smoothed: &SmoothedRun) -> Result<Self> {
+        let (r, n) = (run.n_samples(), logs.n_states());
+        let controls = logs.controls();
+        let given = |i: usize, j: usize| logs.rates[j].map_or(f64::NAN, |c| run.values[(i, c)]);
         let mut held = Mat::zeros(r, controls.len());
         for (k, &c) in controls.iter().enumerate() {
             let mut last =
                 run.column(c).iter().copied().find(|v| v.is_finite()).ok_or_else(|| Error::TooFewSamples {
-                    what: format!("control `{}` in run `{}`", data.channels()[c].name, run.name),
+                    what: format!("control `{}` in run `{}`", logs.data.channels()[c].name, run.name),
                     needed: 1,
                     found: 0,
                 })?;
@@ -56,12 +48,11 @@ impl Track {
         }
         Ok(Self {
             time: run.time.clone(),
-            raw: Mat::from_fn(r, states.len(), |i, j| run.values[(i, states[j])]),
+            raw: Mat::from_fn(r, n, |i, j| run.values[(i, j)]),
             mean: smoothed.mean.clone(),
             slope: smoothed.derivative.clone(),
-            given: Mat::from_fn(r, states.len(), given),
+            given: Mat::from_fn(r, n, given),
             controls: held,
-            hold,
         })
     }
 
@@ -111,7 +102,7 @@ impl Track {
     /// States and controls at the start, middle and end of every step between samples, one matrix each ((r - 1) x (n + m)).
     ///
     /// The middle follows the cubic through values and slopes of both ends; a held control enters by its mean over the step.
-    pub(crate) fn steps(&self, delays: &[f64]) -> [Mat<f64>; 3] {
+    pub(crate) fn steps(&self, hold: Hold, delays: &[f64]) -> [Mat<f64>; 3] {
         let (n, m, r) = (self.mean.ncols(), self.controls.ncols(), self.n_samples());
         let mut parts = [0, 1, 2].map(|_| Mat::<f64>::zeros(r.saturating_sub(1), n + m));
         for i in 0..r.saturating_sub(1) {
@@ -124,7 +115,7 @@ impl Track {
             }
             for k in 0..m {
                 let (from, to) = (self.time[i], self.time[i + 1]);
-                let values = match self.hold {
+                let values = match hold {
                     Hold::Zero => [self.control_mean(k, delays[k], from, to); 3],
                     Hold::Linear => [from, 0.5 * (from + to), to].map(|t| self.control_between(k, delays[k], t)),
                 };
@@ -136,10 +127,10 @@ impl Track {
 
     /// States and controls at the samples (r x (n + m)); a held control enters by its mean over the half
     /// steps beside a sample.
-    pub(crate) fn samples(&self, delays: &[f64]) -> Mat<f64> {
+    pub(crate) fn samples(&self, hold: Hold, delays: &[f64]) -> Mat<f64> {
         let (n, r) = (self.mean.ncols(), self.n_samples());
         let half = |i: usize, k: usize| {
-            if self.hold == Hold::Linear {
+            if hold == Hold::Linear {
                 return self.control_between(k, delays[k], self.time[i]);
             }
             let before = if i > 0 { 0.5 * (self.time[i] - self.time[i - 1]) } else { 0.0 };
@@ -163,7 +154,6 @@ mod tests {
             slope: column([0.0, 3.0, 12.0, 48.0]),
             given: column([f64::NAN; 4]),
             controls: column([1.0, 3.0, -1.0, 5.0]),
-            hold: Hold::Zero,
             time,
         }
     }
@@ -180,16 +170,16 @@ mod tests {
 
     #[test]
     fn an_interpolated_control_is_read_late() {
-        let track = Track { hold: Hold::Linear, ..track() };
+        let track = track();
         assert_eq!(track.control_between(0, 0.0, 0.5), 2.0);
         assert_eq!(track.control_between(0, 0.5, 3.5), 2.0);
         assert_eq!(track.control_between(0, 5.0, 3.5), 1.0);
-        assert_eq!(track.steps(&[0.0]).map(|part| part[(2, 1)]), [-1.0, 2.0, 5.0]);
+        assert_eq!(track.steps(Hold::Linear, &[0.0]).map(|part| part[(2, 1)]), [-1.0, 2.0, 5.0]);
     }
 
     #[test]
     fn the_middle_of_a_step_is_exact_for_cubics() {
-        let parts = track().steps(&[0.0]);
+        let parts = track().steps(Hold::Zero, &[0.0]);
         for (i, middle) in [0.5f64, 1.5, 3.0].into_iter().enumerate() {
             assert!((parts[1][(i, 0)] - middle.powi(3)).abs() < 1e-12);
         }

@@ -8,14 +8,9 @@
 //! Source: Golub and Van Loan 2013, Matrix Computations, section 6.5 (updating a QR factorisation).
 
 use crate::error::Result;
+use crate::identify::limits::online::{FORGOTTEN, GROUPS};
 use crate::regress::Reduced;
 use faer::Mat;
-
-/// Groups in which stretches take turns.
-const GROUPS: usize = 20;
-
-/// Folds that the groups make.
-pub(super) const FOLDS: usize = 5;
 
 /// Samples that follow one another in a run.
 #[derive(Debug)]
@@ -152,14 +147,11 @@ impl Accumulator {
     /// Groups of state `s` that hold enough to be told apart, and the weight of each.
     pub(super) fn groups(&self, s: usize) -> (Vec<Reduced>, Vec<Weight>) {
         let whole: f64 = self.groups.iter().map(|group| group[s].weight.sum).sum();
-        let told = |group: &&Group| group.weight.sum > LEAST_SHARE * whole;
+        let told = |group: &&Group| group.weight.sum > FORGOTTEN * whole;
         let kept = self.groups.iter().map(|group| &group[s]).filter(told);
         kept.filter_map(|group| Some((group.rows.clone()?, group.weight))).unzip()
     }
 }
-
-/// A group with a smaller share of the weight has been forgotten.
-const LEAST_SHARE: f64 = 1e-3;
 
 impl Running {
     /// The row as it differs from the mean of those before it; then the mean with it.

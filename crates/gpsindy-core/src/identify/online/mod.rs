@@ -7,7 +7,8 @@
 //! so that short logs lose nothing.
 
 mod accumulate;
-mod memory;
+mod estimate;
+mod reach;
 mod recent;
 mod report;
 mod settings;
@@ -15,27 +16,16 @@ mod smoothing;
 
 use crate::data::{Channel, Dataset};
 use crate::error::{Error, Result};
-use crate::identify::Identification;
-use crate::identify::support::equations::{DelayValue, Equations};
+use crate::identify::equations::{DelayValue, Equations};
+use crate::identify::limits::online::{FIRST_FIT, REACH};
+use crate::identify::result::Identification;
 use crate::library::Library;
 use accumulate::Accumulator;
+pub use estimate::Estimate;
 use recent::{Recent, Sample};
 pub use settings::OnlineSettings;
 use smoothing::Smoothing;
 use std::sync::Arc;
-
-/// Where a state is, by all samples so far.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// Value without noise, in the state's unit.
-    pub value: f64,
-    /// Its standard deviation.
-    pub value_std: f64,
-    /// Rate, in the state's unit per second.
-    pub rate: f64,
-    /// Its standard deviation.
-    pub rate_std: f64,
-}
 
 /// A model that follows a log as it grows.
 ///
@@ -75,9 +65,6 @@ pub struct Online {
     /// Time of the last sample of this run, s.
     time: Option<f64>,
 }
-
-/// Samples at the first fit of hyperparameters.
-const FIRST_FIT: usize = 16;
 
 impl OnlineSettings {
     /// The same model from a whole log at once: one fit of hyperparameters to all of it, smoothing by all samples, the same
@@ -122,25 +109,8 @@ impl Online {
             return Err(Error::invalid("online identification keeps no terms for certain; leave them out"));
         }
         let (n, m, p) = (states.len(), controls.len(), library.n_terms());
-        let fixed: Vec<_> = states.iter().map(|s| constraints.fixed_equation(s).cloned()).collect();
-        let mut allowed = Vec::with_capacity(n);
-        for (state, fixed) in states.iter().zip(&fixed) {
-            allowed.push(if fixed.is_some() { vec![] } else { constraints.allowed(state, &library)? });
-        }
-        let channel = |c: &Channel| (c.name.clone(), c.unit.clone());
-        let delay = |&value: &f64| DelayValue { value, free: false, period: 0.0, most: f64::INFINITY };
-        let frame = Equations {
-            states: settings.states.iter().map(channel).collect(),
-            controls: settings.controls.iter().map(channel).collect(),
-            coefficients: vec![vec![0.0; p]; n],
-            kept: vec![Vec::new(); n],
-            signs: states.iter().map(|s| constraints.signs(s, &library)).collect::<Result<_>>()?,
-            delays: settings.delay_values().iter().map(delay).collect(),
-            derivative_given: vec![false; n],
-            allowed,
-            fixed,
-            library,
-        };
+        let delays = settings.delay_values().iter().map(|&value| DelayValue::known(value, 0.0)).collect();
+        let frame = Equations::new(&settings.states, &settings.controls, &library, constraints, delays)?;
         Ok(Self {
             rows: Accumulator::new(n, p, settings.memory),
             settings,
@@ -171,7 +141,7 @@ impl Online {
             return Ok(false);
         }
         if self.n_samples >= self.next_fit {
-            self.fit_again(self.settings.window / 4)?;
+            self.fit_again(self.settings.window / REACH)?;
             self.drop_old();
             return Ok(self.smoothing.is_some());
         }
@@ -226,7 +196,7 @@ impl Online {
     pub fn identification(&self) -> Result<Identification> {
         if self.recent.first() == 0 && self.n_samples > self.last_fit.max(FIRST_FIT) {
             let mut fresh = self.clone();
-            fresh.fit_again(self.settings.window / 4)?;
+            fresh.fit_again(self.settings.window / REACH)?;
             return fresh.identification();
         }
         let Some(smoothing) = &self.smoothing else { return Err(self.too_few()) };

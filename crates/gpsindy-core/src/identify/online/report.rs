@@ -1,23 +1,17 @@
 //! From folded rows to equations: terms chosen, coefficients with standard errors.
 
-use super::OnlineSettings;
-use super::accumulate::{Accumulator, FOLDS, Weight};
+use super::accumulate::{Accumulator, Weight};
+use super::settings::OnlineSettings;
 use super::smoothing::Smoothing;
 use crate::error::{Error, Result};
-use crate::identify::support::equations::Equations;
-use crate::identify::{Identification, StateReport};
-use crate::model::IdentificationRecord;
+use crate::identify::algorithm1::regress::Chosen;
+use crate::identify::equations::Equations;
+use crate::identify::limits::online::ENOUGH;
+use crate::identify::limits::{FEWEST, FOLDS};
+use crate::identify::notes::Note;
+use crate::identify::report::Found;
+use crate::identify::result::Identification;
 use crate::regress::{Reduced, Selection};
-
-/// The equation of one state.
-struct Chosen {
-    coefficients: Vec<f64>,
-    errors: Vec<f64>,
-    level: f64,
-    score: f64,
-    /// Mean squared residual, in the state's unit squared.
-    residual: f64,
-}
 
 pub(super) fn report(
     settings: &OnlineSettings,
@@ -25,53 +19,34 @@ pub(super) fn report(
     smoothing: &Smoothing,
     rows: &Accumulator,
 ) -> Result<Identification> {
-    let (n, p) = (frame.n_states(), frame.n_terms());
+    let n = frame.n_states();
     let mut equations = frame.clone();
-    let mut errors = vec![vec![0.0; p]; n];
-    let mut states = Vec::with_capacity(n);
-    let names = frame.library.names();
+    let mut chosen = Vec::with_capacity(n);
     let mut notes = Vec::new();
-    for s in 0..n {
-        let fit = &smoothing.fits[s];
-        let state = frame.states[s].0.clone();
-        let weak: Vec<String> = fit.weak.iter().map(ToString::to_string).collect();
-        if !weak.is_empty() {
-            notes.push(format!("smoothing of `{state}`: {}", weak.join("; ")));
+    for (s, fit) in smoothing.fits.iter().enumerate() {
+        if !fit.weak.is_empty() {
+            notes.push(Note::WeakSmoothing { column: frame.states[s].0.clone(), reasons: fit.weak.clone() });
         }
-        let mut report = StateReport {
-            state,
-            terms: Vec::new(),
-            level: f64::NAN,
-            score: f64::NAN,
-            residual: f64::NAN,
-            noise: fit.noise,
-            kernel: format!("{:?}", fit.kernel),
-        };
-        if frame.fixed[s].is_none() {
-            let chosen = choose(settings, frame, s, rows)?;
-            let square = fit.noise * fit.noise;
-            (report.level, report.score) = (chosen.level, chosen.score / square);
-            report.residual = chosen.residual / square;
-            equations.coefficients[s] = chosen.coefficients;
-            errors[s] = chosen.errors;
+        chosen.push(match frame.fixed[s] {
+            Some(_) => None,
+            None => Some(choose(settings, frame, s, rows)?.in_units_of(fit.noise)),
+        });
+        if let Some(chosen) = &chosen[s] {
+            equations.set(s, &chosen.coefficients);
         }
-        states.push(report);
     }
-    let support = equations.support();
-    for (report, terms) in states.iter_mut().zip(&support) {
-        report.terms = terms.iter().map(|&j| names[j].to_string()).collect();
-    }
-    let mut model = equations.model(&support, false);
-    model.identification = Some(IdentificationRecord {
-        terms: names.iter().map(ToString::to_string).collect(),
-        coefficients: equations.coefficients.clone(),
-        standard_errors: errors,
-        inclusion_probabilities: Vec::new(),
-        lambda: states.iter().map(|s| if s.level.is_finite() { s.level } else { 0.0 }).collect(),
-    });
-    let late = equations.delays.iter().zip(&equations.controls).filter(|(delay, _)| delay.value != 0.0);
-    let delays = late.map(|(delay, (control, _))| (control.clone(), delay.value, 0.0)).collect();
-    Ok(Identification { model, states, delays, window: f64::NAN, hold: settings.hold, notes })
+    let errors = chosen.iter().map(|c| c.as_ref().map_or_else(|| vec![0.0; frame.n_terms()], |c| c.errors.clone()));
+    let found = Found {
+        errors: errors.collect(),
+        equations,
+        inclusion: Vec::new(),
+        delay_errors: Vec::new(),
+        noise: smoothing.fits.iter().map(|fit| fit.noise).collect(),
+        window: None,
+        hold: settings.hold,
+    };
+    let kernels: Vec<String> = smoothing.fits.iter().map(|fit| fit.kernel.to_string()).collect();
+    Ok(crate::identify::report::report(found, &chosen, &kernels, notes))
 }
 
 /// The sparse regression of state `s`; a term that comes out with a forbidden sign is taken out and the regression runs again.
@@ -82,9 +57,9 @@ fn choose(settings: &OnlineSettings, frame: &Equations, s: usize, rows: &Accumul
     let (groups, weights) = rows.groups(s);
     let total =
         weights.iter().fold(Weight::default(), |a, b| Weight { sum: a.sum + b.sum, squares: a.squares + b.squares });
-    if total.sum < 4.0 {
+    if total.sum < FEWEST as f64 {
         let what = format!("regression of state `{}`", frame.states[s].0);
-        return Err(Error::TooFewSamples { what, needed: 4, found: total.sum as usize });
+        return Err(Error::TooFewSamples { what, needed: FEWEST, found: total.sum as usize });
     }
     let (folds, sums) = folds(&groups, &weights)?;
     let few = matches!(settings.selection, Selection::CrossValidation { .. }) && folds.len() < FOLDS;
@@ -119,12 +94,10 @@ fn choose(settings: &OnlineSettings, frame: &Equations, s: usize, rows: &Accumul
             }
         }
         let score = choice.candidates.scores[choice.index];
-        return Ok(Chosen { coefficients, errors, level: choice.fit.level, score, residual });
+        let level = choice.fit.level;
+        return Ok(Chosen { coefficients, errors, level, score, residual, path: Vec::new(), best: None });
     }
 }
-
-/// Groups that it takes to see what the errors of a stretch have in common.
-const ENOUGH: usize = 10;
 
 /// Every fifth group to a fold, and the weight of each fold.
 fn folds(groups: &[Reduced], weights: &[Weight]) -> Result<(Vec<Reduced>, Vec<f64>)> {

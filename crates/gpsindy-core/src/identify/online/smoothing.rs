@@ -1,23 +1,19 @@
 //! Smoothed states from the newest samples alone, and what the terms add up to along them.
 
-use super::accumulate::{Block, FOLDS};
-use super::memory::reach;
+use super::accumulate::Block;
+use super::estimate::Estimate;
+use super::reach::reach;
 use super::recent::Recent;
-use super::{Estimate, OnlineSettings};
+use super::settings::OnlineSettings;
 use crate::error::Result;
 use crate::gp::{Conditioned, Fit, FitSettings, Posterior, Quantity, Role, fit};
+use crate::identify::algorithm1::rows::simpson;
+use crate::identify::algorithm1::smooth::shortest_window;
 use crate::identify::algorithm1::track::Track;
+use crate::identify::limits::online::{FEWEST, LONGEST_STEP, UNKNOWN};
+use crate::identify::limits::{FOLDS, WINDOW_SAMPLES};
 use crate::library::Library;
 use faer::Mat;
-
-/// A state needs this many values before its process is fitted.
-pub(super) const FEWEST: usize = 8;
-
-/// A state whose standard deviation exceeds this share of its spread is not known.
-const UNKNOWN: f64 = 0.5;
-
-/// Steps longer than this many lengths of the smoothest process are not integrated over.
-const LONGEST_STEP: f64 = 2.0;
 
 /// Processes of all states, and the lengths that follow from them.
 #[derive(Debug, Clone)]
@@ -68,9 +64,9 @@ impl Smoothing {
         let mut found = Self { fits, lag, stretch: 0.0, longest_step: LONGEST_STEP * shortest };
         let pace = found.pace(recent)?;
         // As long as the rollouts that Identify begins with, twice; with a memory, a fair part of it.
-        let usual = 2.0 * (3.0 * pace).max(10.0 * period);
+        let usual = 2.0 * shortest_window(pace, period);
         let memory = settings.memory.unwrap_or(f64::INFINITY);
-        let due = usual.min((memory / FOLDS as f64).max(10.0 * period));
+        let due = usual.min((memory / FOLDS as f64).max(WINDOW_SAMPLES * period));
         found.stretch = stretch.filter(|old| (0.5..=2.0).contains(&(due / old))).unwrap_or(due);
         Ok(Some(found))
     }
@@ -203,18 +199,7 @@ impl Smoothing {
             slope: Mat::from_fn(r, n, |i, s| state(&path.slope, i, s)),
             given: Mat::zeros(r, n),
             controls: Mat::from_fn(r, m, |i, k| recent.get(oldest + i).controls[k]),
-            hold: settings.hold,
         };
-        let count = to - begin - 1;
-        let time = &track.time[before..];
-        let middle: Vec<f64> = time.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
-        let mut values = Vec::with_capacity(3);
-        for (part, time) in track.steps(&delays).iter().zip([&time[..count], &middle, &time[1..]]) {
-            values.push(library.evaluate(part.subrows(before, count), time)?);
-        }
-        Ok(Mat::from_fn(count, library.n_terms(), |i, j| {
-            let h = time[i + 1] - time[i];
-            h / 6.0 * (values[0][(i, j)] + 4.0 * values[1][(i, j)] + values[2][(i, j)])
-        }))
+        simpson(&track, library, settings.hold, &delays, before)
     }
 }

@@ -11,28 +11,15 @@
 
 use crate::data::{Channel, Run};
 use crate::error::{Error, Result};
-use crate::identify::prepare::Plan;
-use crate::identify::support::lengthen::Refinement;
+use crate::identify::algorithm1::smooth::Motion;
+use crate::identify::equations::Equations;
+use crate::identify::limits::consensus::{APART, LEAD, LENGTH, OFF, SHARES, STRETCHES};
+use crate::identify::notes::Note;
+use crate::identify::support::scope::{Member, Rollouts, Scope};
 use crate::model::System;
 use crate::simulate::{Excitation, Method, Simulate};
 use faer::Mat;
 use rayon::prelude::*;
-
-/// Stretches of the logs whose states and controls are exchanged.
-const STRETCHES: usize = 8;
-
-/// Length of a stretch as a share of the longest run.
-const LENGTH: f64 = 0.5;
-
-/// Share of the first member's score that another one must stay below: the evidence counts for something, too.
-const LEAD: f64 = 0.75;
-
-/// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other.
-const APART: f64 = 3.0;
-
-/// Root mean square distance of long rollouts from the smoothed log, in units of the noise, from which equations are
-/// approximations: the systematic part is larger than the noise.
-const OFF: f64 = 2.0;
 
 /// A rollout's states by samples in units of their spread; none where it diverged.
 type Path = Option<Vec<f64>>;
@@ -51,11 +38,47 @@ struct Paths {
     exchanged: Vec<Path>,
 }
 
-impl Plan {
+impl Scope<'_> {
+    /// Whether a vote is asked for, and the equations are approximations of a controlled motion: long rollouts leave the logs by
+    /// more than the noise.
+    pub(crate) fn needs_consensus(&self, found: &Member) -> Result<bool> {
+        let controlled = !found.trial.equations.controls.is_empty();
+        let asked_for = self.settings.consensus && self.settings.window.is_none();
+        Ok(controlled && asked_for && Vote(self.motion).off_course(found)?)
+    }
+
+    /// Of `found`, the equations that rollouts of other lengths lead to, and all of them fitted to longer rollouts, those that
+    /// stay near the logs and agree best with the others.
+    pub(crate) fn agree(&self, found: Member, starts: &[Equations], notes: &mut Vec<Note>) -> Result<Member> {
+        let shortest = self.motion.shortest_window();
+        let search = |share: &f64| self.search(starts, Rollouts::Fixed(share * shortest));
+        let others = SHARES.par_iter().map(search).collect::<Result<Vec<_>>>()?;
+        let mut members = vec![found];
+        for other in others.into_iter().flatten() {
+            let support = &other.trial.equations.support;
+            if members.iter().all(|member| member.trial.equations.support != *support) {
+                members.push(other);
+            }
+        }
+        let longer = members.par_iter().map(|member| self.with_longer_rollouts(member)).collect::<Result<Vec<_>>>()?;
+        members.extend(longer.into_iter().flatten());
+        let place = if members.len() > 2 { Vote(self.motion).consensus(&members)? } else { 0 };
+        if place > 0 {
+            notes.push(Note::Consensus { members: members.len() });
+        }
+        Ok(members.swap_remove(place))
+    }
+}
+
+/// The motion that members are compared on.
+#[derive(Clone, Copy)]
+struct Vote<'a>(&'a Motion);
+
+impl Vote<'_> {
     /// Whether long rollouts of `member` leave the logs by more than the noise.
-    pub(crate) fn off_course(&self, member: &Refinement) -> Result<bool> {
+    fn off_course(&self, member: &Member) -> Result<bool> {
         let (spread, stretches) = (self.spreads(), self.stretches());
-        let roller = Roller::new(self, member, &spread)?;
+        let roller = Roller::new(self.0, member, &spread)?;
         let noise = &member.trial.noise;
         let mut squares = 0.0;
         for &stretch in &stretches {
@@ -70,7 +93,7 @@ impl Plan {
 
     /// Place of the member of the smallest `course^2 + apart^2`, its distance from the logs in long rollouts and its mean
     /// distance from the other members under exchanged controls, in units of the spread; the first where none leads clearly.
-    pub(crate) fn consensus(&self, members: &[Refinement]) -> Result<usize> {
+    fn consensus(&self, members: &[Member]) -> Result<usize> {
         let (spread, stretches) = (self.spreads(), self.stretches());
         if stretches.len() < 2 {
             return Ok(0);
@@ -90,15 +113,15 @@ impl Plan {
 
     /// Spread of every state; of one that stands still the smallest there is, so that whatever moves it is apart.
     fn spreads(&self) -> Vec<f64> {
-        self.spread.iter().map(|spread| spread.max(f64::MIN_POSITIVE)).collect()
+        self.0.spread.iter().map(|spread| spread.max(f64::MIN_POSITIVE)).collect()
     }
 
     /// Stretches of equal length, spread over the logs.
     fn stretches(&self) -> Vec<Stretch> {
-        let count = |k: usize| self.tracks[k].n_samples();
-        let longest = (0..self.tracks.len()).map(count).max().unwrap_or(0);
+        let count = |k: usize| self.0.tracks[k].n_samples();
+        let longest = (0..self.0.tracks.len()).map(count).max().unwrap_or(0);
         let length = ((LENGTH * longest as f64) as usize).max(2);
-        let long: Vec<usize> = (0..self.tracks.len()).filter(|&k| count(k) > length).collect();
+        let long: Vec<usize> = (0..self.0.tracks.len()).filter(|&k| count(k) > length).collect();
         let place = |k: usize| {
             let run = long[k * long.len() / STRETCHES];
             let own: Vec<usize> = (0..STRETCHES).filter(|&k| long[k * long.len() / STRETCHES] == run).collect();
@@ -108,8 +131,8 @@ impl Plan {
         if long.is_empty() { Vec::new() } else { (0..STRETCHES).map(place).collect() }
     }
 
-    fn paths(&self, member: &Refinement, stretches: &[Stretch], spread: &[f64]) -> Result<Paths> {
-        let roller = Roller::new(self, member, spread)?;
+    fn paths(&self, member: &Member, stretches: &[Stretch], spread: &[f64]) -> Result<Paths> {
+        let roller = Roller::new(self.0, member, spread)?;
         let excitations = stretches.iter().map(|&stretch| roller.excitation(stretch)).collect::<Result<Vec<_>>>()?;
         let mut paths = Paths { own: Vec::new(), exchanged: Vec::new() };
         for (a, &start) in stretches.iter().enumerate() {
@@ -123,13 +146,13 @@ impl Plan {
 
     /// The smoothed log of a stretch.
     fn log(&self, stretch: Stretch, spread: &[f64]) -> Vec<f64> {
-        in_spreads(&self.tracks[stretch.run].mean, stretch.first, stretch.length, spread)
+        in_spreads(&self.0.tracks[stretch.run].mean, stretch.first, stretch.length, spread)
     }
 }
 
 /// Rolls the equations of one member out.
 struct Roller<'a> {
-    plan: &'a Plan,
+    motion: &'a Motion,
     system: System,
     controls: Vec<Channel>,
     simulate: Simulate,
@@ -137,14 +160,14 @@ struct Roller<'a> {
 }
 
 impl<'a> Roller<'a> {
-    fn new(plan: &'a Plan, member: &Refinement, spread: &'a [f64]) -> Result<Self> {
+    fn new(motion: &'a Motion, member: &Member, spread: &'a [f64]) -> Result<Self> {
         let equations = &member.trial.equations;
-        let system = equations.model(&equations.support(), false).compile()?;
+        let system = equations.model().compile()?;
         let controls = equations.controls.iter().map(|(name, _)| Channel::new(name)).collect();
         // The steps of the fits: an approximation may lead to where accurate ones would never end.
-        let method = Method::RungeKutta4 { substeps: plan.substeps() };
+        let method = Method::RungeKutta4 { substeps: motion.substeps() };
         Ok(Self {
-            plan,
+            motion,
             system,
             controls,
             simulate: Simulate { hold: member.hold, method, ..Simulate::default() },
@@ -154,7 +177,7 @@ impl<'a> Roller<'a> {
 
     /// The controls of a stretch.
     fn excitation(&self, Stretch { run, first, length }: Stretch) -> Result<Excitation> {
-        let track = &self.plan.tracks[run];
+        let track = &self.motion.tracks[run];
         let run = Run {
             name: "exchanged".into(),
             time: track.time[first..first + length].to_vec(),
@@ -165,7 +188,7 @@ impl<'a> Roller<'a> {
 
     /// The rollout from the smoothed start of a stretch under these controls.
     fn path(&self, start: Stretch, excitation: &Excitation) -> Result<Path> {
-        let mean = &self.plan.tracks[start.run].mean;
+        let mean = &self.motion.tracks[start.run].mean;
         let initial: Vec<f64> = (0..self.spread.len()).map(|s| mean[(start.first, s)]).collect();
         match self.simulate.rollout(&self.system, excitation, &initial) {
             Ok(rollout) => Ok(Some(in_spreads(&rollout.states, 0, start.length, self.spread))),
@@ -197,14 +220,17 @@ fn apart(own: &[Path], other: &[Path]) -> f64 {
 mod tests {
     use super::*;
     use crate::data::Dataset;
-    use crate::identify::Identify;
+    use crate::identify::algorithm1::smooth::smooth;
+    use crate::identify::prepare::prepare;
+    use crate::identify::settings::Identify;
+    use crate::identify::support::fit::Fitter;
     use crate::library::LibrarySettings;
     use crate::progress::Silent;
     use crate::refine::Hold;
 
     /// Members with these terms, fitted to a log of x' = u - x whose control keeps x on a path that climbs, so that its mean
     /// slope passes for an equation.
-    fn members(terms: &[&[&str]]) -> (Plan, Vec<Refinement>) {
+    fn members(terms: &[&[&str]]) -> (Motion, Vec<Member>) {
         let time: Vec<f64> = (0..121).map(|i| 0.1 * i as f64).collect();
         let x = |t: f64| t + t.sin() + t.cos();
         let control = |t: f64| 1.0 + t.cos() - t.sin() + x(t);
@@ -218,43 +244,45 @@ mod tests {
             smoother: None,
             ..Identify::default()
         };
-        let plan = Plan::new(&identify, &data, &Silent).unwrap();
-        let empty = plan.equations(&identify).unwrap();
-        let search = plan.search(Hold::Linear);
+        let logs = prepare(&identify, &data, &Silent).unwrap();
+        let motion = smooth(&identify, &logs, &Silent).unwrap();
+        let fitter = Fitter::new(&logs, &motion, Hold::Linear);
         let member = |terms: &&[&str]| {
-            let mut equations = empty.clone();
+            let mut equations = logs.frame.clone();
+            let mut coefficients = vec![0.0; equations.n_terms()];
             for term in *terms {
-                equations.coefficients[0][empty.library.index_of(term).unwrap()] = 0.5;
+                coefficients[equations.library.index_of(term).unwrap()] = 0.5;
             }
-            let trial = search.fit(&equations, 12.0, None).unwrap();
-            Refinement { trial, window: 12.0, hold: Hold::Linear, rival: None }
+            equations.set(0, &coefficients);
+            let trial = fitter.fit(&equations, 12.0, None).unwrap();
+            Member { trial, window: 12.0, hold: Hold::Linear, rival: None }
         };
         let members = terms.iter().map(member).collect();
-        (plan, members)
+        (motion, members)
     }
 
     #[test]
     fn a_relation_of_the_loop_is_outvoted_by_equations_that_know_the_control() {
         // The mean slope alone, the truth, and the truth with a constant too many.
-        let (plan, members) = members(&[&["1"], &["x", "u"], &["1", "x", "u"]]);
-        assert_ne!(plan.consensus(&members).unwrap(), 0);
+        let (motion, members) = members(&[&["1"], &["x", "u"], &["1", "x", "u"]]);
+        assert_ne!(Vote(&motion).consensus(&members).unwrap(), 0);
     }
 
     #[test]
     fn the_evidence_stands_where_no_member_leads_clearly() {
         for terms in [[&["x", "u"][..], &["1", "x", "u"]], [&["1", "x", "u"], &["x", "u"]]] {
-            let (plan, members) = members(&[terms[0], terms[1], terms[0]]);
-            assert_eq!(plan.consensus(&members).unwrap(), 0);
+            let (motion, members) = members(&[terms[0], terms[1], terms[0]]);
+            assert_eq!(Vote(&motion).consensus(&members).unwrap(), 0);
         }
     }
 
     #[test]
     fn long_rollouts_tell_an_approximation_from_the_truth() {
-        let (plan, mut members) = members(&[&["1"], &["x", "u"]]);
+        let (motion, mut members) = members(&[&["1"], &["x", "u"]]);
         // The interpolated control is off by 1e-3; that is the noise here.
         members.iter_mut().for_each(|member| member.trial.noise = vec![1e-3]);
-        assert!(plan.off_course(&members[0]).unwrap());
-        assert!(!plan.off_course(&members[1]).unwrap());
+        assert!(Vote(&motion).off_course(&members[0]).unwrap());
+        assert!(!Vote(&motion).off_course(&members[1]).unwrap());
     }
 
     #[test]

@@ -2,26 +2,21 @@
 //! their full fits start.
 
 use crate::error::Result;
-use crate::identify::support::search::{ROUNDS, Search, Trial};
+use crate::identify::evidence::price;
+use crate::identify::limits::{EXCHANGES, MOVES, ROUNDING, ROUNDS, WORTH_A_TRY};
+use crate::identify::support::fit::{Fitter, Trial};
 use crate::identify::support::sensitivity::Course;
 use crate::refine::Jacobian;
 use crate::regress::{Gains, Reduced};
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 
-/// Exchanges of one term that are weighed, the most promising first.
-const EXCHANGES: usize = 4;
-
-/// Moves that are tried in full each round, the most promising first.
-const TRIALS: usize = 5;
-
-impl Search<'_> {
+impl Fitter<'_> {
     /// Trajectories around `trial` as a linear function of every candidate coefficient, initial states projected out.
     pub(crate) fn linearise(&self, trial: &Trial, window: f64) -> Result<Linear> {
         let equations = &trial.equations;
         let (system, experiment, point) = self.fitted(trial, window)?;
-        let delays =
-            self.free(equations, &equations.support()).split_off(equations.support().iter().map(Vec::len).sum());
+        let delays = self.free(equations).split_off(equations.support.len());
         let jacobian = Jacobian::new(&system, &experiment, &point, &delays)?;
         let course = Course { equations, system: &system, experiment: &experiment, tracks: self.tracks };
         let sensitivities = course.sensitivities(&point)?;
@@ -29,6 +24,7 @@ impl Search<'_> {
         let candidates: Vec<(usize, usize)> =
             all.iter().enumerate().flat_map(|(s, terms)| terms.iter().map(move |&j| (s, j))).collect();
         let (n, q) = (system.n_states(), candidates.len() + delays.len());
+        let is_in = |k: usize| equations.support.contains(candidates[k].0, candidates[k].1);
         let now: Vec<f64> = candidates.iter().map(|&(s, j)| equations.coefficients[s][j]).collect();
         let kept = (0..candidates.len()).filter(|&k| equations.kept[candidates[k].0].contains(&candidates[k].1));
         let kept: Vec<usize> = kept.collect();
@@ -85,12 +81,12 @@ impl Search<'_> {
         Ok(Linear {
             gains: Gains::new(&problem),
             problem,
-            active: (0..candidates.len()).filter(|&k| now[k] != 0.0 || kept.contains(&k)).collect(),
+            active: (0..candidates.len()).filter(|&k| is_in(k) || kept.contains(&k)).collect(),
             kept,
             always: (candidates.len()..q).collect(),
             prices: candidates
                 .iter()
-                .map(|&(_, j)| self.price(equations, j, n_values * trial.share) / trial.share)
+                .map(|&(_, j)| price(equations, j, n_values * trial.share) / trial.share)
                 .collect(),
             candidates,
             shape: (equations.n_states(), equations.n_terms()),
@@ -161,7 +157,7 @@ impl Linear {
         let mut far = self.active.clone();
         for _ in 0..ROUNDS {
             match self.moves(&far).into_iter().next() {
-                Some((change, next)) if change < -1e-9 => far = next,
+                Some((change, next)) if change < -ROUNDING => far = next,
                 _ => break,
             }
         }
@@ -175,7 +171,7 @@ impl Linear {
         add(far);
         // A move that the linear problem holds for slightly worse may still win in full.
         for (_, next) in
-            self.moves(&self.active).into_iter().take_while(|m| m.0 < 0.5 * self.least_price()).take(TRIALS)
+            self.moves(&self.active).into_iter().take_while(|m| m.0 < WORTH_A_TRY * self.least_price()).take(MOVES)
         {
             add(next);
         }
@@ -188,8 +184,7 @@ impl Linear {
         let mut coefficients = vec![vec![0.0; self.shape.1]; self.shape.0];
         for &k in support {
             let (s, j) = self.candidates[k];
-            // An exact zero would read as a term that is out.
-            coefficients[s][j] = if fit.coefficients[k] == 0.0 { f64::MIN_POSITIVE } else { fit.coefficients[k] };
+            coefficients[s][j] = fit.coefficients[k];
         }
         let all = DVector::from_column_slice(&fit.coefficients);
         let mut moved = initial.to_vec();
@@ -208,8 +203,10 @@ impl Linear {
 #[cfg(test)]
 mod tests {
     use crate::data::{Channel, Dataset, Run};
-    use crate::identify::Identify;
-    use crate::identify::prepare::Plan;
+    use crate::identify::algorithm1::smooth::smooth;
+    use crate::identify::prepare::prepare;
+    use crate::identify::settings::Identify;
+    use crate::identify::support::fit::Fitter;
     use crate::library::LibrarySettings;
     use crate::progress::Silent;
     use crate::refine::Hold;
@@ -222,16 +219,18 @@ mod tests {
         let data = Dataset::new(vec![Channel::new("x")], vec![Run { name: "a".into(), time, values }]).unwrap();
         let library = LibrarySettings { degree: 1, ..LibrarySettings::default() };
         let identify = Identify { states: vec!["x".into()], library, smoother: None, ..Identify::default() };
-        let plan = Plan::new(&identify, &data, &Silent).unwrap();
-        let mut equations = plan.equations(&identify).unwrap();
+        let logs = prepare(&identify, &data, &Silent).unwrap();
+        let motion = smooth(&identify, &logs, &Silent).unwrap();
+        let mut equations = logs.frame.clone();
         let x = equations.library.index_of("x").unwrap();
-        equations.coefficients[0][x] = -1.0;
-        let search = plan.search(Hold::Zero);
-        let mut trial = search.fit(&equations, 4.0, None).unwrap();
+        let coefficients = (0..equations.n_terms()).map(|j| if j == x { -1.0 } else { 0.0 }).collect::<Vec<_>>();
+        equations.set(0, &coefficients);
+        let fitter = Fitter::new(&logs, &motion, Hold::Zero);
+        let mut trial = fitter.fit(&equations, 4.0, None).unwrap();
         // From 0 this stays at 0, but its derivative by the start grows like exp(1000 t).
         trial.equations.coefficients[0][x] = 1000.0;
         trial.initial.iter_mut().flatten().for_each(|start| *start = 0.0);
-        let linear = search.linearise(&trial, 4.0).unwrap();
+        let linear = fitter.linearise(&trial, 4.0).unwrap();
         assert!(linear.solution(&[x], &trial.initial).1.iter().flatten().all(|start| *start == 0.0));
     }
 }

@@ -1,8 +1,13 @@
-//! Which terms: the search by evidence through the integrator.
+//! The refinement: equations searched for and fitted through the integrator on the raw measurements.
 
-pub(crate) mod consensus;
-pub(crate) mod equations;
-pub(crate) mod lengthen;
-pub(crate) mod linear;
-pub(crate) mod search;
-pub(crate) mod sensitivity;
+mod by_rollout;
+mod consensus;
+mod fit;
+mod lengthen;
+mod linear;
+mod moves;
+mod refine;
+pub(crate) mod scope;
+mod search;
+mod sensitivity;
+pub(crate) mod starts;

@@ -9,7 +9,7 @@
 
 use crate::error::Result;
 use crate::identify::algorithm1::track::Track;
-use crate::identify::support::equations::Equations;
+use crate::identify::equations::Equations;
 use crate::library::Library;
 use crate::model::System;
 use crate::refine::lanes::Lanes;
@@ -244,8 +244,9 @@ fn carry(transition: &[Vec<f64>], from: &Sensitivities, to: &mut Sensitivities) 
 mod tests {
     use super::*;
     use crate::data::{Channel, Dataset, Run};
-    use crate::identify::prepare::Plan;
-    use crate::identify::{Delay, Identify};
+    use crate::identify::algorithm1::smooth::smooth;
+    use crate::identify::prepare::prepare;
+    use crate::identify::settings::{Delay, Identify};
     use crate::library::LibrarySettings;
     use crate::progress::Silent;
     use crate::refine::{Free, Jacobian};
@@ -279,32 +280,37 @@ mod tests {
     fn they_are_those_of_rollouts_with_every_coefficient_moved() {
         for (hold, given) in [(Hold::Zero, false), (Hold::Linear, true)] {
             let (data, identify) = oscillator(given);
-            let plan = Plan::new(&identify, &data, &Silent).unwrap();
-            let mut equations = plan.equations(&identify).unwrap();
+            let logs = prepare(&identify, &data, &Silent).unwrap();
+            let motion = smooth(&identify, &logs, &Silent).unwrap();
+            let mut equations = logs.frame.clone();
             for (s, term, value) in [(0, "v", 1.0), (1, "x", -1.7), (1, "v", -0.2), (1, "u", 0.4), (1, "x^2", 0.1)] {
                 let j = equations.library.names().iter().position(|name| *name == term).unwrap();
                 equations.coefficients[s][j] = value;
+                let coefficients = equations.coefficients[s].clone();
+                equations.set(s, &coefficients);
             }
-            let prepare = |terms: &[Vec<usize>]| {
-                let system = equations.model(terms, true).compile().unwrap();
-                let search = plan.search(hold);
-                let mut experiment = Experiment::new(&system, search.data, Some(&search.noise)).unwrap();
+            let prepare = |equations: &Equations| {
+                let system = equations.model_with_parameters().compile().unwrap();
+                let mut experiment = Experiment::new(&system, &logs.data, Some(&motion.noise)).unwrap();
                 experiment = experiment.with_windows_of(2.0);
                 (experiment.hold, experiment.substeps) = (hold, 2);
                 // Every sample whose number is a multiple of three is there.
                 let start = |w: &Window| -> Vec<f64> {
-                    let logged = |j: usize| search.tracks[0].raw[(w.first - w.first % 3, j)];
+                    let logged = |j: usize| motion.tracks[0].raw[(w.first - w.first % 3, j)];
                     (0..system.n_states()).map(|j| if j < 2 { logged(j) } else { 0.0 }).collect()
                 };
                 let initial = experiment.windows.iter().map(start).collect();
                 let point = Point { parameters: system.parameter_values(), initial };
                 (system, experiment, point)
             };
-            let (system, experiment, point) = prepare(&equations.support());
-            let tracks = plan.search(hold).tracks;
-            let course = Course { equations: &equations, system: &system, experiment: &experiment, tracks };
+            let (system, experiment, point) = prepare(&equations);
+            let course =
+                Course { equations: &equations, system: &system, experiment: &experiment, tracks: &motion.tracks };
             let found = course.sensitivities(&point).unwrap();
-            let (system, experiment, point) = prepare(&equations.allowed);
+            let mut whole = equations.clone();
+            let all: Vec<usize> = (0..equations.n_candidates()).collect();
+            whole.set_support(&all, &equations.coefficients);
+            let (system, experiment, point) = prepare(&whole);
             let free: Vec<Free> = (0..system.n_parameters()).map(|k| Free::new(k, 1.0)).collect();
             let moved = Jacobian::new(&system, &experiment, &point, &free).unwrap();
             for (found, block) in found.iter().zip(&moved.blocks) {

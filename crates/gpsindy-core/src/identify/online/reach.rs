@@ -9,9 +9,7 @@
 //! Source: Wiener 1949; Unser 1999, Splines: a perfect fit for signal and image processing (the poles of splines); Sarkka and Solin 2019, Applied Stochastic Differential Equations, section 12.3.
 
 use crate::gp::{Fit, Kernel, Role};
-
-/// Influence of a sample that counts as none.
-const NOTHING: f64 = 1e-6;
+use crate::identify::limits::online::NOTHING;
 
 /// Samples over which the influence of a sample falls by a factor of e, for samples every `period` s; `None` for another
 /// kernel than `matern32` and `matern52`.

@@ -1,0 +1,161 @@
+//! Every threshold of an identification: what it is, its value, and why this value.
+//!
+//! Evidence is twice the natural logarithm of odds everywhere in this folder: 2 ln 20 = 6 stands for odds of 20 to 1.
+//!
+//! "Argument" means that the value follows from what is written beside it. "Convention" means that any value near it would do,
+//! and that no data set was looked at to find it. Where data were looked at, they are named.
+
+use crate::refine::Refine;
+
+/// Evidence, 2 ln odds, by which the explanation with interpolated controls must lead the one with held controls, and the other
+/// way round once it does. 2 ln 20 = 6: a computer that steers holds what it has sent, so the odds must be clear. Argument.
+pub(crate) const INTERPOLATED: f64 = 6.0;
+
+/// The same decision before any term is chosen: evidence, 2 ln odds, beyond which the rows alone rule one of the two out. Far
+/// beyond [`INTERPOLATED`], since smoothing rounds off the corners that a held control makes. 2 ln 22,000 = 20. Convention.
+pub(crate) const RULED_OUT: f64 = 20.0;
+
+/// Evidence, 2 ln odds, by which a support must lead to replace another: above the optimiser's own scatter. Argument.
+pub(crate) const LEAST_LEAD: f64 = 0.01;
+
+/// Evidence, 2 ln odds, by which the end of a later start must lead that of an earlier one: less is a tie. 2 ln e = 2: Kass and
+/// Raftery 1995 call less than 2 "not worth more than a bare mention".
+pub(crate) const TIE: f64 = 2.0;
+
+/// Evidence, 2 ln odds, by which equations must be worse to have no weight in the standard errors: odds of 1000, 2 ln 1000 = 14.
+/// What is left out adds less than a thousandth to a probability. Argument.
+pub(crate) const NO_WEIGHT: f64 = 14.0;
+
+/// Change of the linear problem's evidence that counts as one: above rounding. Argument.
+pub(crate) const ROUNDING: f64 = 1e-9;
+
+/// Share of a column's spread below which residuals count as none: what is left is the integrator's. Its steps are chosen for
+/// errors of 1e-6 of the state a pace, and most of it is common to both sides. Argument.
+pub(crate) const FLOOR: f64 = 1e-7;
+
+/// Rounds of dropping, adding and exchanging terms. Searches end by themselves long before. Convention.
+pub(crate) const ROUNDS: usize = 25;
+
+/// Exchanges of one term that are weighed in the linear problem, the most promising first. Convention.
+pub(crate) const EXCHANGES: usize = 4;
+
+/// Moves that are tried in full each round, the most promising first. Convention.
+pub(crate) const MOVES: usize = 5;
+
+/// Share of the least price of a term by which the linear problem may hold a move for worse, and the move is tried in full yet:
+/// the linear problem errs by less than its own gains. Convention.
+pub(crate) const WORTH_A_TRY: f64 = 0.5;
+
+/// Starts whose supports are improved, those of the best evidence after their first fit. Two, so that one poor start of the
+/// regression does not decide. Convention.
+pub(crate) const LOOKS: usize = 2;
+
+/// Largest number of terms of an equation in the sparser starts. Longer equations are reached by adding terms. Convention.
+pub(crate) const SPARSE: usize = 5;
+
+/// Growth of the residual up to which longer rollouts count as being on course: noise estimates of two halves of a log differ by
+/// less than this from 30 samples on (1 + 2 / sqrt(2 * 30) = 1.26). Argument.
+pub(crate) const ON_COURSE: f64 = 1.3;
+
+/// Growth of the residual up to which longer rollouts tell nothing new about the terms. Convention.
+pub(crate) const UNCHANGED: f64 = 1.01;
+
+/// Largest growth of a small difference along a rollout. Derivatives are taken over a millionth of a state's size: what grows
+/// by more leaves the straight part, and the fit stands still far from the optimum, sure of itself. Argument.
+pub(crate) const GROWTH: f64 = 1e6;
+
+/// Change of the noise, as a share, below which a fit and its noise agree: 0.15 changes no weight by more than a third. Argument.
+pub(crate) const NOISE_SETTLED: f64 = 0.15;
+
+/// Fits of one support with the noise estimated anew in between. Convention.
+pub(crate) const NOISE_ROUNDS: usize = 3;
+
+/// Coefficient with which a term enters a fit, as a share of its typical size: not 0, where a bound on its sign would hold it,
+/// and too small to move a rollout. Argument.
+pub(crate) const BARELY_IN: f64 = 1e-9;
+
+/// Largest lag-one correlation of residuals, and smallest share of them that counts as independent: keeps a ratio finite. At
+/// 0.96 the share is 0.02; more is a wrong model, whatever its number. Convention.
+pub(crate) const CORRELATED: f64 = 0.99;
+/// See [`CORRELATED`].
+pub(crate) const LEAST_SHARE: f64 = 0.02;
+
+/// Shortest rollouts, in paces (times in which the fastest state changes by its spread). Three of them show a turn. Convention.
+pub(crate) const WINDOW_PACES: f64 = 3.0;
+
+/// Shortest rollouts in samples: fewer leave little beside the free start. Convention.
+pub(crate) const WINDOW_SAMPLES: f64 = 10.0;
+
+/// Runge-Kutta steps in a pace: one of a twelfth of the pace errs by about (1/12)^5 / 120 * 2 pi, 1e-6 of the state. Argument.
+pub(crate) const STEPS_PER_PACE: f64 = 12.0;
+
+/// Most Runge-Kutta steps between two samples. Convention.
+pub(crate) const MOST_STEPS: f64 = 10.0;
+
+/// Share of a covariance's mean variance that is added in every direction. A smooth process is sure of directions in which the
+/// equation errs a little; a hundredth keeps them from ruling the fit. Convention.
+pub(crate) const SURE: f64 = 0.01;
+
+/// Samples of a run, or rows of a regression, that it takes at least: one more than a parabola has parameters. Argument.
+pub(crate) const FEWEST: usize = 4;
+
+/// Folds of the cross-validation, batch and online. Hastie, Tibshirani and Friedman 2009, section 7.10: five or ten.
+pub(crate) const FOLDS: usize = 5;
+
+/// Rows left out between two folds: a hundredth of the rows, at most this many. Convention.
+pub(crate) const GAP: usize = 10;
+
+/// Rows at most in the regressions that compare delays: each is repeated for every delay. Convention.
+pub(crate) const DELAY_ROWS: usize = 3000;
+
+/// Fewest and most delays that are tried for one control; a sampling period apart in between. Convention.
+pub(crate) const DELAYS_TRIED: (usize, usize) = (4, 40);
+
+/// Smallest share of a column that is left after the others were taken out of it: less is rounding. Argument.
+pub(crate) const DEPENDENT: f64 = 1e-10;
+
+/// Smallest noise that second differences may tell, as a share of the spread. Convention.
+pub(crate) const LEAST_NOISE: f64 = 1e-4;
+
+/// Budget of one fit through the integrator. The search makes many; the last digits of none decide, since [`LEAST_LEAD`] is
+/// far above a relative change of the cost of 1e-5. Argument.
+pub(crate) const USUAL: Refine = Refine { max_iterations: 25, tolerance: 1e-5 };
+
+/// Limits of the vote of several equations. Settled on the even recordings of one car (JetRacer); no other data set moved them.
+pub(crate) mod consensus {
+    /// Rollouts that other equations are looked for with, as shares of the shortest ones.
+    pub(crate) const SHARES: [f64; 4] = [0.5, 0.75, 1.5, 2.0];
+    /// Stretches of the logs whose states and controls are exchanged.
+    pub(crate) const STRETCHES: usize = 8;
+    /// Length of a stretch as a share of the longest run.
+    pub(crate) const LENGTH: f64 = 0.5;
+    /// Share of the first member's score that another one must stay below: the evidence counts for something, too.
+    pub(crate) const LEAD: f64 = 0.75;
+    /// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other.
+    pub(crate) const APART: f64 = 3.0;
+    /// Root mean square distance of long rollouts from the smoothed log, in units of the noise, from which equations are
+    /// approximations: the systematic part is larger than the noise.
+    pub(crate) const OFF: f64 = 2.0;
+}
+
+/// Limits of the identification sample by sample.
+pub(crate) mod online {
+    /// Samples at the first fit of hyperparameters. Convention.
+    pub(crate) const FIRST_FIT: usize = 16;
+    /// Values of a state before its process is fitted: see [`crate::gp::Weakness::FewPoints`].
+    pub(crate) const FEWEST: usize = 8;
+    /// Share of its spread that a state's standard deviation may have; beyond it the state is not known. Convention.
+    pub(crate) const UNKNOWN: f64 = 0.5;
+    /// Steps longer than this many lengths of the smoothest process are not integrated over. Convention.
+    pub(crate) const LONGEST_STEP: f64 = 2.0;
+    /// Groups in which stretches take turns. Convention.
+    pub(crate) const GROUPS: usize = 20;
+    /// Groups that it takes to see what the errors of a stretch have in common. Convention.
+    pub(crate) const ENOUGH: usize = 10;
+    /// A group with a smaller share of the weight has been forgotten. Convention.
+    pub(crate) const FORGOTTEN: f64 = 1e-3;
+    /// Influence of a sample that counts as none. Convention.
+    pub(crate) const NOTHING: f64 = 1e-6;
+    /// The reach of the smoother is at most the window divided by this. Convention.
+    pub(crate) const REACH: usize = 4;
+}

@@ -1,0 +1,79 @@
+//! What a reader of an identification should know, as data; surfaces add the names of their own options.
+
+use crate::gp::Weakness;
+use std::fmt;
+
+/// A remark about an identification.
+///
+/// `Display` says it in a sentence without the name of any option.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Note {
+    /// The smoothing of a column is weak.
+    WeakSmoothing {
+        /// The column.
+        column: String,
+        /// Why.
+        reasons: Vec<Weakness>,
+    },
+    /// The second Gaussian process of a state was fitted to a part of its points.
+    ThinnedSecondStage {
+        /// The state.
+        state: String,
+    },
+    /// A velocity that no log carries was taken from the slope of a position.
+    UnloggedVelocity {
+        /// The velocity.
+        velocity: String,
+        /// Its position.
+        position: String,
+    },
+    /// The equations are those of the regression, since the refinement could not run.
+    NotRefined {
+        /// Why.
+        reason: String,
+    },
+    /// The refinement stopped before it came to rest.
+    Restless,
+    /// Equations were chosen by their long rollouts and by agreement, not by the evidence alone.
+    Consensus {
+        /// Number of sets of equations that were compared.
+        members: usize,
+    },
+    /// Small differences outgrow everything within this time.
+    Unpredictable {
+        /// The time, s.
+        within: f64,
+    },
+    /// The controls look interpolated between samples.
+    Interpolated,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::WeakSmoothing { column, reasons } => {
+                let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
+                write!(f, "smoothing of `{column}`: {}", reasons.join("; "))
+            }
+            Self::ThinnedSecondStage { state } => {
+                write!(f, "second Gaussian process of `{state}`: {}", Weakness::Thinned)
+            }
+            Self::UnloggedVelocity { velocity, position } => write!(
+                f,
+                "`{velocity}` is not in the logs and was taken from the slope of `{position}`: standard errors of its equation come out too small"
+            ),
+            Self::NotRefined { reason } => write!(f, "no refinement through the integrator: {reason}"),
+            Self::Restless => f.write_str("the refinement stopped before it came to rest"),
+            Self::Consensus { members } => write!(
+                f,
+                "the equations are an approximation: of {members} candidates, these stay nearest to the logs in long rollouts and agree best with the others; the evidence of short rollouts alone is for another"
+            ),
+            Self::Unpredictable { within } => write!(
+                f,
+                "small differences grow a million times within {within:.3} s: the motion is unstable or chaotic, and a rollout as long as the logs says little about the equations"
+            ),
+            Self::Interpolated => f.write_str("the controls look interpolated between samples, not held"),
+        }
+    }
+}

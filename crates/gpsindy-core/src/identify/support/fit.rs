@@ -1,0 +1,264 @@
+//! Equations fitted through the integrator on the raw measurements: coefficients, delays and initial states.
+//!
+//! Source: Bock 1983, Recent advances in parameter identification techniques for ODE.
+
+use crate::data::Dataset;
+use crate::error::{Error, Result};
+use crate::identify::algorithm1::smooth::Motion;
+use crate::identify::algorithm1::track::Track;
+use crate::identify::equations::Equations;
+use crate::identify::evidence::{independent_share, price};
+use crate::identify::limits::{FLOOR, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
+use crate::identify::prepare::Logs;
+use crate::model::System;
+use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Window};
+
+/// What equations are fitted to, and how.
+pub(crate) struct Fitter<'a> {
+    pub(crate) data: &'a Dataset,
+    /// Substeps of the integration between two samples.
+    pub(crate) substeps: usize,
+    /// What controls do between samples.
+    pub(crate) hold: Hold,
+    /// Noise of every state's column (then of given derivatives) to start from.
+    pub(crate) noise: Vec<f64>,
+    /// The runs smoothed: rollouts start on them.
+    pub(crate) tracks: &'a [Track],
+    /// Typical size of each coefficient (n x p).
+    pub(crate) scales: &'a [Vec<f64>],
+}
+
+/// A fitted set of equations.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    pub(crate) equations: Equations,
+    /// Standard error of each coefficient (n x p), 0 where a term is out.
+    pub(crate) errors: Vec<Vec<f64>>,
+    /// Probability of each term of being in (n x p), of [`Fitter::weigh_choice`]; none before.
+    pub(crate) inclusion: Vec<Vec<f64>>,
+    /// Standard error of each delay that was estimated.
+    pub(crate) delay_errors: Vec<f64>,
+    /// The windows that were rolled out.
+    pub(crate) windows: Vec<Window>,
+    /// Initial state of every window.
+    pub(crate) initial: Vec<Vec<f64>>,
+    /// Root mean square residual of each column, in its unit.
+    pub(crate) noise: Vec<f64>,
+    /// `sum_c n_c ln(rss_c / n_c)`.
+    pub(crate) misfit: f64,
+    /// Number of values compared.
+    pub(crate) n_values: f64,
+    /// Share of the values that count as independent.
+    pub(crate) share: f64,
+    pub(crate) converged: bool,
+}
+
+impl Trial {
+    /// Lets the errors allow for `rival`, the same equations under another assumption, of weight `weight` beside 1.
+    pub(crate) fn allow_for(&mut self, rival: &Self, weight: f64) {
+        for s in 0..self.errors.len() {
+            for j in 0..self.errors[s].len() {
+                let (own, other) = (self.errors[s][j], rival.errors[s][j]);
+                if own > 0.0 && other > 0.0 && other.is_finite() {
+                    let apart = self.equations.coefficients[s][j] - rival.equations.coefficients[s][j];
+                    let square = own.powi(2) + weight * (other.powi(2) + apart.powi(2));
+                    self.errors[s][j] = (square / (1.0 + weight)).sqrt();
+                }
+            }
+        }
+    }
+}
+
+impl<'a> Fitter<'a> {
+    pub(crate) fn new(logs: &'a Logs, motion: &'a Motion, hold: Hold) -> Self {
+        Self {
+            data: &logs.data,
+            substeps: motion.substeps(),
+            hold,
+            noise: motion.noise.clone(),
+            tracks: &motion.tracks,
+            scales: &motion.scales,
+        }
+    }
+
+    /// The logs cut into windows of about `window` seconds.
+    fn experiment(&self, system: &System, window: f64, noise: &[f64]) -> Result<Experiment> {
+        let mut experiment = Experiment::new(system, self.data, Some(noise))?.with_windows_of(window);
+        experiment.substeps = self.substeps;
+        experiment.hold = self.hold;
+        Ok(experiment)
+    }
+
+    /// The system of `trial`, the logs in its windows of `window` seconds, and where the fit ended.
+    pub(crate) fn fitted(&self, trial: &Trial, window: f64) -> Result<(System, Experiment, Point)> {
+        let system = trial.equations.model_with_parameters().compile()?;
+        let experiment = self.experiment(&system, window, &trial.noise)?;
+        let point = Point { parameters: system.parameter_values(), initial: trial.initial.clone() };
+        Ok((system, experiment, point))
+    }
+
+    /// Fits coefficients, delays and initial states of `equations`; `near` is a fit to start from.
+    pub(crate) fn fit(&self, equations: &Equations, window: f64, near: Option<&Trial>) -> Result<Trial> {
+        let mut noise = near.map_or_else(|| self.noise.clone(), |trial| trial.noise.clone());
+        let system = equations.model_with_parameters().compile()?;
+        let mut experiment = self.experiment(&system, window, &noise)?;
+        // A window that begins where one of the earlier fit began starts from what that one found.
+        let found = |w: &Window| {
+            let place =
+                |trial: &Trial| trial.windows.iter().position(|other| (other.log, other.first) == (w.log, w.first));
+            near.and_then(|trial| place(trial).map(|k| trial.initial[k].clone()))
+        };
+        let mut initial: Vec<Vec<f64>> =
+            experiment.windows.iter().map(|w| found(w).unwrap_or_else(|| self.start(&system, w))).collect();
+        let free = self.free(equations);
+        let mut parameters = system.parameter_values();
+        // Once with the noise assumed, and again where the residuals tell another.
+        for round in 0..NOISE_ROUNDS {
+            let refined = USUAL.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
+            parameters.clone_from(&refined.parameters);
+            initial.clone_from(&refined.initial);
+            let (squares, counts) = sums(&experiment, &refined.residuals);
+            let spread = &experiment.scale;
+            let found: Vec<f64> = (0..noise.len())
+                .map(|c| {
+                    let freedom =
+                        (counts[c] - (free.len() + initial.len() * spread.len()) as f64 / noise.len() as f64).max(1.0);
+                    (squares[c] / freedom).sqrt().max(FLOOR * spread[experiment.columns[c]])
+                })
+                .collect();
+            let settled = found.iter().zip(&noise).all(|(new, old)| (new / old - 1.0).abs() < NOISE_SETTLED);
+            noise.clone_from(&found);
+            experiment.noise.clone_from(&found);
+            if !(settled || round + 1 == NOISE_ROUNDS) {
+                continue;
+            }
+            let share = independent_share(&refined.residuals, noise.len());
+            let n: f64 = counts.iter().sum();
+            let misfit: f64 = (0..noise.len())
+                .map(|c| {
+                    let least = FLOOR * spread[experiment.columns[c]];
+                    counts[c] * (squares[c] / counts[c].max(1.0)).max(least * least).ln()
+                })
+                .sum();
+            let mut fitted = equations.clone();
+            fitted.take(&parameters);
+            let scaled = |k: usize| refined.covariance[k][k].max(0.0).sqrt();
+            let mut errors = vec![vec![0.0; equations.n_terms()]; equations.n_states()];
+            for (k, (s, j)) in equations.support.iter().enumerate() {
+                errors[s][j] = scaled(k);
+            }
+            let delay_errors = (equations.support.len()..free.len()).map(scaled).collect();
+            let converged = refined.converged;
+            let windows = experiment.windows;
+            return Ok(Trial {
+                equations: fitted,
+                errors,
+                inclusion: Vec::new(),
+                delay_errors,
+                windows,
+                initial,
+                noise,
+                misfit,
+                n_values: n,
+                share,
+                converged,
+            });
+        }
+        Err(Error::NotConverged { what: "refinement".into(), why: "the noise does not settle; give it".into() })
+    }
+
+    /// Smoothed states at the start of a window; 0 for what stands for a logged derivative.
+    fn start(&self, system: &System, window: &Window) -> Vec<f64> {
+        let track = &self.tracks[window.log];
+        let value = |s: usize| if s < track.mean.ncols() { track.mean[(window.first, s)] } else { 0.0 };
+        (0..system.n_states()).map(value).collect()
+    }
+
+    /// Mean squared error, in units of the noise, of rollouts from the smoothed states; infinite where one diverges.
+    pub(crate) fn rollout_error(&self, equations: &Equations, window: f64) -> Result<f64> {
+        let system = equations.model_with_parameters().compile()?;
+        let experiment = self.experiment(&system, window, &self.noise)?;
+        let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
+        let point = Point { parameters: system.parameter_values(), initial };
+        match Jacobian::new(&system, &experiment, &point, &[]) {
+            Ok(jacobian) => Ok(jacobian.cost(&experiment, &point, &[]) / experiment.n_values() as f64),
+            Err(Error::Diverged { .. }) => Ok(f64::INFINITY),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// How much a difference between two starts grows up to the ends of the windows of `trial`, at most, each state in units of
+    /// its spread.
+    pub(crate) fn amplification(&self, trial: &Trial, window: f64) -> Result<f64> {
+        let (system, experiment, point) = self.fitted(trial, window)?;
+        let jacobian = Jacobian::new(&system, &experiment, &point, &[])?;
+        let (columns, scale) = (&experiment.columns, &experiment.scale);
+        let mut largest = 0.0_f64;
+        for block in &jacobian.blocks {
+            let last = block.residual.len() - columns.len();
+            for (c, &column) in columns.iter().enumerate().filter(|(_, column)| **column < jacobian.n_states) {
+                for (j, from) in scale.iter().enumerate() {
+                    let growth = block.derivative[(last + c, j)].abs() * experiment.noise[c] * from / scale[column];
+                    largest = largest.max(growth);
+                }
+            }
+        }
+        Ok(largest)
+    }
+
+    /// By how much the evidence of `trial` is better than that of `other`; both count their values alike, by the larger
+    /// share of independent ones, which is that of the better model.
+    pub(crate) fn lead(&self, trial: &Trial, other: &Trial) -> f64 {
+        let share = trial.share.max(other.share);
+        self.evidence(other, share) - self.evidence(trial, share)
+    }
+
+    /// Places of `trials`, the best evidence first.
+    pub(crate) fn ranked<'t>(&self, trials: impl Iterator<Item = &'t Trial>) -> Vec<usize> {
+        let trials: Vec<&Trial> = trials.collect();
+        let share = trials.iter().map(|trial| trial.share).fold(0.0, f64::max);
+        let evidence: Vec<f64> = trials.iter().map(|trial| self.evidence(trial, share)).collect();
+        let mut order: Vec<usize> = (0..trials.len()).collect();
+        order.sort_by(|&x, &y| evidence[x].total_cmp(&evidence[y]));
+        order
+    }
+
+    fn evidence(&self, trial: &Trial, share: f64) -> f64 {
+        let equations = &trial.equations;
+        let prices = equations.support.iter().map(|(_, j)| price(equations, j, share * trial.n_values));
+        share * trial.misfit + prices.sum::<f64>()
+    }
+
+    /// What a fit may change: the coefficients of the support, then the free delays.
+    pub(crate) fn free(&self, equations: &Equations) -> Vec<Free> {
+        let mut free = Vec::new();
+        for (s, j) in equations.support.iter() {
+            let scale = self.scales[s][j].max(equations.coefficients[s][j].abs());
+            let mut one = Free::new(free.len(), scale);
+            match equations.signs[s][j] {
+                Some(true) => one.lower = 0.0,
+                Some(false) => one.upper = 0.0,
+                None => {}
+            }
+            free.push(one);
+        }
+        for (_, delay) in equations.free_delays() {
+            free.push(Free { lower: 0.0, upper: delay.most, ..Free::new(free.len(), delay.period) });
+        }
+        free
+    }
+}
+
+/// Sum of squares and number of values of each column, in the column's unit.
+fn sums(experiment: &Experiment, residuals: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
+    let columns = experiment.noise.len();
+    let (mut squares, mut counts) = (vec![0.0; columns], vec![0.0; columns]);
+    for window in residuals {
+        for (i, value) in window.iter().enumerate().filter(|(_, v)| v.is_finite()) {
+            let c = i % columns;
+            squares[c] += (value * experiment.noise[c]).powi(2);
+            counts[c] += 1.0;
+        }
+    }
+    (squares, counts)
+}
