@@ -21,7 +21,15 @@ const STRANGERS: &[(&str, &str)] =
 const FLOORS: &[(&str, &[&[&str]])] = &[
     (
         "diagnose",
-        &[&["limits", "notes", "report"], &["run"], &["catalogue"], &["fit"], &["steps"], &["power"], &["mod", "fixture"]],
+        &[
+            &["limits", "notes", "report"],
+            &["run"],
+            &["catalogue"],
+            &["fit"],
+            &["steps"],
+            &["power"],
+            &["mod", "fixture"],
+        ],
     ),
     (
         "identify",

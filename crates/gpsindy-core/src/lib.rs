@@ -29,8 +29,7 @@ pub use error::{Error, Result};
 pub use expression::{Expression, Function, Operator, Tape};
 pub use identify::{
     Author, AuthorResult, Choice, Delay, DelayReport, Estimate, Identification, Identify, Note, Online, OnlineSettings,
-    Regression, StateReport,
-    Target,
+    Regression, StateReport, Target,
 };
 pub use model::{
     Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,

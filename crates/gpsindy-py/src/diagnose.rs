@@ -99,8 +99,7 @@ pub(crate) fn diagnose_paired(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, PyModel)> {
     let simulated = simulated.get().0.clone();
-    let settings =
-        Paired { identify: identify.identify()?, diagnose: options.settings()?, ..Paired::default() };
+    let settings = Paired { identify: identify.identify()?, diagnose: options.settings()?, ..Paired::default() };
     let (train, holdout) = split(train, holdout)?;
     let watch = Arc::new(Watch::default());
     let listening = watch.clone();

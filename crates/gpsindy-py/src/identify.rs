@@ -8,7 +8,8 @@ use crate::watch::Watch;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use gpsindy_core::regress::Selection;
 use gpsindy_core::{
-    Choice, Control, Delay, Error, Expression, Hold, Identification, Identify, Model, Regression, Result, Smoother, State,
+    Choice, Control, Delay, Error, Expression, Hold, Identification, Identify, Model, Regression, Result, Smoother,
+    State,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -76,7 +77,9 @@ impl Settings {
         let known = constraints(&self.fix, &self.forbid, &self.sign)?;
         let kept = self.keep.iter().map(|text| Kept::parse(text)).collect::<Result<_>>()?;
         let constraints = Constraints { kept, ..known };
-        let delay = |(control, delay): (String, Option<f64>)| (control, delay.map_or(Delay::Auto(self.max_delay), Delay::Fixed));
+        let delay = |(control, delay): (String, Option<f64>)| {
+            (control, delay.map_or(Delay::Auto(self.max_delay), Delay::Fixed))
+        };
         Ok(Identify {
             library: LibrarySettings {
                 degree: self.degree,

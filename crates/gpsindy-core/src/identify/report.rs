@@ -23,12 +23,7 @@ pub(crate) struct Found {
 }
 
 /// `chosen` is the regression of every state whose equation was not given, `kernels` those of the smoother.
-pub(crate) fn report(
-    found: Found,
-    chosen: &[Option<Chosen>],
-    kernels: &[String],
-    notes: Vec<Note>,
-) -> Identification {
+pub(crate) fn report(found: Found, chosen: &[Option<Chosen>], kernels: &[String], notes: Vec<Note>) -> Identification {
     let equations = &found.equations;
     let names = equations.library.names();
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());

@@ -353,8 +353,7 @@ mod tests {
         let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
         let friction = hypotheses.iter().find(|h| h.id() == "viscous_friction").unwrap();
         let applied = friction.apply(&model, &scene).unwrap();
-        let best =
-            fitter.with(&nominal, &[unsearched(friction)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
+        let best = fitter.with(&nominal, &[unsearched(friction)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
         of(&best, 0).unwrap()
     }
 

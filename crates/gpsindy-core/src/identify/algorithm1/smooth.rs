@@ -57,7 +57,8 @@ pub(crate) fn smooth(settings: &Identify, logs: &Logs, progress: &dyn Progress) 
         Target::Derivative(method) => {
             let method = with_logged(method, &rates, states.len());
             let derived = method.differentiate(data, &states, &logs.controls(), whole.as_ref(), progress)?;
-            let thinned = settings.states.iter().zip(&derived.fits).filter(|(_, f)| f.weak.contains(&Weakness::Thinned));
+            let thinned =
+                settings.states.iter().zip(&derived.fits).filter(|(_, f)| f.weak.contains(&Weakness::Thinned));
             notes.extend(thinned.map(|(state, _)| Note::ThinnedSecondStage { state: state.clone() }));
             Some(derived)
         }

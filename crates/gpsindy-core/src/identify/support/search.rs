@@ -11,7 +11,11 @@ use rayon::prelude::*;
 
 impl Scope<'_> {
     /// The equations of the best evidence, or why there are none.
-    pub(crate) fn search(&self, starts: &[Equations], rollouts: Rollouts) -> Result<std::result::Result<Member, Error>> {
+    pub(crate) fn search(
+        &self,
+        starts: &[Equations],
+        rollouts: Rollouts,
+    ) -> Result<std::result::Result<Member, Error>> {
         let (trial, hold) = match self.from_starts(starts, rollouts.shortest())? {
             Ok(found) => found,
             Err(error) => return Ok(Err(error)),
