@@ -23,7 +23,7 @@ pub(crate) struct Score {
     /// The models (TOML or JSON); `-` is standard input
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
-    /// The logs (CSV); `-` is standard input
+    /// The logs; `-` is standard input
     #[arg(long, required = true, num_args = 1.., value_name = "LOG")]
     data: Vec<PathBuf>,
     /// Length of the windows, s [default: a tenth of each run]
@@ -42,8 +42,8 @@ pub(crate) fn run(command: &Score, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
     let models = command.models.iter().map(|file| read_model(file)).collect::<gpsindy_files::Result<Vec<Model>>>()?;
     let systems = models.iter().map(Model::compile).collect::<gpsindy_core::Result<Vec<System>>>()?;
-    let logs = Logs::read(&command.data, &command.columns.options())?;
-    let data = model_dataset(&logs, &models, &command.columns, screen)?;
+    let logs = Logs::read(&command.data, &command.columns.options()?)?;
+    let data = model_dataset(&logs, &models, command.hold.into(), &command.columns, screen)?;
     let simulate = Settings { hold: command.hold.into(), ..Settings::default() };
     let scoring = Scoring { simulate, window: command.window };
     let progress = screen.progress();

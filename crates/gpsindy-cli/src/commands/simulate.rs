@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use gpsindy_core::{
     Channel, Dataset, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System,
 };
-use gpsindy_files::{Logs, Table, read_model};
+use gpsindy_files::{Logs, Table, Task, read_model};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -22,7 +22,7 @@ use std::path::PathBuf;
 pub(crate) struct Simulate {
     /// The model (TOML or JSON); `-` is standard input
     model: PathBuf,
-    /// The log (CSV) with the controls and the first state; `-` is standard input
+    /// The log with the controls and the first state; `-` is standard input
     #[arg(long, value_name = "LOG")]
     data: Option<PathBuf>,
     /// Start at the first sample from this time on, s; delays see the log before it [default: the log's first, else 0]
@@ -88,14 +88,15 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
     let rollouts = match &command.data {
         None => vec![(model.name.clone(), without_log(command, &system, &settings, &kept)?)],
         Some(log) => {
-            let logs = Logs::read(std::slice::from_ref(log), &command.columns.options())?;
+            let logs = Logs::read(std::slice::from_ref(log), &command.columns.options()?)?;
             let (controls, states) = columns_of(&model);
             let needed: Vec<String> =
                 controls.into_iter().zip(&kept).filter(|(_, value)| value.is_none()).map(|(name, _)| name).collect();
             if states.iter().any(|state| !model.initial.contains_key(state)) {
                 check_states(&logs.files()[0], &states)?;
             }
-            let data = dataset(&logs, &needed, &states, &command.columns, screen)?;
+            let task = Task { needed: needed.clone(), optional: states, controls: needed, hold: settings.hold };
+            let data = dataset(&logs, &task, &command.columns, screen)?;
             let rollout = |run: &Run| {
                 let excitation = excitation(&system, run, &data, &kept, &settings)?;
                 let range = samples(run, command)?;
