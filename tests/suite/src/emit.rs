@@ -189,6 +189,7 @@ pub fn answer(case: &Case, id: &str) -> Answer {
             Kind::Null => "null",
             Kind::Pair => "pair",
             Kind::Outside => "outside",
+            Kind::Second => "single",
             Kind::Single if matches!(case.effects[0].act, Act::Sensor { .. }) && accepted.len() > 1 => "equivalence",
             Kind::Single => "single",
         },

@@ -231,7 +231,10 @@ impl Diagnose {
 
     fn suspects(&self, mut all: Vec<hypothesis::Hypothesis>) -> Result<Vec<hypothesis::Hypothesis>> {
         all.retain(|h| {
-            let chosen = self.effects.is_empty() || self.effects.iter().any(|e| e == h.id());
+            let chosen = match self.effects.is_empty() {
+                true => !h.is_only_if_asked(),
+                false => self.effects.iter().any(|e| e == h.id()),
+            };
             chosen && !self.without.iter().any(|e| e == h.id())
         });
         if all.is_empty() {

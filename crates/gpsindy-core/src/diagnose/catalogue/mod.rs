@@ -1,13 +1,18 @@
 //! What may be wrong with a simulator: the effects, where they can act, and how each is written into a model.
 
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod contract;
 pub(crate) mod custom;
 pub(crate) mod definition;
 pub(crate) mod effect;
 mod effects;
 pub(crate) mod excited;
+mod form;
 pub(crate) mod hypothesis;
 pub(crate) mod joint;
 pub(crate) mod peaks;
 pub(crate) mod planting;
 pub(crate) mod rival;
+mod sense;
 mod writer;
