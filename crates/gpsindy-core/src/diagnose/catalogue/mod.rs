@@ -1,8 +1,5 @@
 //! What may be wrong with a simulator: the effects, where they can act, and how each is written into a model.
 
-#[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::panic)]
-mod contract;
 pub(crate) mod custom;
 pub(crate) mod definition;
 pub(crate) mod effect;

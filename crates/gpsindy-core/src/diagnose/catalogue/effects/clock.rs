@@ -25,11 +25,11 @@ pub(super) static DEFINITION: Definition = Definition {
         ),
         (Effect::SensorFilter, "a run ten times as long"),
     ],
-    traits: Traits::PLAIN,
+    traits: Traits { only_if_asked: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
-    about: "The state at another time is its value and its rate times the difference, which holds for differences that are short beside the motion.",
+    about: "The state at another time is its value and its rate times the difference, which holds for differences that are short beside the motion. Only a suspect where it is asked for: an offset of half a sample takes up what any other effect gets wrong in time.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
