@@ -185,7 +185,8 @@ fn rates(menu: &mut Menu, frame: &Frame, draw: &mut Draw) {
     for index in 0..plant.parameters.len() {
         let variable = Variable::Parameter(index);
         let Some(row) = menu.first_row(variable).filter(|_| !plant.parameters[index].certain) else { continue };
-        for z in (0..plant.states.len()).filter(|&z| menu.is_product(row, index, z)) {
+        let held: Vec<usize> = (0..plant.states.len()).filter(|&z| menu.is_product(row, index, z)).collect();
+        for z in held {
             let balance = plant.rows[row] == Row::Balance;
             let variables = vec![variable, Variable::State(z)];
             if balance && survey.low[z] >= 0.0 {
