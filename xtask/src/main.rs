@@ -1,5 +1,6 @@
 //! What a developer runs: `cargo xtask test` checks everything, `cargo xtask data` writes `data/` again,
-//! `cargo xtask picture` the picture of docs/.
+//! `cargo xtask picture` the picture of docs/, `cargo xtask effects`
+//! the pages of docs/effects.
 #![forbid(unsafe_code)]
 
 mod data;
@@ -15,6 +16,7 @@ cargo xtask rust     the Rust part of it
 cargo xtask python   the Python part of it
 cargo xtask data     write the generated logs of data/ again (same seed, same files)
 cargo xtask picture  draw docs/hare_lynx.svg again
+cargo xtask effects  write docs/effects again from the catalogue
 ";
 
 fn main() -> ExitCode {
@@ -25,6 +27,10 @@ fn main() -> ExitCode {
         "python" => python::test(),
         "data" => data::write(&shell::root().join("data")),
         "picture" => picture::hare_lynx(),
+        "effects" => {
+            let arguments = "run --release -p gpsindy-report --example effects -- docs/effects";
+            shell::run("cargo", arguments.split(' '), &[])
+        }
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);
             Ok(())

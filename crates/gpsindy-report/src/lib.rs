@@ -4,11 +4,13 @@
 //!
 //! - [`render`]: the page `report.html`, self-contained, for a wide screen, a phone and paper
 //! - [`summary`]: what a terminal shows
+//! - [`effect_page`], [`effects_index`]: the pages of docs/effects
 //! - [`scorecard`]: an exam's answers against its diagnoses
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod chart;
+mod effects;
 mod figures;
 mod html;
 mod power;
@@ -17,6 +19,7 @@ pub mod scorecard;
 mod summary;
 mod words;
 
+pub use effects::{effect_page, effects_index};
 pub use html::{render, render_with};
 pub use provenance::{LogFacts, Provenance};
 pub use summary::summary;

@@ -7,6 +7,7 @@ use crate::plant::Plant;
 use crate::plants::families;
 use crate::random::{Draw, digits};
 use crate::scene::scene;
+use crate::second::second;
 use crate::sensor::{Noise, Sensing};
 use crate::simulate::{Machine, Setup, Trace};
 use crate::survey::{Survey, survey};
@@ -25,6 +26,8 @@ pub enum Kind {
     Beside,
     /// Nothing.
     Null,
+    /// One effect of the second part of the catalogue.
+    Second,
 }
 
 /// A drawn case.
@@ -70,6 +73,11 @@ pub const HELD_OUT: usize = 2;
 
 /// Draws the case of a seed; `None` when forty plants in a row refused.
 pub fn draw_case(seed: u64, kind: Option<Kind>) -> Option<Case> {
+    draw_named(seed, kind, None)
+}
+
+/// As [`draw_case`] with the effect of this name only, on the first of 400 plants that takes it.
+pub fn draw_named(seed: u64, kind: Option<Kind>, id: Option<&str>) -> Option<Case> {
     let kind = kind.unwrap_or_else(|| {
         let share = Draw::new(seed, 0).unit();
         match share {
@@ -79,7 +87,8 @@ pub fn draw_case(seed: u64, kind: Option<Kind>) -> Option<Case> {
             _ => Kind::Null,
         }
     });
-    (1..=40).find_map(|attempt| try_case(seed, attempt, kind))
+    let attempts = if id.is_some() { 400 } else { 40 };
+    (1..=attempts).find_map(|attempt| try_case(seed, attempt, kind, id))
 }
 
 fn run_all(plant: &Plant, effects: &[Effect], setups: &[Setup], scale: &[f64]) -> Option<Vec<Trace>> {
@@ -87,7 +96,7 @@ fn run_all(plant: &Plant, effects: &[Effect], setups: &[Setup], scale: &[f64]) -
     setups.iter().map(|s| machine.run(s)).collect()
 }
 
-fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
+fn try_case(seed: u64, attempt: u64, kind: Kind, id: Option<&str>) -> Option<Case> {
     let mut draw = Draw::new(seed, attempt);
     let list = families();
     let mut plant = list[draw.index(list.len())](&mut draw);
@@ -138,15 +147,20 @@ fn try_case(seed: u64, attempt: u64, kind: Kind) -> Option<Case> {
             }
             (effects, gap)
         }
-        Kind::Single | Kind::Outside => {
-            let menu = if kind == Kind::Single {
-                catalogue(&plant, &known, &frame, &mut draw)
-            } else {
-                outside(&plant, &known, &mut draw)
+        Kind::Single | Kind::Outside | Kind::Second => {
+            let mut menu = match kind {
+                Kind::Single => catalogue(&plant, &known, &frame, &mut draw),
+                Kind::Second => second(&plant, &known, &frame, &mut draw),
+                _ => outside(&plant, &known, &mut draw),
             };
+            menu.retain(|offer| id.is_none_or(|id| offer.id == id));
             let option = pick(&menu, &[], &mut draw)?;
-            let least = if kind == Kind::Outside { 3.0 } else { 1.0 };
-            let target = draw.log(least, 30.0);
+            let (least, most) = match kind {
+                Kind::Outside => (3.0, 30.0),
+                Kind::Second => (3.0, 15.0),
+                _ => (1.0, 30.0),
+            };
+            let target = draw.log(least, most);
             search.sized(option, target, least)?
         }
         Kind::Beside => {

@@ -208,6 +208,10 @@ fn sensors(menu: &mut Menu, frame: &Frame, draw: &mut Draw) {
     }
 }
 
+/// Effects that were outside the catalogue when the first suites were drawn, and are in its second part.
+const NAMED: [&str; 6] =
+    ["load_dependent_friction", "one_sided_contact", "overflow", "missing_resonance", "hysteresis", "rate_limit"];
+
 /// Effects that the catalogue lacks.
 pub fn outside(plant: &Plant, survey: &Survey, draw: &mut Draw) -> Vec<Offer> {
     let mut menu = Menu { plant, survey, list: Vec::new() };
@@ -290,6 +294,7 @@ pub fn outside(plant: &Plant, survey: &Survey, draw: &mut Draw) -> Vec<Offer> {
             law: Actuator::RateLimit { c: digits(0.3 * speed / s, 4) },
         });
     }
+    menu.list.retain(|offer| !NAMED.contains(&offer.id));
     menu.list
 }
 

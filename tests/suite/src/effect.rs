@@ -34,23 +34,59 @@ pub enum Friction {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
 pub enum Actuator {
-    Gain { c: f64 },
-    Bias { c: f64 },
-    Saturation { c: f64 },
-    DeadZone { c: f64 },
-    Delay { tau: f64 },
-    Lag { tau: f64 },
-    Play { c: f64 },
-    RateLimit { c: f64 },
+    Gain {
+        c: f64,
+    },
+    Bias {
+        c: f64,
+    },
+    Saturation {
+        c: f64,
+    },
+    DeadZone {
+        c: f64,
+    },
+    Delay {
+        tau: f64,
+    },
+    Lag {
+        tau: f64,
+    },
+    Play {
+        c: f64,
+    },
+    RateLimit {
+        c: f64,
+    },
+    /// The limit `s` at standstill falls to nothing at the speed `z0` of a state.
+    SpeedLimit {
+        s: f64,
+        z0: f64,
+        speed: usize,
+    },
 }
 
 /// How a column departs from its state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
 pub enum Sensor {
-    Bias { c: f64 },
-    Scale { c: f64 },
-    Delay { tau: f64 },
+    Bias {
+        c: f64,
+    },
+    Scale {
+        c: f64,
+    },
+    Delay {
+        tau: f64,
+    },
+    /// A low pass.
+    Filter {
+        tau: f64,
+    },
+    /// Reads the state at the time `(1 - slow) t`.
+    Clock {
+        slow: f64,
+    },
 }
 
 /// What an effect does.
@@ -150,6 +186,43 @@ pub enum Act {
         c: f64,
         w: f64,
     },
+    /// Bouc-Wen with an exponent of one: `-c h`, `h' = v - b |v| h - g v |h|`.
+    Memory {
+        velocity: usize,
+        c: f64,
+        b: f64,
+        g: f64,
+    },
+    /// The whole equation is divided by `1 + c`.
+    Inertia {
+        c: f64,
+    },
+    /// A parameter divided by `1 + h z`.
+    Saturating {
+        index: usize,
+        z: usize,
+        h: f64,
+    },
+    /// A parameter divided by `sqrt(1 + q z^2)`.
+    Slipping {
+        index: usize,
+        z: usize,
+        q: f64,
+    },
+    /// A parameter times `1 + c T`, `T' = ((u/usual)^2 - T)/tau` from nothing.
+    Warming {
+        index: usize,
+        control: usize,
+        c: f64,
+        tau: f64,
+        usual: f64,
+    },
+    /// Between two places nothing is passed on within `c` of their middle.
+    Loose {
+        p: usize,
+        q: usize,
+        c: f64,
+    },
 }
 
 /// One effect at one place.
@@ -222,6 +295,7 @@ impl Act {
         match self {
             Act::Resonance { .. } => 2,
             Act::Hysteresis { .. } | Act::Actuator { law: Actuator::Lag { .. }, .. } => 1,
+            Act::Memory { .. } | Act::Warming { .. } | Act::Sensor { law: Sensor::Filter { .. } } => 1,
             _ => 0,
         }
     }
@@ -239,6 +313,11 @@ impl Act {
             Act::Hysteresis { velocity, c, w } => {
                 let (v, h) = (x[velocity], x[slot]);
                 d[slot] = v - v.abs() * h * h.abs() / (w * w);
+                -c * h
+            }
+            Act::Memory { velocity, c, b, g } => {
+                let (v, h) = (x[velocity], x[slot]);
+                d[slot] = v - b * v.abs() * h - g * v * h.abs();
                 -c * h
             }
             _ => 0.0,
@@ -267,16 +346,23 @@ impl Act {
                 | Actuator::DeadZone { c }
                 | Actuator::Play { c }
                 | Actuator::RateLimit { c } => vec![("c", c)],
+                Actuator::SpeedLimit { s, z0, .. } => vec![("s", s), ("z0", z0)],
                 Actuator::Delay { tau } | Actuator::Lag { tau } => vec![("tau", tau)],
             },
             Act::Sensor { law } => match law {
                 Sensor::Bias { c } | Sensor::Scale { c } => vec![("c", c)],
-                Sensor::Delay { tau } => vec![("tau", tau)],
+                Sensor::Delay { tau } | Sensor::Filter { tau } => vec![("tau", tau)],
+                Sensor::Clock { slow } => vec![("e", -slow)],
             },
             Act::Contact { c, edge, .. } => vec![("c", c), ("edge", edge)],
             Act::Exponential { c, edge, w, .. } => vec![("c", c), ("edge", edge), ("w", w)],
             Act::Inverse { c, w, .. } | Act::Hysteresis { c, w, .. } => vec![("c", c), ("w", w)],
             Act::Resonance { c, omega, damping, .. } => vec![("c", c), ("omega", omega), ("damping", damping)],
+            Act::Memory { c, b, g, .. } => vec![("c", c), ("b", b), ("g", g)],
+            Act::Inertia { c } | Act::Loose { c, .. } => vec![("c", c)],
+            Act::Saturating { h, .. } => vec![("h", h)],
+            Act::Slipping { q, .. } => vec![("q", q)],
+            Act::Warming { c, tau, .. } => vec![("c", c), ("time", tau)],
         }
     }
 }

@@ -190,6 +190,7 @@ pub fn answer(case: &Case, id: &str) -> Answer {
             Kind::Pair => "pair",
             Kind::Outside => "outside",
             Kind::Beside => "beside",
+            Kind::Second => "single",
             Kind::Single if matches!(case.effects[0].act, Act::Sensor { .. }) && accepted.len() > 1 => "equivalence",
             Kind::Single => "single",
         },

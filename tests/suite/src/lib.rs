@@ -15,6 +15,7 @@ pub mod plant;
 pub mod plants;
 pub mod random;
 mod scene;
+pub mod second;
 pub mod sensor;
 pub mod simulate;
 pub mod survey;

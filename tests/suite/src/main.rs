@@ -1,7 +1,7 @@
 //! `gpsindy-suite draw`: writes cases of random plants with withheld effects.
 
 use clap::{Parser, Subcommand, ValueEnum};
-use gpsindy_suite::case::{Kind, draw_case};
+use gpsindy_suite::case::{Kind, draw_named};
 use gpsindy_suite::emit::{Answer, answer, files};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,9 @@ enum Command {
         /// Kind of all cases; mixed: half single, a tenth pairs, 15 % outside the catalogue, a quarter nulls.
         #[arg(long, value_enum, default_value = "mixed")]
         kind: Choice,
+        /// This effect in every case.
+        #[arg(long)]
+        effect: Option<String>,
     },
 }
 
@@ -40,6 +43,7 @@ enum Choice {
     Outside,
     Beside,
     Null,
+    Second,
     Mixed,
 }
 
@@ -50,16 +54,17 @@ struct Answers {
 }
 
 fn main() -> ExitCode {
-    let Command::Draw { seed_from, seed_to, out, kind } = Arguments::parse().command;
+    let Command::Draw { seed_from, seed_to, out, kind, effect } = Arguments::parse().command;
     let kind = match kind {
         Choice::Single => Some(Kind::Single),
         Choice::Pair => Some(Kind::Pair),
         Choice::Outside => Some(Kind::Outside),
         Choice::Beside => Some(Kind::Beside),
         Choice::Null => Some(Kind::Null),
+        Choice::Second => Some(Kind::Second),
         Choice::Mixed => None,
     };
-    match write(seed_from, seed_to, &out, kind) {
+    match write(seed_from, seed_to, &out, kind, effect.as_deref()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             eprintln!("gpsindy-suite: {message}");
@@ -68,7 +73,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn write(from: u64, to: u64, out: &Path, kind: Option<Kind>) -> Result<(), String> {
+fn write(from: u64, to: u64, out: &Path, kind: Option<Kind>, effect: Option<&str>) -> Result<(), String> {
     if to <= from {
         return Err(format!("--seed-to must be above --seed-from {from}, found {to}"));
     }
@@ -81,7 +86,7 @@ fn write(from: u64, to: u64, out: &Path, kind: Option<Kind>) -> Result<(), Strin
     let entries: Vec<Result<Option<Answer>, String>> = seeds
         .par_iter()
         .map(|&seed| {
-            let Some(case) = draw_case(seed, kind) else { return Ok(None) };
+            let Some(case) = draw_named(seed, kind, effect) else { return Ok(None) };
             let id = format!("case_{seed:02}");
             let folder = out.join(&id);
             std::fs::create_dir_all(&folder).map_err(|e| failed(&folder, e))?;

@@ -87,16 +87,57 @@ impl<'a> Machine<'a> {
         let mut applied = [0.0; 4];
         applied[..u.len()].copy_from_slice(u);
         for (effect, &slot) in self.effects.iter().zip(&self.slots) {
-            if let Act::Actuator { control, law: Actuator::Lag { tau } } = effect.act {
-                d[slot] = (u[control] - x[slot]) / tau;
-                applied[control] = x[slot];
+            match effect.act {
+                Act::Actuator { control, law: Actuator::Lag { tau } } => {
+                    d[slot] = (u[control] - x[slot]) / tau;
+                    applied[control] = x[slot];
+                }
+                Act::Actuator { control, law: Actuator::SpeedLimit { s, z0, speed } } => {
+                    let r = x[speed] / z0;
+                    applied[control] = u[control].min(s * (1.0 - r)).max(-s * (1.0 + r));
+                }
+                Act::Sensor { law: Sensor::Filter { tau } } => d[slot] = (x[effect.state] - x[slot]) / tau,
+                Act::Warming { control, tau, usual, .. } => {
+                    d[slot] = ((u[control] / usual).powi(2) - x[slot]) / tau;
+                }
+                _ => {}
             }
         }
         let applied = &applied[..u.len()];
-        (self.plant.flow)(&self.parameters, &x[..n], applied, t, &mut d[..n]);
+        let changed = self.changed(x);
+        let parameters = changed.as_ref().unwrap_or(&self.parameters);
+        let mut place = [0.0; WIDTH];
+        place[..n].copy_from_slice(&x[..n]);
+        for effect in self.effects {
+            if let Act::Loose { p, q, c } = effect.act {
+                let apart = x[p] - x[q];
+                place[p] = x[q] + apart.signum() * (apart.abs() - c).max(0.0);
+            }
+        }
+        (self.plant.flow)(parameters, &place[..n], applied, t, &mut d[..n]);
         for (effect, &slot) in self.effects.iter().zip(&self.slots) {
             d[effect.state] += effect.act.added(t, &x[..n], applied) + effect.act.hidden_flow(slot, x, d);
         }
+        for effect in self.effects {
+            if let Act::Inertia { c } = effect.act {
+                d[effect.state] /= 1.0 + c;
+            }
+        }
+    }
+
+    /// The parameters where an effect changes one with the states.
+    fn changed(&self, x: &Values) -> Option<Vec<f64>> {
+        let mut changed = None;
+        for (effect, &slot) in self.effects.iter().zip(&self.slots) {
+            let (index, factor) = match effect.act {
+                Act::Saturating { index, z, h } => (index, 1.0 / (1.0 + h * x[z])),
+                Act::Slipping { index, z, q } => (index, 1.0 / (1.0 + q * x[z] * x[z]).sqrt()),
+                Act::Warming { index, c, .. } => (index, 1.0 + c * x[slot]),
+                _ => continue,
+            };
+            changed.get_or_insert_with(|| self.parameters.clone())[index] *= factor;
+        }
+        changed
     }
 
     /// The derivative of the states at a point, in motion; for statistics.
@@ -212,26 +253,36 @@ impl<'a> Machine<'a> {
         let mut mode = Mode::Slip(1.0);
         let mut play: Vec<f64> = vec![0.0; m];
         let mut limited: Vec<f64> = vec![0.0; m];
-        let mut late: Vec<(usize, f64, usize, Vec<f64>)> = Vec::new();
+        // What a late sensor shows: the state, the times that it shows, how many are known, their values.
+        let mut late: Vec<(usize, Vec<f64>, usize, Vec<f64>)> = Vec::new();
         for effect in self.effects {
-            if let Act::Sensor { law: Sensor::Delay { tau } } = effect.act {
-                late.push((effect.state, tau, 0, Vec::new()));
+            match effect.act {
+                Act::Sensor { law: Sensor::Delay { tau } } => {
+                    late.push((effect.state, times.iter().map(|s| s - tau).collect(), 0, Vec::new()));
+                }
+                Act::Sensor { law: Sensor::Clock { slow } } => {
+                    let seen = times.iter().map(|s| (1.0 - slow) * s);
+                    late.push((effect.state, seen.collect(), 0, Vec::new()));
+                }
+                _ => {}
             }
         }
         for (k, &now) in times.iter().enumerate() {
             let mut reading: Vec<f64> = x[..n].to_vec();
-            for effect in self.effects {
+            for (effect, &slot) in self.effects.iter().zip(&self.slots) {
                 if let Act::Sensor { law } = effect.act {
                     match law {
                         Sensor::Bias { c } => reading[effect.state] += c,
                         Sensor::Scale { c } => reading[effect.state] *= 1.0 + c,
-                        Sensor::Delay { .. } => {}
+                        Sensor::Filter { .. } if k == 0 => x[slot] = x[effect.state],
+                        Sensor::Filter { .. } => reading[effect.state] = x[slot],
+                        Sensor::Delay { .. } | Sensor::Clock { .. } => {}
                     }
                 }
             }
-            for (state, tau, next, values) in &mut late {
+            for (state, seen, next, values) in &mut late {
                 // Until the delay has passed the sensor shows the start.
-                while times.get(*next).is_some_and(|s| s - *tau <= times[0]) {
+                while seen.get(*next).is_some_and(|s| *s <= times[0]) {
                     values.push(setup.start[*state]);
                     *next += 1;
                 }
@@ -281,9 +332,9 @@ impl<'a> Machine<'a> {
                         _ => {}
                     }
                 }
-                for (_, tau, next, _) in &late {
-                    if let Some(&s) = times.get(*next) {
-                        cut(s - *tau);
+                for (_, seen, next, _) in &late {
+                    if let Some(&s) = seen.get(*next) {
+                        cut(s);
                     }
                 }
                 let (mut value, mut slope) = (vec![0.0; m], vec![0.0; m]);
@@ -304,8 +355,8 @@ impl<'a> Machine<'a> {
                 for j in 0..m {
                     limited[j] = value[j] + slope[j] * (to - from);
                 }
-                for (state, tau, next, values) in &mut late {
-                    while times.get(*next).is_some_and(|s| s - *tau <= to + tiny) {
+                for (state, seen, next, values) in &mut late {
+                    while seen.get(*next).is_some_and(|s| *s <= to + tiny) {
                         values.push(x[*state]);
                         *next += 1;
                     }
@@ -371,7 +422,7 @@ impl<'a> Machine<'a> {
                     *play = play.clamp(value - 0.5 * c, value + 0.5 * c);
                     value = *play;
                 }
-                Actuator::Lag { .. } | Actuator::RateLimit { .. } => {}
+                Actuator::Lag { .. } | Actuator::RateLimit { .. } | Actuator::SpeedLimit { .. } => {}
             }
         }
         (value, slope)

@@ -44,7 +44,8 @@ fn footprint(plant: &Plant, survey: &Survey, act: &Act, row: usize) -> Option<Ve
                 }
             }
             Act::Periodic { .. } | Act::Step { .. } | Act::Drift { .. } | Act::Sensor { .. } => return None,
-            Act::Resonance { .. } | Act::Hysteresis { .. } => return None,
+            Act::Resonance { .. } | Act::Hysteresis { .. } | Act::Memory { .. } | Act::Inertia { .. } => return None,
+            Act::Saturating { .. } | Act::Slipping { .. } | Act::Warming { .. } | Act::Loose { .. } => return None,
             _ => {}
         }
         (plant.flow)(&p, x, &u1, 0.0, &mut after);
@@ -221,6 +222,12 @@ pub fn compete(
     Some(Outcome { near, gap: contest.gap, count: contest.count })
 }
 
+/// Does the effect act wherever its control or its parameter stands?
+fn wherever(id: &str) -> bool {
+    let others = ["backlash", "parameter_error", "motor_limit", "saturating_rate", "thermal", "slip"];
+    id.starts_with("input") || others.contains(&id)
+}
+
 /// The acceptable names of one effect of the truth, given what its rivals leave.
 pub fn accept(plant: &Plant, survey: &Survey, truth: &Effect, of: usize, outcome: Option<&Outcome>) -> Vec<Accept> {
     let mut list: Vec<Accept> = Vec::new();
@@ -248,7 +255,7 @@ pub fn accept(plant: &Plant, survey: &Survey, truth: &Effect, of: usize, outcome
     // An input acts wherever its control does; a parameter likewise.
     for (id, variables) in names {
         if let Some(&v @ (Variable::Control(_) | Variable::Parameter(_))) = variables.first()
-            && (id.starts_with("input") || id == "backlash" || id == "parameter_error")
+            && wherever(id)
         {
             for row in rows_of(plant, v, &survey.points) {
                 push(id, row, variables.clone());
@@ -260,6 +267,12 @@ pub fn accept(plant: &Plant, survey: &Survey, truth: &Effect, of: usize, outcome
         Act::Friction { law: Friction::Coulomb { .. } } => {
             push("stribeck_friction", truth.state, vec![Variable::State(truth.state)]);
         }
+        // What is held by a peak of the friction that fades at once is a Stribeck friction of a narrow peak.
+        Act::Friction { law: Friction::Stribeck { .. } } => {
+            push("stribeck_friction", truth.state, vec![Variable::State(truth.state)]);
+            push("stiction", truth.state, vec![Variable::State(truth.state)]);
+        }
+        Act::Loose { p, q, .. } => push("gear_play", truth.state, vec![Variable::State(q), Variable::State(p)]),
         Act::Sine { n: 1.0, .. } => push("cogging", truth.state, truth.variables.clone()),
         _ => {}
     }

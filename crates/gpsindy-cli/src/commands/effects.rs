@@ -9,7 +9,8 @@ use serde_json::json;
 /// The catalogue of effects that a diagnosis looks for
 ///
 /// With each: the form (added to the right side of the state's equation unless it says otherwise; z is the variable it depends on, u a
-/// control), its parameters, and what it looks like in a log.
+/// control), its parameters, and what it looks like in a log. With `--json` also its name, where it can act, its twins with the
+/// experiment that parts each, and whether it is a suspect unasked.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy effects\n         gpsindy effects coulomb_friction backlash")]
 pub(crate) struct Effects {
@@ -28,10 +29,7 @@ pub(crate) fn run(command: &Effects, screen: &Screen) -> Outcome {
         shown = Effect::ALL.to_vec();
     }
     if screen.json() {
-        let list: Vec<_> = shown
-            .iter()
-            .map(|e| json!({"id": e.id(), "form": e.form(), "parameters": e.parameters(), "signature": e.signature()}))
-            .collect();
+        let list: Vec<_> = shown.into_iter().map(entry).collect();
         return screen.out(&format!("{}\n", json!(list)));
     }
     let mut text = String::new();
@@ -40,4 +38,26 @@ pub(crate) fn run(command: &Effects, screen: &Screen) -> Outcome {
         text += &format!("{:<22} {}\n{:<22} {}\n\n", "", effect.parameters(), "", effect.signature());
     }
     screen.out(&text)
+}
+
+/// All that the catalogue says of an effect.
+fn entry(effect: Effect) -> serde_json::Value {
+    let twins: Vec<_> = effect
+        .twins()
+        .into_iter()
+        .map(|(twin, experiment)| json!({"effect": twin.id(), "experiment": experiment}))
+        .collect();
+    json!({
+        "id": effect.id(),
+        "name": effect.name(),
+        "meaning": effect.meaning(),
+        "form": effect.form(),
+        "parameters": effect.parameters(),
+        "signature": effect.signature(),
+        "places": effect.places(),
+        "sense": effect.sense(),
+        "suspect": if effect.is_only_if_asked() { "asked" } else { "always" },
+        "twins": twins,
+        "about": effect.about(),
+    })
 }

@@ -5,6 +5,9 @@
 //! and fitted by rollouts to the raw measurements, with initial states and tolerated parameters free.
 
 mod catalogue;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod contract;
 mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]

@@ -8,6 +8,7 @@ mod export;
 mod system;
 
 pub use export::Language;
+pub(crate) use system::Follower;
 pub use system::{Dynamics, Input, InputKind, System};
 
 use crate::error::Result;

@@ -62,6 +62,17 @@ pub(crate) struct LateState {
     pub(crate) delay: Tape,
 }
 
+/// A state that follows the inputs alone, such as a lagging input.
+#[derive(Debug, Clone)]
+pub(crate) struct Follower {
+    /// Which state.
+    pub(crate) state: usize,
+    /// Its rate, as a tape of the variables of [`System::rates`].
+    pub(crate) rate: Tape,
+    /// Whether the rate is a straight line in the state.
+    pub(crate) is_linear: bool,
+}
+
 /// A model compiled for evaluation.
 ///
 /// The rates are functions of the variables states (n), controls (m), inputs with a history (h)
@@ -73,8 +84,7 @@ pub struct System {
     late_states: Vec<LateState>,
     rates: Tape,
     outputs: Tape,
-    /// States that follow the inputs alone, and their rates as a tape of the same variables.
-    followers: Vec<(usize, Tape)>,
+    followers: Vec<Follower>,
     simulator: Option<Arc<dyn Dynamics>>,
 }
 
@@ -195,8 +205,8 @@ impl System {
         })
     }
 
-    /// States from number `first` on follow their inputs alone (lagging inputs): a rollout that starts within a log
-    /// takes them from the log's past, and has no start of theirs to choose.
+    /// Of the states from number `first` on, those that follow the inputs alone (lagging inputs): a rollout that starts
+    /// within a log takes them from the log's past, and has no start of theirs to choose.
     pub(crate) fn with_followers(mut self, first: usize) -> Result<Self> {
         let model = &self.model;
         if first >= model.states.len() {
@@ -207,13 +217,21 @@ impl System {
         let names = model.states.iter().map(|s| s.name.clone()).chain(model.controls.iter().map(|c| c.name.clone()));
         let parameters = model.parameters.iter().map(|p| p.name.clone());
         let variables: Vec<String> = names.chain((0..self.inputs.len()).map(input_name)).chain(parameters).collect();
-        let tape = |j: usize| Ok((j, Tape::new(std::slice::from_ref(&rates[j]), &variables)?));
-        self.followers = (first..model.states.len()).map(tape).collect::<Result<_>>()?;
+        let is_alone = |j: &usize| {
+            let reads = |k: usize| k != *j && model.states[*j].equation.contains(&model.states[k].name);
+            !(0..model.states.len()).any(reads)
+        };
+        let follower = |state: usize| {
+            let (own, rate) = (&model.states[state].name, &rates[state]);
+            let is_linear = rate.derivative(own).is_ok_and(|slope| !slope.contains(own));
+            Ok(Follower { state, rate: Tape::new(std::slice::from_ref(rate), &variables)?, is_linear })
+        };
+        self.followers = (first..model.states.len()).filter(is_alone).map(follower).collect::<Result<_>>()?;
         Ok(self)
     }
 
     /// The states that follow the inputs alone, and their rates.
-    pub(crate) fn followers(&self) -> &[(usize, Tape)] {
+    pub(crate) fn followers(&self) -> &[Follower] {
         &self.followers
     }
 

@@ -6,7 +6,7 @@
 use super::experiment::{Log, Past};
 use super::history::{History, Stages, histories};
 use crate::data::Hold;
-use crate::model::System;
+use crate::model::{Follower, System};
 
 /// What is rolled out, and who receives it: sample, state or column, values.
 struct Roll<'r, const L: usize> {
@@ -80,16 +80,19 @@ impl<'a, const L: usize> Lanes<'a, L> {
         Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None }
     }
 
-    /// States that follow the inputs alone, at every sample: settled at the first, then exact for a constant input
-    /// over a step. A rate is a straight line in such a state.
+    /// States that follow the inputs alone, at every sample: settled at the first or as the model has it, then exact for a constant input
+    /// over a step where the rate is a straight line in the state; else in short steps of one such line each, from the
+    /// control that leaves it most at rest.
     fn follow(&mut self) -> Vec<(usize, Vec<[f64; L]>)> {
         let (time, n, m) = (&self.log.time, self.system.n_states(), self.system.n_controls());
         let mut all = Vec::new();
-        for (state, tape) in self.system.followers() {
+        for Follower { state, rate: tape, is_linear } in self.system.followers() {
             let mut registers = tape.registers::<L>();
             let first = n + m + self.histories.len();
             registers[first..first + self.parameters.len()].copy_from_slice(&self.parameters);
             self.histories.iter_mut().for_each(|h| h.rewind(time, time[0], self.hold));
+            let model = self.system.model();
+            let given = model.initial.get(&model.states[*state].name).copied();
             let mut path: Vec<[f64; L]> = Vec::with_capacity(time.len());
             for k in 0..time.len() - 1 {
                 let (a, b) = (time[k], time[k + 1]);
@@ -101,14 +104,22 @@ impl<'a, const L: usize> Lanes<'a, L> {
                     *register = history.step(time, k, a, b, self.hold)[1];
                 }
                 registers[tape.n_variables()] = [0.5 * (a + b); L];
-                let mut rate = |value: f64| {
-                    registers[*state] = [value; L];
+                let mut rate = |value: [f64; L]| {
+                    registers[*state] = value;
                     tape.evaluate(&mut registers);
                     tape.output(&registers, 0)
                 };
-                let (at_zero, at_one) = (rate(0.0), rate(1.0));
+                if !is_linear {
+                    if path.is_empty() {
+                        let starts = self.log.controls.iter().map(|c| c[0]);
+                        path.push([most_at_rest(starts, |value| rate([value; L])[0]); L]);
+                    }
+                    path.push(crept(path[k], b - a, rate));
+                    continue;
+                }
+                let (at_zero, at_one) = (rate([0.0; L]), rate([1.0; L]));
                 let settled: [f64; L] = std::array::from_fn(|lane| at_zero[lane] / (at_zero[lane] - at_one[lane]));
-                let now = *path.last().unwrap_or(&settled);
+                let now = *path.last().unwrap_or(&given.map_or(settled, |value| [value; L]));
                 if path.is_empty() {
                     path.push(now);
                 }
@@ -309,6 +320,30 @@ impl<'a, const L: usize> Lanes<'a, L> {
         self.outputs[n_variables] = [t; L];
         self.system.evaluate(simd, self.system.outputs(), &mut self.outputs);
     }
+}
+
+/// Of several values the one with the slowest rate.
+fn most_at_rest(values: impl Iterator<Item = f64>, mut rate: impl FnMut(f64) -> f64) -> f64 {
+    let rated = values.map(|value| (rate(value).abs(), value));
+    rated.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, value)| value)
+}
+
+/// A state after `time`, in short steps each of which is exact for the straight line through its rate.
+fn crept<const L: usize>(start: [f64; L], time: f64, mut rate: impl FnMut([f64; L]) -> [f64; L]) -> [f64; L] {
+    /// Enough for a state that stops where its rate turns from a constant to a decay.
+    const STEPS: usize = 8;
+    let h = time / STEPS as f64;
+    (0..STEPS).fold(start, |now, _| {
+        let here = rate(now);
+        // As far as an Euler step would go, so that the line sees where the rate ends.
+        let ahead = rate(std::array::from_fn(|lane| now[lane] + h * here[lane]));
+        std::array::from_fn(|lane| {
+            let moved = h * here[lane];
+            let slope = if moved == 0.0 { 0.0 } else { (ahead[lane] - here[lane]) / moved };
+            let grown = if (slope * h).abs() < 1e-9 { 1.0 } else { (slope * h).exp_m1() / (slope * h) };
+            now[lane] + grown * moved
+        })
+    })
 }
 
 /// Cubic Hermite value of a state at time `t`; before the first node its value where it stood still, else its tangent.

@@ -114,6 +114,11 @@ impl Excitation {
         Self::new(system, &self.time, controls.as_ref(), self.hold)
     }
 
+    /// The controls at the first sample.
+    pub(super) fn first_controls(&self) -> impl Iterator<Item = f64> {
+        self.controls.iter().filter_map(|c| c.first().copied())
+    }
+
     /// Sample times, s.
     pub fn time(&self) -> &[f64] {
         &self.time

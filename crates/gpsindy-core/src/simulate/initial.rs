@@ -90,8 +90,8 @@ enum Source {
 /// - A logged state: its value, `measured` inverted; a missing cell is interpolated, before the first known
 ///   value that value holds.
 /// - A state that is the time derivative of a logged state: a local polynomial fit of that column.
-/// - States that depend on themselves and the controls alone (a lag): at rest at the first sample, then driven
-///   by the controls.
+/// - States that depend on themselves and the controls alone (a lag): at rest at the first sample, or at the model's
+///   `initial`, then driven by the controls.
 /// - Any other: the model's `initial`.
 #[derive(Debug, Clone)]
 pub struct StateReader {
@@ -182,6 +182,10 @@ fn logged_states(
             if is_affine(measured, &state.name) {
                 delays[j] = sensor_delay(model, measured, &state.name)?;
                 inverted.push(j);
+            } else if let Some(seen) = reads_another(model, measured) {
+                // A sensor that smooths: what it shows, and near enough what it sees.
+                let shown = cells[j].clone();
+                cells[seen] = shown;
             } else {
                 cells[j] = None;
             }
@@ -225,6 +229,14 @@ fn is_affine(measured: &Expression, name: &str) -> bool {
         other => other,
     });
     at_once.contains(name) && at_once.derivative(name).is_ok_and(|slope| !slope.contains(name))
+}
+
+/// The state without a column that `measured` shows, where it shows just one: a filtered sensor.
+fn reads_another(model: &Model, measured: &Expression) -> Option<usize> {
+    match measured {
+        Expression::Variable(name) => model.state_index(name),
+        _ => None,
+    }
 }
 
 fn sensor_delay(model: &Model, measured: &Expression, name: &str) -> Result<f64> {
@@ -277,7 +289,13 @@ fn drive(model: &Model, driven: &[usize], excitation: &Excitation) -> Result<Opt
     let system = part.compile()?;
     let excitation = excitation.for_system(&system)?;
     let guess: Vec<f64> = part.states.iter().map(|s| model.initial.get(&s.name).copied().unwrap_or(0.0)).collect();
-    let Some(rest) = state_of_rest(&system, &excitation, guess) else { return Ok(None) };
+    // A state that has its own end of speed is at rest where its control is.
+    let controls: Vec<Vec<f64>> = excitation.first_controls().map(|u| vec![u; guess.len()]).collect();
+    let mut guesses = std::iter::once(guess).chain(controls);
+    let Some(mut rest) = guesses.find_map(|guess| state_of_rest(&system, &excitation, guess)) else { return Ok(None) };
+    for (value, state) in rest.iter_mut().zip(&part.states) {
+        *value = model.initial.get(&state.name).copied().unwrap_or(*value);
+    }
     let rollout = Simulate::default().rollout(&system, &excitation, &rest)?;
     Ok(Some((0..driven.len()).map(|j| rollout.states.col_as_slice(j).to_vec()).collect()))
 }

@@ -3,6 +3,7 @@
 use crate::diagnose::catalogue::effects::Effect;
 use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::Writer;
 use crate::error::Result;
 use crate::model::Model;
@@ -53,11 +54,27 @@ pub(crate) enum Place {
     Control,
     /// What a column reads.
     Sensor,
+    /// In an equation, on its own state and another force of it: a control or the place that it depends on.
+    Load,
+    /// Wherever a control stands, on the state of the equation that it moves most.
+    DriveAndSpeed,
+    /// Wherever a control stands, on a control that no equation has: a column that was logged beside.
+    Supply,
+    /// Wherever a parameter stands, on a state that its terms hold.
+    Rate,
+    /// Wherever a parameter stands, on a control of the same equation.
+    Heated,
+    /// The difference of two places of the model.
+    Gap,
 }
 
 impl Place {
     /// The places within an equation, in the order in which they are tried.
-    pub(crate) const IN_A_ROW: [Self; 6] = [Self::Row, Self::Own, Self::Position, Self::Other, Self::Pair, Self::Time];
+    pub(crate) const IN_A_ROW: [Self; 7] =
+        [Self::Row, Self::Own, Self::Position, Self::Other, Self::Pair, Self::Time, Self::Load];
+
+    /// The places that are not of one equation, in the order in which they are tried.
+    pub(crate) const ELSEWHERE: [Self; 5] = [Self::DriveAndSpeed, Self::Supply, Self::Rate, Self::Heated, Self::Gap];
 
     /// The place in words.
     pub(crate) fn words(self) -> &'static str {
@@ -71,6 +88,12 @@ impl Place {
             Self::Parameter => "every equation in which a parameter stands",
             Self::Control => "every equation in which a control stands",
             Self::Sensor => "a logged column",
+            Self::Load => "an equation of a rate, on its own state and on another force of it",
+            Self::DriveAndSpeed => "every equation in which a control stands, on the speed that the control drives",
+            Self::Supply => "every equation in which a control stands, on a logged control that no equation has",
+            Self::Rate => "every equation in which a parameter stands, on a state that its terms hold",
+            Self::Heated => "every equation in which a parameter stands, on a control of the same equation",
+            Self::Gap => "every equation that holds the difference of two places",
         }
     }
 }
@@ -90,6 +113,8 @@ pub(crate) struct Traits {
     pub(crate) has_no_single_size: bool,
     /// Its size is a limit: the smaller, the more it does.
     pub(crate) is_a_limit: bool,
+    /// Is a suspect only where it is asked for by its id: it costs more false names or time than it is worth unasked.
+    pub(crate) only_if_asked: bool,
 }
 
 impl Traits {
@@ -101,6 +126,7 @@ impl Traits {
         has_many_places: false,
         has_no_single_size: false,
         is_a_limit: false,
+        only_if_asked: false,
     };
 }
 
@@ -120,6 +146,8 @@ pub(crate) struct Definition {
     /// What it looks like in a log.
     pub(crate) signature: &'static str,
     pub(crate) places: &'static [Place],
+    /// What must hold at a place for the effect to make sense there.
+    pub(crate) sense: &'static [Sense],
     /// Effects that logs may not tell from it, and the experiment that parts them. It is enough that one of the two names
     /// the other.
     pub(crate) twins: &'static [(Effect, &'static str)],
@@ -130,6 +158,8 @@ pub(crate) struct Definition {
     pub(crate) plant: fn(&mut Planting<'_>) -> Result<Option<Size>>,
     /// The fitted model as a reader should have it: `(model, state)`.
     pub(crate) told: fn(&mut Model, usize),
+    /// For its page: how it is fitted, where it fails, where the form comes from. May be empty.
+    pub(crate) about: &'static str,
 }
 
 /// For [`Definition::told`]: the model as it was fitted.

@@ -2,6 +2,7 @@
 
 use crate::diagnose::catalogue::definition::{Definition, Family, Place, experiment};
 pub use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::form::{with_words, written};
 use crate::expression::Expression;
 use crate::model::Model;
 
@@ -63,9 +64,24 @@ impl Effect {
         self.definition().places.iter().map(|place| place.words()).collect()
     }
 
+    /// What must hold there for it to be a suspect, in words; empty where nothing must.
+    pub fn sense(self) -> Vec<&'static str> {
+        self.definition().sense.iter().map(|sense| sense.words()).collect()
+    }
+
+    /// How it is fitted, where it fails, where the form comes from; may be empty.
+    pub fn about(self) -> &'static str {
+        self.definition().about
+    }
+
+    /// Whether it is a suspect only where a setting names it.
+    pub fn is_only_if_asked(self) -> bool {
+        self.definition().traits.only_if_asked
+    }
+
     /// Whether the effect acts on a control.
     pub fn acts_on_input(self) -> bool {
-        self.acts_at(Place::Control)
+        [Place::Control, Place::DriveAndSpeed, Place::Supply].into_iter().any(|place| self.acts_at(place))
     }
 
     /// Whether the effect acts on what a column reads.
@@ -75,7 +91,7 @@ impl Effect {
 
     /// Whether the effect acts wherever a parameter stands.
     pub fn acts_on_parameter(self) -> bool {
-        self.acts_at(Place::Parameter)
+        [Place::Parameter, Place::Rate, Place::Heated].into_iter().any(|place| self.acts_at(place))
     }
 
     pub(crate) fn acts_at(self, place: Place) -> bool {
@@ -122,30 +138,13 @@ impl Effect {
         let Definition { form, symbols, .. } = self.definition();
         // All at once: a variable may be called like a symbol.
         let name = |symbol: &str| symbols.iter().position(|s| *s == symbol).and_then(|place| variables.get(place));
-        let put = |part: Expression| match &part {
-            Expression::Variable(symbol) => name(symbol).map_or(part.clone(), |n| Expression::variable(n.clone())),
-            _ => part,
-        };
-        match Expression::parse(form) {
-            Ok(parsed) => parsed.map(&put).to_string(),
+        let named: Vec<(&str, Expression)> =
+            symbols.iter().filter_map(|s| Some((*s, Expression::variable(name(s)?.clone())))).collect();
+        match written(form, &named) {
+            Ok(expression) => expression.to_string(),
             Err(_) => with_words(form, name),
         }
     }
-}
-
-/// `text` with every whole word replaced for which there is another.
-fn with_words<'a>(text: &str, other: impl Fn(&str) -> Option<&'a String>) -> String {
-    let is_part = |c: char| c.is_alphanumeric() || c == '_';
-    let mut written = String::new();
-    let mut rest = text;
-    while let Some(start) = rest.find(is_part) {
-        let end = rest[start..].find(|c| !is_part(c)).map_or(rest.len(), |length| start + length);
-        let word = &rest[start..end];
-        written += &rest[..start];
-        written += other(word).map_or(word, String::as_str);
-        rest = &rest[end..];
-    }
-    written + rest
 }
 
 /// An effect of the user's own, added to the right side of an equation.

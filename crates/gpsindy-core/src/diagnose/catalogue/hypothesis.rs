@@ -3,8 +3,9 @@
 use crate::diagnose::catalogue::definition::{Family, Place};
 use crate::diagnose::catalogue::effect::{CustomEffect, Effect};
 use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::sense;
 use crate::error::{Error, Result};
-use crate::expression::Tape;
+use crate::expression::{Expression, Operator, Tape};
 use crate::model::Model;
 
 /// What acts: an effect of the catalogue or one of the user's own.
@@ -128,6 +129,11 @@ impl Hypothesis {
         self.effect().is_some_and(Effect::is_imitated_by_hold)
     }
 
+    /// Whether it is a suspect only where a setting names it.
+    pub(crate) fn is_only_if_asked(&self) -> bool {
+        self.effect().is_some_and(Effect::is_only_if_asked)
+    }
+
     /// How many states it adds to a model.
     pub(crate) fn added_states(&self) -> usize {
         self.effect().map_or(0, Effect::added_states)
@@ -198,6 +204,11 @@ pub(crate) fn enumerate(
     for &j in logged {
         at(Place::Sensor).for_each(|effect| push(effect, j, &[]));
     }
+    for place in Place::ELSEWHERE {
+        let choices = choices(place, model, scene);
+        at(place).for_each(|effect| choices.iter().for_each(|(j, variables)| push(effect, *j, variables)));
+    }
+    all.retain(|h| h.effect().is_none_or(|e| e.definition().sense.iter().all(|s| s.holds(h, model, scene))));
     for effect in custom {
         let Some(j) = model.state_index(&effect.state) else {
             return Err(Error::unknown("state", &effect.state, model.states.iter().map(|s| &s.name)));
@@ -265,7 +276,7 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
         Place::Own => vec![vec![own]],
         Place::Position => match position {
             Some(x) => vec![vec![x]],
-            None if is_speed(&model.states[j].unit) => Vec::new(),
+            None if sense::is_speed(&model.states[j].unit) => Vec::new(),
             None => vec![vec![own]],
         },
         Place::Other => {
@@ -278,11 +289,65 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
             let pairs = names.iter().enumerate().flat_map(|(i, &z)| names[i..].iter().map(move |&w| vec![z, w]));
             pairs.collect()
         }
+        Place::Load => {
+            let equation = &model.states[j].equation;
+            let loads = position.into_iter().chain(controls()).filter(|n| equation.contains(n));
+            loads.map(|load| vec![own, load]).collect()
+        }
         Place::Parameter | Place::Control | Place::Sensor => Vec::new(),
+        Place::DriveAndSpeed | Place::Supply | Place::Rate | Place::Heated | Place::Gap => Vec::new(),
     }
 }
 
-/// Whether a unit is one of a speed: it has no spring, no weight and no teeth. Only what may be a place or an angle does.
-fn is_speed(unit: &str) -> bool {
-    unit.ends_with("/s")
+/// Equations and variables of a place that is not of one equation.
+fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec<&'a str>)> {
+    let controls = || model.controls.iter().map(|c| c.name.as_str());
+    let driven = || controls().filter_map(|u| Some((acts_in(model, scene, u)?, u)));
+    let set = || model.parameters.iter().filter_map(|p| Some((acts_in(model, scene, &p.name)?, p.name.as_str())));
+    match place {
+        Place::DriveAndSpeed => driven().map(|(j, u)| (j, vec![u, model.states[j].name.as_str()])).collect(),
+        Place::Supply => {
+            let stands = |n: &str| model.states.iter().any(|s| s.equation.contains(n));
+            let beside: Vec<&str> = controls().filter(|w| !stands(w)).collect();
+            driven().flat_map(|(j, u)| beside.iter().map(move |&w| (j, vec![u, w]))).collect()
+        }
+        Place::Rate => {
+            let mut all = Vec::new();
+            for (j, parameter) in set() {
+                // Only a parameter that scales its terms has a rate that can saturate.
+                let slope = model.states[j].equation.derivative(parameter);
+                let Some(slope) = slope.ok().filter(|slope| !slope.contains(parameter)) else { continue };
+                let held = model.states.iter().filter(|z| slope.contains(&z.name));
+                all.extend(held.map(|z| (j, vec![parameter, z.name.as_str()])));
+            }
+            all
+        }
+        Place::Heated => {
+            let heats = |j: usize, u: &str| model.states[j].equation.contains(u);
+            set().flat_map(|(j, p)| controls().filter(move |u| heats(j, u)).map(move |u| (j, vec![p, u]))).collect()
+        }
+        Place::Gap => gaps(model),
+        Place::Row | Place::Own | Place::Position | Place::Other | Place::Pair | Place::Time => Vec::new(),
+        Place::Load | Place::Parameter | Place::Control | Place::Sensor => Vec::new(),
+    }
+}
+
+/// Differences of two places: the first equation that has them, and the two.
+fn gaps(model: &Model) -> Vec<(usize, Vec<&str>)> {
+    let place = |part: &Expression| match part {
+        Expression::Variable(name) => model.state_index(name).filter(|&i| model.is_kinematic(i)),
+        _ => None,
+    };
+    let mut found: Vec<(usize, [usize; 2])> = Vec::new();
+    for (j, state) in model.states.iter().enumerate() {
+        state.equation.visit(&mut |part| {
+            if let Expression::Binary(Operator::Subtract, a, b) = part
+                && let (Some(p), Some(q)) = (place(a), place(b))
+                && !found.iter().any(|(_, known)| known.contains(&p) && known.contains(&q))
+            {
+                found.push((j, [p, q]));
+            }
+        });
+    }
+    found.into_iter().map(|(j, pair)| (j, pair.map(|i| model.states[i].name.as_str()).into())).collect()
 }

@@ -5,6 +5,7 @@
 //! is used. What is planted stands in the effect's own file of `effects/`; here are the words for it.
 
 use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
@@ -87,6 +88,11 @@ impl Size {
         Self::within("c", unit, (0.02 * scale, 300.0 * scale), "")
     }
 
+    /// The same under another symbol of the form.
+    pub(crate) fn called(self, symbol: &'static str) -> Self {
+        Self { symbol, ..self }
+    }
+
     /// A limit that begins at `nominal`, where it does nothing, and comes down.
     pub(crate) fn limit(symbol: &'static str, unit: String, nominal: f64, (first, most): (f64, f64)) -> Self {
         let end = "the limit would leave nothing of the control";
@@ -131,14 +137,8 @@ impl Planting<'_> {
     /// A form with `symbol` as its size and other symbols replaced, all at once, so that a variable may be called like a
     /// symbol.
     pub(crate) fn written(&self, form: &str, symbol: &str, others: &[(&str, Expression)]) -> Result<Expression> {
-        let parsed = Expression::parse(form)?;
-        Ok(parsed.map(&|part| match &part {
-            Expression::Variable(name) if name == symbol => self.size.clone(),
-            Expression::Variable(name) => {
-                others.iter().find(|(other, _)| other == name).map_or(part.clone(), |(_, e)| e.clone())
-            }
-            _ => part,
-        }))
+        let size = [(symbol, self.size.clone())];
+        written(form, &[&size, others].concat())
     }
 
     /// Adds a form of the size `c` and the hypothesis' variables `z` and `w` to the equation.

@@ -4,10 +4,11 @@
 
 use crate::diagnose::catalogue::effect::CustomEffect;
 use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Start};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
-use crate::model::{Model, Parameter};
+use crate::model::{Model, Parameter, State};
 use std::f64::consts::PI;
 
 /// Fewest repetitions within the logs before something may be called periodic: less is any smooth curve.
@@ -102,11 +103,49 @@ impl<'a> Writer<'a> {
         state.equation = state.equation.clone().plus(term);
     }
 
+    /// A form of the effect's own symbols, and of the hypothesis' variables under the symbols that its definition has for
+    /// them.
+    pub(crate) fn form(&self, text: &str, own: &[(&str, Expression)]) -> Result<Expression> {
+        let symbols = self.hypothesis.effect().map_or(&[][..], |effect| effect.definition().symbols);
+        let variables =
+            symbols.iter().copied().zip(self.hypothesis.variables.iter().cloned().map(Expression::variable));
+        written(text, &own.iter().cloned().chain(variables).collect::<Vec<_>>())
+    }
+
+    /// Adds a state that starts at `initial` whatever the log, or where what it follows is.
+    pub(crate) fn add_state(&mut self, wanted: &str, initial: Option<f64>) -> Expression {
+        let name = self.model.free_name(wanted);
+        if let Some(value) = initial {
+            self.model.initial.insert(name.clone(), value);
+        }
+        self.model.states.push(State::new(name.clone(), Expression::Number(0.0)));
+        Expression::variable(name)
+    }
+
+    /// Sets the equation of an added state.
+    pub(crate) fn set_rate(&mut self, state: &Expression, rate: Expression) {
+        if let Expression::Variable(name) = state
+            && let Some(index) = self.model.state_index(name)
+        {
+            self.model.states[index].equation = rate;
+        }
+    }
+
     /// Puts `replacement` in the place of `name`, wherever it acts.
     pub(crate) fn replace(&mut self, name: &str, replacement: &Expression) {
         for state in &mut self.model.states {
             state.equation = state.equation.substitute(name, replacement);
             state.measured = state.measured.as_ref().map(|m| m.substitute(name, replacement));
+        }
+    }
+
+    /// Puts the added state `follower` in the place of the control `name`, but in its own equation.
+    pub(crate) fn replace_control(&mut self, name: &str, follower: &Expression) {
+        let own = |state: &State| *follower == Expression::variable(state.name.clone());
+        let kept = self.model.states.iter().find(|s| own(s)).map(|s| s.equation.clone());
+        self.replace(name, follower);
+        if let Some(equation) = kept {
+            self.set_rate(follower, equation);
         }
     }
 

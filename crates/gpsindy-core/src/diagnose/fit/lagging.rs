@@ -1,9 +1,9 @@
-//! Where the states of lagging inputs start.
+//! Where the states start that a hypothesis added.
 
-use crate::model::System;
+use crate::model::{Model, State, System};
 use crate::refine::Experiment;
 
-/// Initial states with every lagging input (states from `known` on) starting at its control.
+/// Initial states with every added state (from `known` on) where [`start_of`] has it.
 pub(crate) fn with_lagging(
     system: &System,
     experiment: &Experiment,
@@ -13,10 +13,21 @@ pub(crate) fn with_lagging(
     let model = system.model();
     for (window, start) in experiment.windows.iter().zip(&mut initial) {
         start.resize(model.states.len(), 0.0);
-        for (state, value) in model.states[known..].iter().zip(&mut start[known..]) {
-            let control = state.equation.variables().iter().find_map(|name| model.control_index(name));
-            *value = control.map_or(0.0, |c| experiment.logs[window.log].controls[c][window.first]);
+        let (known, added) = start.split_at_mut(known);
+        let control = |c: usize| experiment.logs[window.log].controls[c][window.first];
+        for (state, value) in model.states[known.len()..].iter().zip(added) {
+            *value = start_of(model, state, known, control);
         }
     }
     initial
+}
+
+/// The start of an added state: what the model gives it, else what it follows: a control (a lagging input), or one of the
+/// `known` states (a filtered sensor).
+pub(crate) fn start_of(model: &Model, state: &State, known: &[f64], control: impl Fn(usize) -> f64) -> f64 {
+    let names = state.equation.variables();
+    let given = model.initial.get(&state.name).copied();
+    let followed = || names.iter().find_map(|name| model.control_index(name)).map(&control);
+    let seen = || names.iter().find_map(|name| model.state_index(name).and_then(|j| known.get(j))).copied();
+    given.or_else(followed).or_else(seen).unwrap_or(0.0)
 }

@@ -4,6 +4,7 @@ use crate::data::{Dataset, Run};
 use crate::diagnose::catalogue::planting::Planted;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::lagging::start_of;
 use crate::diagnose::fit::tolerance::tolerated;
 use crate::diagnose::limits::{Budget, CLOSE, LEFT_LOG, NOISE, SHORTEST};
 use crate::diagnose::report::PowerNoise;
@@ -136,13 +137,12 @@ impl Bench {
         let excitation = Excitation::of_run(system, &piece.run, &self.channels, self.simulate.hold)?;
         let mut initial = piece.initial.clone();
         let model = system.model();
-        for state in &model.states[initial.len()..] {
-            // A lagging input begins where its control does.
-            let control = model.controls.iter().find(|c| state.equation.contains(&c.name));
-            let channel = control.and_then(|u| self.channels.iter().position(|c| c.name == u.name));
-            let known = |c: usize| piece.run.column(c).iter().copied().find(|v| v.is_finite());
-            initial.push(channel.and_then(known).unwrap_or(0.0));
-        }
+        let known = initial.clone();
+        let first = |c: usize| {
+            let channel = self.channels.iter().position(|channel| channel.name == model.controls[c].name);
+            channel.and_then(|c| piece.run.column(c).iter().copied().find(|v| v.is_finite())).unwrap_or(0.0)
+        };
+        initial.extend(model.states[known.len()..].iter().map(|state| start_of(model, state, &known, first)));
         Ok(self.simulate.rollout(system, &excitation, &initial)?.outputs)
     }
 

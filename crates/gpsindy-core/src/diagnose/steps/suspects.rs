@@ -19,7 +19,8 @@ pub(crate) struct Suspects {
     pub(crate) scene: Scene,
 }
 
-/// Every effect that can act in the nominal model: of the `chosen` ones (all where none is), without those left out.
+/// Every effect that can act in the nominal model: of the `chosen` ones (where none is, all but those that must be asked for),
+/// without those left out.
 ///
 /// # Errors
 /// No effect that can act; an effect of the user's own in a state that the model lacks.
@@ -33,7 +34,10 @@ pub(crate) fn suspects(
     let scene = scene_of(nominal);
     let mut hypotheses = enumerate(model, &scene, &nominal.experiment.columns, custom)?;
     hypotheses.retain(|h| {
-        let is_chosen = chosen.is_empty() || chosen.iter().any(|e| e == h.id());
+        let is_chosen = match chosen.is_empty() {
+            true => !h.is_only_if_asked(),
+            false => chosen.iter().any(|e| e == h.id()),
+        };
         is_chosen && !without.iter().any(|e| e == h.id())
     });
     if hypotheses.is_empty() {

@@ -18,6 +18,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: total width",
     signature: "nothing happens for a while after every reversal of the command",
     places: &[Place::Control],
+    sense: &[],
     twins: &[
         (Effect::InputDeadZone, experiment::TRIANGLES),
         (Effect::InputLag, experiment::TRIANGLES),
@@ -27,6 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

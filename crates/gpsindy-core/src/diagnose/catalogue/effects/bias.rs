@@ -16,6 +16,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: constant rate",
     signature: "a steady push that does not depend on anything",
     places: &[Place::Row],
+    sense: &[],
     twins: &[
         (Effect::SensorBias, experiment::TURN_THE_RIG),
         (Effect::InputBias, experiment::TURN_THE_RIG),
@@ -25,6 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -19,11 +19,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: size, n: spatial frequency, phase",
     signature: "a ripple that repeats with position",
     places: &[Place::Position],
+    sense: &[],
     twins: &[(Effect::PeriodicDisturbance, "the same motion at two speeds")],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -17,6 +17,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: friction level, w: speed within which the sign is smoothed",
     signature: "decay by equal steps, standing still, a jump of the rate at every reversal",
     places: &[Place::Own],
+    sense: &[],
     twins: &[
         (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
         (Effect::StribeckFriction, experiment::SLOW_REVERSALS),
@@ -26,6 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

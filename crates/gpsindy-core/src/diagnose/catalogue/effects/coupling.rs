@@ -15,11 +15,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: gain from z",
     signature: "this axis moves when only the other is driven",
     places: &[Place::Other],
+    sense: &[],
     twins: &[],
     traits: Traits { has_many_places: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

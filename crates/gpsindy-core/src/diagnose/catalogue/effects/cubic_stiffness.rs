@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: hardening",
     signature: "resonance shifts with amplitude",
     places: &[Place::Own, Place::Position],
+    sense: &[],
     twins: &[(Effect::GravityLoad, experiment::LARGER), (Effect::LinearStiffness, experiment::LARGER)],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -17,11 +17,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: change per second",
     signature: "the beginning fits, the end does not",
     places: &[Place::Time, Place::Parameter],
+    sense: &[],
     twins: &[(Effect::Bias, experiment::THE_SAME_AGAIN), (Effect::StepDisturbance, experiment::THE_SAME_AGAIN)],
     traits: Traits { has_many_places: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: largest load, phase: where it vanishes",
     signature: "a load that depends on the angle",
     places: &[Place::Position],
+    sense: &[],
     twins: &[],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: offset of the control",
     signature: "acts as if the command were shifted",
     places: &[Place::Control],
+    sense: &[],
     twins: &[(Effect::SensorBias, experiment::TURN_THE_RIG), (Effect::CoulombFriction, experiment::TURN_THE_RIG)],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

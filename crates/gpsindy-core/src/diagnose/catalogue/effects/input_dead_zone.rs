@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: half width",
     signature: "small commands do nothing",
     places: &[Place::Control],
+    sense: &[],
     twins: &[],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -17,6 +17,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "tau: delay, s",
     signature: "everything happens later by the same time",
     places: &[Place::Control],
+    sense: &[],
     twins: &[
         (Effect::InputLag, "a step, or a chirp beyond 1/(2 pi tau), sampled faster"),
         (Effect::SensorDelay, "log an echo of the command or a second sensor, or close the loop over it"),
@@ -25,6 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: relative gain error",
     signature: "every response to the control is scaled",
     places: &[Place::Control],
+    sense: &[],
     twins: &[(Effect::ParameterError, experiment::KNOWN_LOAD), (Effect::SensorScale, experiment::KNOWN_LOAD)],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

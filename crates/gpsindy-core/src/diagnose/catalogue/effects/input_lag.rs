@@ -17,11 +17,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "tau: time constant, s",
     signature: "fast commands are rounded, slow ones pass",
     places: &[Place::Control],
+    sense: &[],
     twins: &[],
     traits: Traits { added_states: 1, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -17,11 +17,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: limit",
     signature: "large commands do no more than middle ones",
     places: &[Place::Control],
+    sense: &[],
     twins: &[(Effect::InputLag, experiment::AMPLITUDES), (Effect::InputGain, experiment::AMPLITUDES)],
     traits: Traits { is_a_limit: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -15,11 +15,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: stiffness",
     signature: "a shifted resonance, a spring that pulls back",
     places: &[Place::Position],
+    sense: &[],
     twins: &[],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

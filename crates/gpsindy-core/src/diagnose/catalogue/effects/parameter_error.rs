@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "value: what the logs say",
     signature: "the whole term that the parameter scales is too large or too small",
     places: &[Place::Parameter],
+    sense: &[],
     twins: &[],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -19,6 +19,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: size, omega: rad/s, phase",
     signature: "a line in the spectrum that no command has",
     places: &[Place::Time],
+    sense: &[],
     twins: &[
         (Effect::Bias, experiment::THE_SAME_AGAIN),
         (Effect::Drift, experiment::THE_SAME_AGAIN),
@@ -28,6 +29,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -15,11 +15,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: gain of the product",
     signature: "grows when two motions happen together",
     places: &[Place::Pair],
+    sense: &[],
     twins: &[],
     traits: Traits { has_many_places: true, has_no_single_size: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

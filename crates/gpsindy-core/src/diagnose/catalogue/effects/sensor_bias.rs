@@ -15,11 +15,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: offset",
     signature: "a constant difference that no motion explains",
     places: &[Place::Sensor],
+    sense: &[],
     twins: &[],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

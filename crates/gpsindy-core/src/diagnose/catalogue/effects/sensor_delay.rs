@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "tau: delay, s",
     signature: "one column runs behind the others",
     places: &[Place::Sensor],
+    sense: &[],
     twins: &[],
     traits: Traits { reads_the_past: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

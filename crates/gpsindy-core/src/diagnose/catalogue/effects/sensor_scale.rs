@@ -15,11 +15,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: relative error of scale",
     signature: "differences in proportion to the reading",
     places: &[Place::Sensor],
+    sense: &[],
     twins: &[],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -18,11 +18,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: size, t0: time, s",
     signature: "everything is as it should be until an instant",
     places: &[Place::Time],
+    sense: &[],
     twins: &[(Effect::Bias, experiment::THE_SAME_AGAIN)],
     traits: Traits::PLAIN,
     write,
     plant,
     told: tell,
+    about: "",
 };
 
 /// Share of the logs that must lie on either side of a step: nearer to an end it is how a run starts or stops.

@@ -17,6 +17,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: level at speed, s: level near zero, w: speed that parts them",
     signature: "sticks more than it slides: jerky motion at low speed",
     places: &[Place::Own],
+    sense: &[],
     twins: &[
         (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
         (Effect::QuadraticDrag, experiment::SLOW_REVERSALS),
@@ -25,6 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -16,11 +16,13 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: damping rate",
     signature: "oscillations die faster, steady speed falls in proportion",
     places: &[Place::Own],
+    sense: &[],
     twins: &[(Effect::QuadraticDrag, "steady motion at three or more speeds, or a coast-down")],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
+    about: "",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

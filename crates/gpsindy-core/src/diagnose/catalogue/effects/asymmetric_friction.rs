@@ -1,0 +1,52 @@
+//! Dry friction of two levels, one a direction.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::{Combine, Start};
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer};
+use crate::error::Result;
+use crate::expression::Expression;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "asymmetric friction",
+    meaning: "Dry friction that is stronger one way than the other.",
+    family: Family::Friction,
+    form: "-c_plus*max(sign(z), 0) - c_minus*min(sign(z), 0)",
+    symbols: &["z"],
+    parameters: "c_plus: level for z above 0, c_minus: level for z below 0",
+    signature: "a jump of the rate at every reversal, and unlike decay in the two directions",
+    places: &[Place::Own],
+    sense: &[Sense::Speed, Sense::EitherSign(0)],
+    twins: &[
+        (Effect::CoulombFriction, "equal slow strokes in both directions"),
+        (Effect::Bias, "turn the rig round, or equal slow strokes in both directions"),
+    ],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+    about: "Equal levels are Coulomb friction, which has one number less and wins then. Coulomb friction beside a bias is the same force.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let (rate, small, size, unit) = (writer.rate(), writer.small(), writer.size(0), writer.unit_of_rate());
+    let plus = writer.add("c_plus", 0.0, rate, POSITIVE, &unit);
+    let minus = writer.add("c_minus", 0.0, rate, POSITIVE, &unit);
+    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    let form = "-(c_plus*max(tanh(z/w), 0) + c_minus*min(tanh(z/w), 0))";
+    writer.add_term(writer.form(form, &[("c_plus", plus), ("c_minus", minus), ("w", w)])?);
+    Ok(vec![Start {
+        columns: vec![vec![small, 0.0, 0.02 * size], vec![0.0, small, 0.02 * size]],
+        combine: Combine::Amplitude,
+        amplitudes: vec![(0, 0.0), (1, 0.0)],
+    }])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let z = Expression::variable(planting.name(0));
+    let term = planting.written("-0.4*c*sign(z) - 0.6*c*max(sign(z), 0)", "c", &[("z", z)])?;
+    planting.add_term(planting.with_corners(term));
+    Ok(Some(Size::added(planting.rate_unit(), planting.rate()).called("c_plus")))
+}

@@ -1,0 +1,68 @@
+//! Play between two places.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::excited::Excursion;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::{Writer, keep};
+use crate::error::Result;
+use crate::expression::{Expression, Function, Operator};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "gear play",
+    meaning: "Play between two moving parts: for a while one turns without the other.",
+    family: Family::Memory,
+    form: "p - q becomes dead_zone(p - q, c)",
+    symbols: &["p", "q"],
+    parameters: "c: half width of the play",
+    signature: "after a reversal one part moves alone, then both",
+    places: &[Place::Gap],
+    sense: &[],
+    twins: &[
+        (Effect::Backlash, "log both sides of the gear, or reverse under a light load"),
+        (Effect::ParameterError, "small and large loads"),
+    ],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+    about: "A suspect where an equation holds the difference of two places, as a spring between two masses has it.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let range = |index: usize| writer.excursion(index).map_or(1.0, Excursion::range);
+    let travel = range(0).min(range(1));
+    let c = writer.add("c", 0.0, 0.01 * travel, (0.0, travel), "");
+    let [p, q] = [writer.variable(0)?, writer.variable(1)?];
+    let loose = |a: &Expression, b: &Expression| {
+        Expression::Call(Function::DeadZone, vec![a.clone().minus(b.clone()), c.clone()])
+    };
+    let (pq, qp) = (p.clone().minus(q.clone()), q.clone().minus(p.clone()));
+    for state in &mut writer.model.states {
+        state.equation = state.equation.map(&|part| match part {
+            part if part == pq => loose(&p, &q),
+            part if part == qp => loose(&q, &p),
+            part => part,
+        });
+    }
+    Ok([0.002, 0.005, 0.015, 0.04, 0.1, 0.25].map(|part| keep(&[part * travel])).into())
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let (one, other) = (Expression::variable(planting.name(0)), Expression::variable(planting.name(1)));
+    let size = planting.size.clone();
+    for state in &mut planting.model.states {
+        state.equation = state.equation.map(&|part| match &part {
+            Expression::Binary(Operator::Subtract, a, b)
+                if [&one, &other].contains(&&**a) && [&one, &other].contains(&&**b) =>
+            {
+                let kept = Expression::Call(Function::Clamp, vec![part.clone(), size.clone().negated(), size.clone()]);
+                part.clone().minus(kept)
+            }
+            _ => part,
+        });
+    }
+    let travel = planting.excursion(0).map_or(1.0, Excursion::range);
+    Ok(Some(Size::within("c", String::new(), (1e-3 * travel, 0.5 * travel), "half of the travel")))
+}

@@ -1,0 +1,69 @@
+//! A force that remembers the path.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::error::Result;
+use crate::expression::Expression;
+use crate::model::{Model, State};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "hysteresis",
+    meaning: "A force that depends on where the motion came from: a material or a valve that gives before it slides.",
+    family: Family::Memory,
+    form: "-c*h with h a state of its own, h(0) = 0, and the rate of h z - b*abs(z)*h - g*z*abs(h)",
+    symbols: &["z"],
+    parameters: "c: stiffness after a reversal, b and g: how soon the force levels off",
+    signature: "closed loops of force over place, with rounded corners after each reversal",
+    places: &[Place::Own],
+    sense: &[Sense::Speed, Sense::EitherSign(0)],
+    twins: &[
+        (Effect::CoulombFriction, "reversals of several lengths: hysteresis gives before it slides"),
+        (Effect::LinearStiffness, "small and large strokes"),
+        (Effect::StribeckFriction, "reversals of several lengths: hysteresis gives before it slides"),
+    ],
+    traits: Traits { added_states: 1, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+    about: "Source: Bouc 1967, Wen 1976, with an exponent of one. With g = 0 it is the model of Dahl 1968.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let state = writer.hypothesis.state;
+    let (rate, small) = (writer.rate(), writer.small());
+    let travel = travel(&writer.model, writer.scene, state);
+    let c = writer.add("c", 0.0, rate / travel, POSITIVE, "");
+    let b = writer.add("b", 5.0 / travel, 5.0 / travel, (0.1 / travel, 1e3 / travel), "");
+    let g = writer.add("g", 0.0, 5.0 / travel, (-1e3 / travel, 1e3 / travel), "");
+    let name = format!("{}_remembered", writer.model.states[state].name);
+    let h = writer.add_state(&name, Some(0.0));
+    let flow = writer.form("z - b*abs(z)*h - g*z*abs(h)", &[("b", b), ("g", g), ("h", h.clone())])?;
+    writer.set_rate(&h, flow);
+    writer.add_term(c.times(h).negated());
+    Ok([1.5, 4.0, 10.0, 25.0].map(|b| amplitude(&[b * small / travel, b / travel, 0.0])).into())
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let state = planting.hypothesis.state;
+    let travel = travel(&planting.model, planting.scene, state);
+    let kept = planting.model.free_name("bent");
+    let own = Expression::variable(kept.clone());
+    let b = Expression::Number(6.0 / travel);
+    let symbols = [("z", Expression::variable(planting.name(0))), ("h", own.clone()), ("b", b)];
+    let rate = planting.written("z*(1 - b*(0.7*sign(z*h) + 0.3)*abs(h))", "c", &symbols)?;
+    planting.add_term(planting.size.clone().times(own).negated());
+    planting.model.states.push(State::new(kept.clone(), rate));
+    planting.model.initial.insert(kept, 0.0);
+    Ok(Some(Size::added(String::new(), planting.rate() / travel)))
+}
+
+/// How far the place moves whose rate the state is; without one what its speed covers in a tenth of the longest log.
+fn travel(model: &Model, scene: &Scene, state: usize) -> f64 {
+    let place = model.integral_of(state).and_then(|i| scene.states.get(i)).map(|e| e.range());
+    place.filter(|range| *range > 0.0).unwrap_or_else(|| 0.1 * scene.duration * scene.states[state].size())
+}

@@ -1,0 +1,41 @@
+//! More to move than the model says.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{Writer, amplitude, number};
+use crate::error::Result;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "inertia",
+    meaning: "More is moved than the model says: armature, payload or added mass.",
+    family: Family::Parameter,
+    form: "the right side of the equation is divided by (1 + c)",
+    symbols: &[],
+    parameters: "c: inertia that the model lacks, as a share of what it has",
+    signature: "everything that moves this axis moves it less, by the same factor",
+    places: &[Place::Row],
+    sense: &[Sense::Speed, Sense::NoScale],
+    twins: &[(Effect::InputGain, experiment::KNOWN_LOAD), (Effect::ParameterError, experiment::KNOWN_LOAD)],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+    about: "Where a parameter of the model scales the whole equation already, such as its mass, that parameter is the suspect and inertia is none. Less than the model says, down to half of it, is let through too.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let c = writer.add("c", 0.0, 1.0, (-0.5, 20.0), "");
+    let equation = &mut writer.model.states[writer.hypothesis.state].equation;
+    *equation = equation.clone().over(number(1.0).plus(c));
+    Ok(vec![amplitude(&[1e-3])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let factor = planting.written("1/(1 + c)", "c", &[])?;
+    let equation = &mut planting.model.states[planting.hypothesis.state].equation;
+    *equation = factor.times(equation.clone());
+    Ok(Some(Size::within("c", String::new(), (0.02, 10.0), "")))
+}

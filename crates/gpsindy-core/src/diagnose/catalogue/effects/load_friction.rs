@@ -1,0 +1,53 @@
+//! Dry friction that grows with another force.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::{Combine, Start};
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer};
+use crate::error::Result;
+use crate::expression::Expression;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "load friction",
+    meaning: "Dry friction that grows with the load on the gears or bearings.",
+    family: Family::Friction,
+    form: "-(c + k*abs(w))*sign(z)",
+    symbols: &["z", "w"],
+    parameters: "c: level without load, k: what a unit of load adds",
+    signature: "a jump of the rate at reversals that is larger under load",
+    places: &[Place::Load],
+    sense: &[Sense::Speed, Sense::EitherSign(0), Sense::Moves(1)],
+    twins: &[
+        (Effect::CoulombFriction, "the same motion under two loads"),
+        (Effect::StribeckFriction, "the same motion under two loads"),
+    ],
+    traits: Traits::PLAIN,
+    write,
+    plant,
+    told: as_fitted,
+    about: "The load is a control of the equation, or the place that it depends on. Source: the friction models M3 to M6 of BAM (Duclusaud et al. 2024) grow with the torque that the gears carry.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let (rate, small, size, load) = (writer.rate(), writer.small(), writer.size(0), writer.size(1));
+    let unit = writer.unit_of_rate();
+    let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
+    let k = writer.add("k", 0.0, rate / load, POSITIVE, "");
+    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    let form = "-(c + k*abs(w))*tanh(z/corner)";
+    writer.add_term(writer.form(form, &[("c", c), ("k", k), ("corner", corner)])?);
+    Ok(vec![Start {
+        columns: vec![vec![small, 0.0, 0.02 * size], vec![0.0, small / load, 0.02 * size]],
+        combine: Combine::Amplitude,
+        amplitudes: vec![(0, 0.0), (1, 0.0)],
+    }])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let symbols = [("z", Expression::variable(planting.name(0))), ("w", Expression::variable(planting.name(1)))];
+    let term = planting.written("-k*abs(w)*sign(z)", "k", &symbols)?;
+    planting.add_term(planting.with_corners(term));
+    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(1)).called("k")))
+}

@@ -1,0 +1,50 @@
+//! A force that saturates with the slip.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::error::Result;
+use crate::expression::Expression;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "slip",
+    meaning: "A force of contact that no longer grows in proportion, as a tyre at its limit.",
+    family: Family::Coupling,
+    form: "p becomes p/sqrt(1 + q*z^2)",
+    symbols: &["p", "z"],
+    parameters: "q: how soon the force levels off, one over the square of the slip",
+    signature: "small motion fits, hard turns or hard pulls do less",
+    places: &[Place::Rate],
+    sense: &[Sense::Speed, Sense::EitherSign(1), Sense::Moves(1)],
+    twins: &[
+        (Effect::ParameterError, "gentle and hard manoeuvres of one kind"),
+        (Effect::CubicStiffness, "gentle and hard manoeuvres of one kind"),
+        (Effect::InputSaturation, "gentle and hard manoeuvres of one kind"),
+    ],
+    traits: Traits { has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+    about: "The saturation of a force with the slip that makes it, without the fall beyond the peak that the magic formula of Pacejka has. Only a suspect where it is asked for: every parameter of every equation of a speed may have it.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let square = writer.size(1).powi(2);
+    let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, "");
+    let name = writer.hypothesis.variables[0].clone();
+    let limited = writer.form("p/sqrt(1 + q*z^2)", &[("q", q)])?;
+    writer.replace(&name, &limited);
+    Ok(vec![amplitude(&[1e-3 / square])])
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let square = planting.size_of(1).powi(2);
+    let name = planting.name(0);
+    let symbols = [("p", Expression::variable(name.clone())), ("z", Expression::variable(planting.name(1)))];
+    let limited = planting.written("p*(1 + c*z*z)^(-0.5)", "c", &symbols)?;
+    planting.replace(&name, &limited);
+    Ok(Some(Size::within("q", String::new(), (0.02 / square, 100.0 / square), "")))
+}

@@ -1,0 +1,60 @@
+//! A parameter that follows a hidden temperature.
+
+use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
+use crate::error::Result;
+use crate::expression::Expression;
+use crate::model::State;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "thermal",
+    meaning: "A number of the plant changes as it warms up, and comes back as it cools.",
+    family: Family::Time,
+    form: "p becomes p*(1 + c*T), with a hidden temperature T that u^2 heats within the time tau",
+    symbols: &["p", "u"],
+    parameters: "c: change when warm, tau: s",
+    signature: "the beginning fits, hard work changes the plant and rest brings it back",
+    places: &[Place::Heated],
+    sense: &[Sense::Moves(1)],
+    twins: &[(Effect::Drift, "a warm-up from cold, a rest, and the same again")],
+    traits: Traits { added_states: 1, has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+    about: "The machine is taken for cold at the beginning of every log; a log that begins warm shifts the size of the parameter. The heat is the square of a control of the same equation, so it stands for the losses of a drive. Only a suspect where it is asked for: a drift and a slow lag imitate it in short logs.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let (period, span, size) = (writer.scene.period, writer.span().2, writer.size(1));
+    let c = writer.add("c", 0.0, 1.0, FREE, "");
+    let tau = writer.add("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
+    let name = writer.hypothesis.variables[0].clone();
+    let warm = writer.add_state(&format!("{name}_warmth"), Some(0.0));
+    let symbols = [("tau", tau), ("size", number(size)), ("T", warm.clone()), ("c", c)];
+    let changed = writer.form("p*(1 + c*T)", &symbols)?;
+    writer.replace(&name, &changed);
+    writer.set_rate(&warm, writer.form("((u/size)^2 - T)/tau", &symbols)?);
+    Ok([0.03, 0.1, 0.3, 1.0].map(|part| amplitude(&[1e-3, part * span])).into())
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let (span, size) = (planting.span(), planting.size_of(1));
+    let name = planting.name(0);
+    let heat = planting.model.free_name("heat");
+    let symbols = [
+        ("p", Expression::variable(name.clone())),
+        ("q", Expression::variable(heat.clone())),
+        ("power", Expression::variable(planting.name(1)).over(Expression::Number(size)).power(Expression::Number(2.0))),
+        ("tau", Expression::Number(0.2 * span)),
+    ];
+    let changed = planting.written("p + p*c*q", "c", &symbols)?;
+    planting.replace(&name, &changed);
+    let rate = planting.written("power/tau - q/tau", "c", &symbols)?;
+    planting.model.states.push(State::new(heat.clone(), rate));
+    planting.model.initial.insert(heat, 0.0);
+    Ok(Some(Size::within("c", String::new(), (0.02, 3.0), "")))
+}

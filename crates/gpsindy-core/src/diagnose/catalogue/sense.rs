@@ -1,0 +1,127 @@
+//! Where an effect makes sense: by units, by what the logs show, by what the equation already has.
+
+use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::expression::{Expression, Tape};
+use crate::model::Model;
+
+/// A condition on a place. Where no units are given, a rule by units lets everything pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sense {
+    /// The equation is one of a speed: friction, inertia and contact need one.
+    Speed,
+    /// The equation is none of a speed: a balance of amounts.
+    Balance,
+    /// The variable with this number never falls below zero in the logs.
+    NotNegative(usize),
+    /// The variable with this number takes either sign in the logs.
+    EitherSign(usize),
+    /// The variable with this number moves by more than a hundredth of its size.
+    Moves(usize),
+    /// The equation is none of a temperature, which nothing stops or rubs.
+    NotThermal,
+    /// No parameter scales the whole equation: it would be the same suspect.
+    NoScale,
+}
+
+impl Sense {
+    /// The rule in words.
+    pub(crate) fn words(self) -> &'static str {
+        match self {
+            Self::Speed => "an equation of a speed",
+            Self::Balance => "an equation of an amount, not of a speed",
+            Self::NotNegative(_) => "a variable that is never below zero in the logs",
+            Self::EitherSign(_) => "a variable that takes either sign in the logs",
+            Self::Moves(_) => "a variable that moves in the logs",
+            Self::NotThermal => "an equation of no temperature",
+            Self::NoScale => "an equation that no parameter scales as a whole",
+        }
+    }
+
+    pub(crate) fn holds(self, hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> bool {
+        let excursion = |index: usize| hypothesis.variables.get(index).and_then(|name| excursion(name, model, scene));
+        match self {
+            Self::Speed => may_be_speed(model, hypothesis.state),
+            Self::Balance => !has_place(model, hypothesis.state),
+            Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= 0.0),
+            Self::EitherSign(index) => excursion(index).is_none_or(|e| e.low < 0.0 && e.high > 0.0),
+            Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > 0.01 * e.size()),
+            Self::NotThermal => !is_temperature(&model.states[hypothesis.state].unit),
+            Self::NoScale => !is_scaled(&model.states[hypothesis.state].equation, model),
+        }
+    }
+}
+
+fn excursion<'a>(name: &str, model: &Model, scene: &'a Scene) -> Option<&'a Excursion> {
+    match model.state_index(name) {
+        Some(j) => scene.states.get(j),
+        None => model.control_index(name).and_then(|c| scene.controls.get(c)),
+    }
+}
+
+/// Whether a unit is one of a speed: it has no spring, no weight and no teeth. Only what may be a place or an angle does.
+pub(crate) fn is_speed(unit: &str) -> bool {
+    unit.ends_with("/s")
+}
+
+/// Whether a unit is one of a temperature.
+fn is_temperature(unit: &str) -> bool {
+    matches!(unit, "K" | "°C" | "degC" | "deg C" | "C" | "°F" | "degF")
+}
+
+/// Whether the state is the rate of a place of the model, or by its unit a speed; or says nothing of either.
+fn may_be_speed(model: &Model, state: usize) -> bool {
+    has_place(model, state) || model.states[state].unit.is_empty()
+}
+
+/// Whether the state is the rate of a place of the model, or by its unit a speed.
+fn has_place(model: &Model, state: usize) -> bool {
+    model.integral_of(state).is_some() || is_speed(&model.states[state].unit)
+}
+
+/// Whether one of the parameters scales the whole equation: `p d(f)/dp` is the same multiple of `f` everywhere.
+fn is_scaled(equation: &Expression, model: &Model) -> bool {
+    let names: Vec<String> = model.names().map(str::to_string).collect();
+    model.parameters.iter().filter(|p| equation.contains(&p.name)).any(|parameter| {
+        let Ok(slope) = equation.derivative(&parameter.name) else { return false };
+        let Ok(tape) = Tape::new(&[equation.clone(), slope], &names) else { return false };
+        let ratio = |point: usize| {
+            // Points without a pattern; a parameter has its value.
+            let at = |(i, name): (usize, &String)| match model.parameter_index(name) {
+                Some(p) => model.parameters[p].value,
+                None => 1.5 + (1.7 * i as f64 + 2.3 * point as f64).sin(),
+            };
+            let values: Vec<f64> = names.iter().enumerate().map(at).collect();
+            let found = tape.evaluate_once(&values, 0.3);
+            found[1] * parameter.value / found[0]
+        };
+        let first = ratio(0);
+        first.is_finite() && first.abs() > 1e-9 && (1..5).all(|point| (ratio(point) / first - 1.0).abs() < 1e-9)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Control, Parameter, State};
+
+    #[test]
+    fn a_mass_scales_its_equation_and_a_stiffness_does_not() {
+        let model = |equation: &str| Model {
+            states: vec![
+                State::new("x", Expression::variable("v")),
+                State::new("v", Expression::parse(equation).unwrap()),
+            ],
+            controls: vec![Control::new("u")],
+            parameters: ["m", "k"].map(|n| Parameter::new(n, 1.7)).into(),
+            ..Model::default()
+        };
+        let scaled = |equation: &str| {
+            let model = model(equation);
+            is_scaled(&model.states[1].equation, &model)
+        };
+        assert!(scaled("(u - k*x - 0.2*v)/m"));
+        assert!(!scaled("u/m - k*x - 0.2*v"));
+        assert!(!scaled("u - k*x"));
+    }
+}

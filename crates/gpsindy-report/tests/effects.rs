@@ -1,0 +1,29 @@
+//! The pages of the effects are those of the catalogue.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use gpsindy_core::diagnose::Effect;
+use gpsindy_report::{effect_page, effects_index};
+use std::path::Path;
+
+#[test]
+fn every_effect_has_a_page_that_is_current() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/effects");
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_default();
+    let hint = "run `cargo xtask effects`";
+    for effect in Effect::ALL {
+        assert!(read(&format!("{}.md", effect.id())) == effect_page(*effect), "{} is out of date; {hint}", effect.id());
+    }
+    assert!(read("README.md") == effects_index(), "the list is out of date; {hint}");
+    let pages = std::fs::read_dir(folder).unwrap().count();
+    assert_eq!(pages, Effect::ALL.len() + 1, "a page without an effect; {hint}");
+}
+
+#[test]
+fn a_page_links_only_to_pages_that_are_there() {
+    for effect in Effect::ALL {
+        for (twin, experiment) in effect.twins() {
+            assert!(!experiment.is_empty() && effect_page(*effect).contains(&format!("({}.md)", twin.id())));
+        }
+    }
+}
