@@ -33,8 +33,8 @@ pub use identify::{
     Target,
 };
 pub use model::{
-    Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
-    State, System,
+    Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, Port, Rows,
+    SCHEMA as MODEL_SCHEMA, State, Steps, System,
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};

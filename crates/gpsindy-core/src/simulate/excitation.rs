@@ -115,6 +115,16 @@ impl Excitation {
         Self::new(system, &self.time, controls.as_ref(), self.hold)
     }
 
+    /// The controls at the samples, one list a control, without gaps.
+    pub(super) fn controls(&self) -> &[Vec<f64>] {
+        &self.controls
+    }
+
+    /// What they do between the samples.
+    pub(super) fn hold(&self) -> Hold {
+        self.hold
+    }
+
     /// Sample times, s.
     pub fn time(&self) -> &[f64] {
         &self.time

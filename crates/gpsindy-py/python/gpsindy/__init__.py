@@ -25,12 +25,13 @@ from gpsindy.diagnosis import (
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
-from gpsindy.model import Control, Identification, Model, Parameter, State
+from gpsindy.model import Control, Identification, Model, Parameter, Port, State
 from gpsindy.online import Estimate, Online
 from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score
 from gpsindy.simulation import Rollout, simulate
 from gpsindy.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
+from gpsindy.stepper import Stepper
 
 __all__ = [
     "AuthorFit",
@@ -51,6 +52,7 @@ __all__ = [
     "NumericalError",
     "Online",
     "Parameter",
+    "Port",
     "Rollout",
     "Run",
     "Score",
@@ -58,6 +60,7 @@ __all__ = [
     "SmoothedRun",
     "State",
     "StateError",
+    "Stepper",
     "__version__",
     "author",
     "diagnose",
@@ -71,9 +74,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "plot":
-        # Pictures need matplotlib, everything else does not.
+    if name in ("plot", "mujoco", "fmu"):
+        # Each needs a package that everything else does not.
         import importlib
 
-        return importlib.import_module("gpsindy.plot")
+        return importlib.import_module(f"gpsindy.{name}")
     raise AttributeError(f"module 'gpsindy' has no attribute {name!r}")

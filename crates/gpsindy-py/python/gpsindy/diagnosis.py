@@ -93,7 +93,7 @@ class Cause:
     effect : str
         Id of the catalogue.
     state : str
-        The state in whose equation, or in whose column, it acts.
+        The state in whose equation, or in whose column, it acts; for an effect at a place, the one that it moves most.
     variables : tuple of str
         What it depends on.
     included : bool
@@ -107,6 +107,8 @@ class Cause:
         Effects that these logs can't tell from this one.
     next_experiment : str or None
         The experiment that would.
+    place : str or None
+        The port or control at which it acts, where it does not act in the state's equation alone.
     """
 
     effect: str
@@ -118,6 +120,7 @@ class Cause:
     parameters: tuple[dict[str, Any], ...] = field(hash=False)
     equivalent: tuple[str, ...]
     next_experiment: str | None
+    place: str | None = None
 
 
 class Diagnosis:
@@ -317,7 +320,7 @@ def diagnose(
     else:
         nominal = as_model(model)
     report, augmented = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
-    return Diagnosis(report, Model._of(augmented))
+    return Diagnosis(report, Model._of(augmented, nominal._source))
 
 
 def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:

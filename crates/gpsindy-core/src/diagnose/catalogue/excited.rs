@@ -1,7 +1,8 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
+use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
-use crate::refine::{Experiment, lanes::Lanes};
+use crate::refine::{Experiment, Job, lanes::Lanes, roll_together};
 
 /// How a variable moves over all training logs.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +66,8 @@ pub(crate) struct Scene {
     pub(crate) duration: f64,
     /// Angular frequencies (rad/s) at which the residual has peaks, strongest first.
     pub(crate) peaks: Vec<f64>,
+    /// What ports, controls and a simulator's own parameters move.
+    pub(crate) reach: Reach,
 }
 
 impl Scene {
@@ -80,7 +83,7 @@ impl Scene {
                 Excursion::of(&logged.unwrap_or_else(|| paths.iter().flat_map(|p| p[j].iter().copied()).collect()))
             })
             .collect();
-        let controls = (0..system.n_controls())
+        let controls: Vec<Excursion> = (0..system.n_controls())
             .map(|c| {
                 let values: Vec<f64> = experiment.logs.iter().flat_map(|l| l.controls[c].iter().copied()).collect();
                 Excursion::of(&values)
@@ -95,8 +98,10 @@ impl Scene {
             .iter()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(l.time[0]), b.max(l.time[l.time.len() - 1])));
         let duration = experiment.logs.iter().map(length).fold(period, f64::max);
-        let rates = (0..n).map(|j| typical_rate(experiment, &paths, j, states[j].size() / duration)).collect();
-        Self { states, controls, rates, period, times, duration, peaks: Vec::new() }
+        let rates: Vec<f64> =
+            (0..n).map(|j| typical_rate(experiment, &paths, j, states[j].size() / duration)).collect();
+        let reach = Reach::new(system, &states, &controls, &rates);
+        Self { states, controls, rates, period, times, duration, peaks: Vec::new(), reach }
     }
 }
 
@@ -108,6 +113,17 @@ pub(crate) fn trajectories(
     initial: &[Vec<f64>],
 ) -> Vec<Vec<Vec<f64>>> {
     let n = system.n_states();
+    if system.engine().is_some() {
+        let job = |(window, start): (usize, &Vec<f64>)| Job {
+            window,
+            parameters: parameters.to_vec(),
+            initial: start.clone(),
+        };
+        let jobs: Vec<Job> = initial.iter().enumerate().map(job).collect();
+        let mut paths = vec![vec![Vec::new(); n]; jobs.len()];
+        roll_together(system, experiment, &jobs, None, &mut |job, _, j, value| paths[job][j].push(value));
+        return paths;
+    }
     let parameters: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
     experiment
         .windows

@@ -10,4 +10,5 @@ pub(crate) mod joint;
 pub(crate) mod peaks;
 pub(crate) mod planting;
 pub(crate) mod rival;
+pub(crate) mod site;
 mod writer;

@@ -11,7 +11,7 @@ use crate::diagnose::fit::fitted::Fitted;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::whitening::Whitener;
 use crate::model::System;
-use crate::refine::{Experiment, lanes::Lanes};
+use crate::refine::{Experiment, Job, lanes::Lanes, roll_together};
 use nalgebra::{DMatrix, DVector};
 
 const LANES: usize = 8;
@@ -325,6 +325,10 @@ fn responses(
         }
     }
     let n_columns = experiment.columns.len();
+    if system.engine().is_some() {
+        let lane = |l: usize| parameters.iter().map(|p| p[l]).collect::<Vec<f64>>();
+        return stepped_responses(system, fitted, initial, &(0..columns.len()).map(lane).collect::<Vec<_>>());
+    }
     let mut out: Vec<Vec<DVector<f64>>> = vec![Vec::with_capacity(experiment.windows.len()); columns.len()];
     let mut lanes: Option<(usize, Lanes<'_, LANES>)> = None;
     for (w, window) in experiment.windows.iter().enumerate() {
@@ -357,6 +361,37 @@ fn responses(
     out
 }
 
+/// The same where the simulator steps by itself: one list of changes a window for each set of `parameters`.
+fn stepped_responses(
+    system: &System,
+    fitted: &Fitted,
+    initial: &[Vec<f64>],
+    parameters: &[Vec<f64>],
+) -> Vec<Vec<DVector<f64>>> {
+    let (experiment, blocks) = (&fitted.experiment, &fitted.jacobian.blocks);
+    let n_columns = experiment.columns.len();
+    let windows = 0..experiment.windows.len();
+    let job = |window: usize, parameters: &Vec<f64>| Job {
+        window,
+        parameters: parameters.clone(),
+        initial: initial[window].clone(),
+    };
+    let jobs: Vec<Job> = windows.flat_map(|w| parameters.iter().map(move |p| job(w, p))).collect();
+    let empty: Vec<DVector<f64>> = blocks.iter().map(|b| DVector::zeros(b.residual.len())).collect();
+    let mut out = vec![empty; parameters.len()];
+    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+        let (w, set) = (job / parameters.len(), job % parameters.len());
+        let window = experiment.windows[w];
+        let row = (sample - window.first) * n_columns + c;
+        if blocks[w].present[row] {
+            let measured = experiment.logs[window.log].measured[c][sample];
+            let base = measured / experiment.noise[c] - blocks[w].residual[row];
+            out[set][w][row] = value / experiment.noise[c] - base;
+        }
+    });
+    out
+}
+
 /// Noise-scaled outputs of a model, one list a window.
 pub(crate) fn outputs(
     system: &System,
@@ -364,6 +399,19 @@ pub(crate) fn outputs(
     parameters: &[f64],
     initial: &[Vec<f64>],
 ) -> Vec<Vec<f64>> {
+    if system.engine().is_some() {
+        let job = |(window, start): (usize, &Vec<f64>)| Job {
+            window,
+            parameters: parameters.to_vec(),
+            initial: start.clone(),
+        };
+        let jobs: Vec<Job> = initial.iter().enumerate().map(job).collect();
+        let mut values = vec![Vec::new(); jobs.len()];
+        roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, _, c, value| {
+            values[job].push(value / experiment.noise[c]);
+        });
+        return values;
+    }
     let parameters: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
     let windows = experiment.windows.iter().zip(initial);
     windows

@@ -230,7 +230,8 @@ fn cause(
     let next_experiment = equivalent.first().map(|other| separating_experiment(hypothesis.id(), other).to_string());
     Cause {
         effect: hypothesis.id().into(),
-        state: model.states[hypothesis.state].name.clone(),
+        state: model.states[hypothesis.moves()].name.clone(),
+        place: hypothesis.place(),
         variables: hypothesis.variables.clone(),
         included,
         probability: probability.clamp(0.0, 1.0),
@@ -289,11 +290,13 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
         let Some((deviation, unit)) = &summary.resolution else { continue };
         let is_quiet = summary.gain < 9.0 && !outcome.best.hypotheses.contains(hypothesis);
         if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
-            let state = model.states[hypothesis.state].name.clone();
-            if !all.iter().any(|e| e.effect == hypothesis.id() && e.state == state) {
+            let state = model.states[hypothesis.moves()].name.clone();
+            let place = hypothesis.place();
+            if !all.iter().any(|e| e.effect == hypothesis.id() && e.state == state && e.place == place) {
                 all.push(Excluded {
                     effect: hypothesis.id().into(),
                     state,
+                    place,
                     above: POWER * deviation,
                     unit: unit.clone(),
                 });
