@@ -143,7 +143,7 @@ def test_a_rollout_is_that_of_the_same_equations(pendulum, kind, tolerance):
 
     t, u = command(1)
     t, u = t[:60], u[:60]
-    found = fmu.Simulator(pendulum, kind=kind, kinematic={"th": "w"}).model.simulate([0.3, 0.0], t, u=u[:, None])
+    found = fmu.Simulator(pendulum, kind=kind, kinematic={"th": "w"}, forces={"f": "w"}).model.simulate([0.3, 0.0], t, u=u[:, None])
     same = gpsindy.Model.from_toml(EQUATIONS).simulate([0.3, 0.0], t, u=u[:, None])
     assert np.abs(found.x - same.x).max() < tolerance
 
