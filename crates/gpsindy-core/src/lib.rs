@@ -32,8 +32,8 @@ pub use identify::{
     Regression, StateReport, Target,
 };
 pub use model::{
-    Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, SCHEMA as MODEL_SCHEMA,
-    State, System, rate_unit,
+    Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter, Port, Rows,
+    SCHEMA as MODEL_SCHEMA, State, Steps, System, rate_unit,
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};

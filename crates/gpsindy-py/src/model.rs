@@ -2,12 +2,12 @@
 
 use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, vector};
 use crate::dataset::PyDataset;
-use crate::simulator::Simulator;
+use crate::simulator::{Kind, Simulator};
 use crate::watch::Watch;
 
 use gpsindy_core::{
-    Control, Dynamics, Error, Excitation, Expression, Hold, Language, Method, Model, Result, Rollout, Run, Simulate,
-    State, StateReader, System,
+    Control, Dynamics, Error, Excitation, Expression, Hold, Language, Method, Model, Parameter, Port, Result, Rollout, Run, Simulate,
+    State, StateReader, System, Tape,
 };
 use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 use numpy::PyArray2;
@@ -28,6 +28,26 @@ type How = (String, String, f64);
 /// Terms, three tables of one row a state and one column a term (no row where there is none), lambda.
 type Record<'py> =
     (Vec<String>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<f64>);
+
+/// (name, variable, unit, position, [(effect, parameter of the simulator)])
+type PortParts = (String, String, String, Option<String>, Vec<(String, String)>);
+
+/// (name, value, unit, tolerance, range, scale)
+type ParameterParts = (String, f64, String, Option<f64>, Option<(f64, f64)>, Option<f64>);
+
+/// What a simulator that steps is made of, handed over by name.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Stepper {
+    states: Vec<(String, String)>,
+    controls: Vec<(String, String)>,
+    kinematic: Vec<(String, String)>,
+    ports: Vec<PortParts>,
+    parameters: Vec<ParameterParts>,
+    initial: Vec<(String, f64)>,
+    /// State, and what its column reads as an expression.
+    measured: Vec<(String, String)>,
+}
 
 /// A model, with the user's own simulator where its equations call one.
 #[pyclass(frozen, name = "Model", module = "gpsindy._gpsindy")]
@@ -87,8 +107,84 @@ impl PyModel {
             ..Model::default()
         };
         model.check().map_err(error)?;
-        let simulator = Simulator { function, n_states: states.len(), n_controls: controls.len(), vectorized };
+        let kind = Kind::Rates { vectorized };
+        let simulator = Simulator { function, n_states: states.len(), n_controls: controls.len(), kind };
         Ok(Self { simulator: Some(simulator), model })
+    }
+
+    /// A model around `function(x, u, force, parameters, dt)`, which makes one step of many rows.
+    ///
+    /// `kinematic` holds pairs (x, v) of states with `x' = v`; what a log's column reads is an expression of the states.
+    #[staticmethod]
+    fn from_stepper(function: Py<PyAny>, name: String, period: f64, parts: Stepper) -> PyResult<Self> {
+        let Stepper { states, controls, kinematic, ports, parameters, initial, measured } = parts;
+        if !(period.is_finite() && period > 0.0) {
+            return Err(error(Error::range("dt", "above 0 s", period)));
+        }
+        let index = |name: &str| {
+            let found = states.iter().position(|(known, ..)| known == name);
+            found.ok_or_else(|| error(Error::unknown("state", name, states.iter().map(|s| &s.0))))
+        };
+        let kinematic =
+            kinematic.iter().map(|(x, v)| Ok((index(x)?, index(v)?))).collect::<PyResult<Vec<(usize, usize)>>>()?;
+        let state = |(name, unit): &(String, String)| State { unit: unit.clone(), ..State::new(name, Expression::Pi) };
+        let port = |(name, variable, unit, position, carried): &PortParts| Port {
+            unit: unit.clone(),
+            position: position.clone(),
+            carried: carried.clone(),
+            ..Port::new(name, variable)
+        };
+        let parameter = |(name, value, unit, tolerance, range, scale): &ParameterParts| Parameter {
+            unit: unit.clone(),
+            tolerance: *tolerance,
+            range: *range,
+            scale: *scale,
+            ..Parameter::new(name, *value)
+        };
+        let mut model = Model {
+            name,
+            states: states.iter().map(state).collect(),
+            controls: controls.iter().map(|(name, unit)| Control { name: name.clone(), unit: unit.clone() }).collect(),
+            ports: ports.iter().map(port).collect(),
+            parameters: parameters.iter().map(parameter).collect(),
+            initial: initial.into_iter().collect(),
+            ..Model::default()
+        };
+        for (state, reads) in &measured {
+            model.states[index(state)?].measured = Some(Expression::parse(reads).map_err(error)?);
+        }
+        model.call_simulator(&kinematic);
+        model.check().map_err(error)?;
+        let parameters = model.parameters.iter().map(|p| p.value).collect();
+        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters };
+        let simulator = Simulator { function, n_states: states.len(), n_controls: controls.len(), kind };
+        Ok(Self { simulator: Some(simulator), model })
+    }
+
+    /// (kind, name, expression, value where it is a number) of what goes into a simulator that steps, as the model has it.
+    fn simulator_inputs(&self) -> Vec<(&'static str, String, String, Option<f64>)> {
+        let n = self.simulator.as_ref().map_or(0, |s| s.n_states);
+        let (m, f) = (self.model.controls.len(), self.model.ports.len());
+        let kind = |i: usize| match i {
+            i if i < m => "command",
+            i if i < m + f => "force",
+            _ => "parameter",
+        };
+        let value = |e: &Expression| Some(Tape::new(std::slice::from_ref(e), &[]).ok()?.evaluate_once(&[], 0.0)[0]);
+        let moves = |e: &Expression| {
+            let mut found = false;
+            e.visit(&mut |part| found |= *part == Expression::Time);
+            found
+        };
+        let inputs = self.model.simulator_inputs(n).into_iter().enumerate();
+        inputs.map(|(i, (name, e))| (kind(i), name, e.to_string(), value(&e).filter(|_| !moves(&e)))).collect()
+    }
+
+    /// (name, variable, unit, position) of every port.
+    #[getter]
+    fn ports(&self) -> Vec<(String, String, String, Option<String>)> {
+        let one = |p: &Port| (p.name.clone(), p.variable.clone(), p.unit.clone(), p.position.clone());
+        self.model.ports.iter().map(one).collect()
     }
 
     /// Whether the equations call the user's own simulator, so that there is no file of the model.

@@ -1,7 +1,7 @@
-//! The user's own simulator: a Python callable `f(t, x, u) -> dx` behind the core's trait.
+//! The user's own simulator behind the core's traits: a Python callable `f(t, x, u) -> dx`, or one that steps.
 
 use crate::watch::{Watch, lock};
-use gpsindy_core::{Dynamics, Error, Result};
+use gpsindy_core::{Dynamics, Error, Result, Rows, Steps};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,13 +12,22 @@ pub(crate) struct Simulator {
     pub(crate) function: Py<PyAny>,
     pub(crate) n_states: usize,
     pub(crate) n_controls: usize,
-    /// It takes many samples at once, as rows.
-    pub(crate) vectorized: bool,
+    pub(crate) kind: Kind,
+}
+
+/// How a callable is called.
+#[derive(Clone)]
+pub(crate) enum Kind {
+    /// `f(t, x, u)` gives rates; of many samples at once, as rows, or of one.
+    Rates { vectorized: bool },
+    /// `step(x, u, force, parameters, dt)` gives the next states of many rows.
+    Steps { period: f64, n_forces: usize, parameters: Vec<f64> },
 }
 
 impl Simulator {
     pub(crate) fn clone_ref(&self, py: Python<'_>) -> Self {
-        Self { function: self.function.clone_ref(py), ..*self }
+        let Self { n_states, n_controls, .. } = *self;
+        Self { function: self.function.clone_ref(py), n_states, n_controls, kind: self.kind.clone() }
     }
 
     /// For one computation, whose errors go to `watch`.
@@ -55,6 +64,28 @@ impl Simulator {
         }
         let array = array.readonly();
         dx.iter_mut().zip(array.as_array().iter()).for_each(|(to, from)| *to = *from);
+        Ok(())
+    }
+
+    fn step(&self, py: Python<'_>, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> PyResult<()> {
+        let array = |values: &[f64]| {
+            PyArray1::from_slice(py, values).reshape([rows.count, values.len() / rows.count.max(1)])
+        };
+        let arguments = (array(rows.states)?, array(rows.commands)?, array(rows.forces)?, array(rows.parameters)?, dt);
+        let answer = self.function.bind(py).call1(arguments)?;
+        let wrong = || {
+            let (states, count) = (self.n_states, rows.count);
+            PyValueError::new_err(format!(
+                "simulator: step must return the next states as an array of floats of shape ({count}, {states}), found {}",
+                described(&answer)
+            ))
+        };
+        let Ok(array) = answer.cast::<PyArray2<f64>>() else { return Err(wrong()) };
+        if array.shape() != [rows.count, self.n_states] {
+            return Err(wrong());
+        }
+        let array = array.readonly();
+        next.iter_mut().zip(array.as_array().iter()).for_each(|(to, from)| *to = *from);
         Ok(())
     }
 
@@ -110,6 +141,24 @@ impl Callable {
     }
 }
 
+impl Steps for Callable {
+    fn period(&self) -> f64 {
+        if let Kind::Steps { period, .. } = self.simulator.kind { period } else { f64::NAN }
+    }
+
+    fn n_forces(&self) -> usize {
+        if let Kind::Steps { n_forces, .. } = self.simulator.kind { n_forces } else { 0 }
+    }
+
+    fn n_parameters(&self) -> usize {
+        if let Kind::Steps { parameters, .. } = &self.simulator.kind { parameters.len() } else { 0 }
+    }
+
+    fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
+        self.call(|py| self.simulator.step(py, rows, dt, next))
+    }
+}
+
 impl Dynamics for Callable {
     fn n_states(&self) -> usize {
         self.simulator.n_states
@@ -120,23 +169,41 @@ impl Dynamics for Callable {
     }
 
     fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()> {
-        match self.simulator.vectorized {
-            true => self.call(|py| self.simulator.many(py, &[t], x, u, dx)),
-            false => self.call(|py| self.simulator.one(py, t, x, u, dx)),
+        match &self.simulator.kind {
+            Kind::Rates { vectorized: true } => self.call(|py| self.simulator.many(py, &[t], x, u, dx)),
+            Kind::Rates { vectorized: false } => self.call(|py| self.simulator.one(py, t, x, u, dx)),
+            Kind::Steps { period, n_forces, parameters } => {
+                let forces = vec![0.0; *n_forces];
+                let rows = Rows { count: 1, states: x, commands: u, forces: &forces, parameters };
+                self.step(&rows, *period, dx)?;
+                dx.iter_mut().zip(x).for_each(|(next, x)| *next = (*next - x) / period);
+                Ok(())
+            }
         }
     }
 
+    fn steps(&self) -> Option<&dyn Steps> {
+        matches!(self.simulator.kind, Kind::Steps { .. }).then_some(self)
+    }
+
     fn derivatives(&self, t: &[f64], x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()> {
-        if self.simulator.vectorized {
-            return self.call(|py| self.simulator.many(py, t, x, u, dx));
-        }
         let (n, m) = (self.simulator.n_states, self.simulator.n_controls);
-        self.call(|py| {
-            for (i, &t) in t.iter().enumerate() {
-                let rows = (&x[i * n..(i + 1) * n], &u[i * m..(i + 1) * m]);
-                self.simulator.one(py, t, rows.0, rows.1, &mut dx[i * n..(i + 1) * n])?;
+        match self.simulator.kind {
+            Kind::Rates { vectorized: true } => self.call(|py| self.simulator.many(py, t, x, u, dx)),
+            Kind::Rates { vectorized: false } => self.call(|py| {
+                for (i, &t) in t.iter().enumerate() {
+                    let rows = (&x[i * n..(i + 1) * n], &u[i * m..(i + 1) * m]);
+                    self.simulator.one(py, t, rows.0, rows.1, &mut dx[i * n..(i + 1) * n])?;
+                }
+                Ok(())
+            }),
+            Kind::Steps { .. } => {
+                for (i, &t) in t.iter().enumerate() {
+                    let (x, u) = (&x[i * n..(i + 1) * n], &u[i * m..(i + 1) * m]);
+                    self.derivative(t, x, u, &mut dx[i * n..(i + 1) * n])?;
+                }
+                Ok(())
             }
-            Ok(())
-        })
+        }
     }
 }

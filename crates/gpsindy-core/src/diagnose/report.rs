@@ -175,6 +175,9 @@ pub struct Cause {
     pub effect: String,
     /// The state in whose equation (or whose column) it acts.
     pub state: String,
+    /// The port or control at which it acts, where it does not act in the state's equation alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
     /// What it depends on: states, controls, or the name of the parameter that is wrong.
     pub variables: Vec<String>,
     /// It is part of the augmented model.
@@ -248,6 +251,9 @@ pub struct Excluded {
     /// What it would depend on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variables: Vec<String>,
+    /// The port or control at which it would act, where it would not act in the state's equation alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
     /// Size of the effect's first parameter, in `unit`.
     pub above: f64,
     /// Empty where unknown or without dimension.

@@ -19,6 +19,7 @@ pub(super) fn check(model: &Model) -> Result<()> {
             check_expression(model, measured, &format!("measured output of state `{}`", state.name), true)?;
         }
     }
+    check_ports(model)?;
     for parameter in &model.parameters {
         if !parameter.value.is_finite() {
             return Err(Error::NotFinite { what: format!("value of parameter `{}`", parameter.name) });
@@ -39,12 +40,33 @@ pub(super) fn check(model: &Model) -> Result<()> {
     Ok(())
 }
 
+/// What moves at a port is a state, and something feels the port.
+fn check_ports(model: &Model) -> Result<()> {
+    let known = || model.states.iter().map(|s| &s.name);
+    for port in &model.ports {
+        if model.state_index(&port.variable).is_none() {
+            return Err(Error::unknown(&format!("variable of port {}", port.name), &port.variable, known()));
+        }
+        if let Some(position) = port.position.as_ref().filter(|p| model.state_index(p).is_none()) {
+            return Err(Error::unknown(&format!("position of port {}", port.name), position, known()));
+        }
+        if !model.states.iter().any(|s| s.equation.contains(&port.name)) {
+            let place = format!("port `{}`", port.name);
+            return Err(Error::invalid(format!("{place}: no equation has it; add it where a force there would act")));
+        }
+    }
+    Ok(())
+}
+
 fn check_names(model: &Model) -> Result<()> {
     let mut seen: Vec<&str> = Vec::new();
+    // A simulator's own parameters keep their names, as in `hip.armature`.
+    let calls = model.calls_simulator();
+    let is_own = |name: &str| calls && model.parameter_index(name).is_some();
     for name in model.names() {
         let mut characters = name.chars();
         let starts_well = characters.next().is_some_and(|c| c.is_alphabetic() || c == '_');
-        if !starts_well || !characters.all(|c| c.is_alphanumeric() || c == '_') {
+        if !starts_well || !characters.all(|c| c.is_alphanumeric() || c == '_' || (c == '.' && is_own(name))) {
             return Err(Error::invalid(format!("`{name}` is not a name; use a letter, then letters, digits and `_`")));
         }
         if name == "t" || name == "pi" || Function::ALL.iter().any(|f| f.name() == name) {
@@ -84,6 +106,9 @@ fn check_history(model: &Model, function: Function, arguments: &[Expression], in
     let name = function.name();
     let is_state = |n: &String| model.state_index(n).is_some();
     let is_control = |n: &String| model.control_index(n).is_some();
+    if arguments.iter().flat_map(Expression::variables).any(|n| model.port_index(&n).is_some()) {
+        return Some(format!("`{name}` works on controls, and a port has no past; add the port outside of it"));
+    }
     let delayed_state = matches!(&arguments[0], Expression::Variable(n) if is_state(n));
     let state_inside = arguments[0].variables().iter().any(is_state);
     if state_inside && !(in_measured && function == Function::Delay && delayed_state) {
@@ -98,7 +123,7 @@ fn check_history(model: &Model, function: Function, arguments: &[Expression], in
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Control, Model, Parameter, State};
+    use super::super::{Control, Model, Parameter, Port, State};
     use crate::expression::Expression;
 
     fn model(equation: &str, measured: Option<&str>) -> Model {
@@ -118,6 +143,23 @@ mod tests {
             [("-k*x + u", None), ("delay(u, k) - x", Some("delay(x, 0.1) + k")), ("play(clamp(u, -k, k), 0.1)", None)]
         {
             model(equation, measured).check().unwrap();
+        }
+    }
+
+    #[test]
+    fn a_port_needs_a_motion_and_an_equation() {
+        let with = |equation: &str, port: Port| Model { ports: vec![port], ..model(equation, None) };
+        with("u + f", Port::new("f", "x")).check().unwrap();
+        let placed = Port { position: Some("y".into()), ..Port::new("f", "x") };
+        for (model, words) in [
+            (with("u + f", Port::new("f", "v")), "variable of port f `v` is unknown; known: x"),
+            (with("u + f", placed), "position of port f `y` is unknown; known: x"),
+            (with("u", Port::new("f", "x")), "port `f`: no equation has it"),
+            (with("u + delay(f, 0.1)", Port::new("f", "x")), "a port has no past"),
+            (with("u + k", Port::new("k", "x")), "name `k` stands twice"),
+        ] {
+            let error = model.check().unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
         }
     }
 

@@ -4,10 +4,14 @@
 //! that `diagnose` writes are the same [`Model`]. [`System`] is a model compiled for evaluation.
 
 mod check;
+mod engine;
 mod export;
+mod port;
 mod system;
 
 pub use export::Language;
+pub use engine::{Rows, Steps};
+pub use port::Port;
 pub(crate) use system::Follower;
 pub use system::{Dynamics, Input, InputKind, System};
 
@@ -51,6 +55,9 @@ pub struct Model {
     /// The controls: inputs that the log carries.
     #[serde(rename = "control", default, skip_serializing_if = "Vec::is_empty")]
     pub controls: Vec<Control>,
+    /// The ports: places where a force that nobody modelled may act, zero in this model.
+    #[serde(rename = "port", default, skip_serializing_if = "Vec::is_empty")]
+    pub ports: Vec<Port>,
     /// The parameters and their nominal values.
     #[serde(rename = "parameter", default, skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<Parameter>,
@@ -69,6 +76,7 @@ impl Default for Model {
             name: String::new(),
             states: Vec::new(),
             controls: Vec::new(),
+            ports: Vec::new(),
             parameters: Vec::new(),
             initial: BTreeMap::new(),
             identification: None,
@@ -151,12 +159,29 @@ pub struct Parameter {
     /// Relative 1-sigma belief; absent: taken as exact, yet still a suspect in a diagnosis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
+    /// Lowest and highest value that the user's own simulator takes; absent where it says nothing.
+    #[serde(skip)]
+    pub range: Option<(f64, f64)>,
+    /// A change that matters to the user's own simulator, where the value itself tells none.
+    #[serde(skip)]
+    pub scale: Option<f64>,
 }
 
 impl Parameter {
     /// A parameter that is taken as exact.
     pub fn new(name: impl Into<String>, value: f64) -> Self {
-        Self { name: name.into(), value, unit: String::new(), tolerance: None }
+        Self { name: name.into(), value, unit: String::new(), tolerance: None, range: None, scale: None }
+    }
+}
+
+impl Parameter {
+    /// A change that matters: a given scale, else the value's size, else one.
+    pub(crate) fn typical(&self) -> f64 {
+        match self.scale {
+            Some(scale) => scale,
+            None if self.value == 0.0 => 1.0,
+            None => self.value.abs(),
+        }
     }
 }
 
@@ -206,6 +231,11 @@ impl Model {
         self.controls.iter().position(|c| c.name == name)
     }
 
+    /// Position of the port `name`.
+    pub fn port_index(&self, name: &str) -> Option<usize> {
+        self.ports.iter().position(|p| p.name == name)
+    }
+
     /// Position of the parameter `name`.
     pub fn parameter_index(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|p| p.name == name)
@@ -226,7 +256,8 @@ impl Model {
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let states = self.states.iter().map(|s| s.name.as_str());
         let controls = self.controls.iter().map(|c| c.name.as_str());
-        states.chain(controls).chain(self.parameters.iter().map(|p| p.name.as_str()))
+        let ports = self.ports.iter().map(|p| p.name.as_str());
+        states.chain(controls).chain(ports).chain(self.parameters.iter().map(|p| p.name.as_str()))
     }
 
     /// A name that nothing carries yet: `wanted`, or `wanted_2`, `wanted_3`, ...

@@ -1,6 +1,7 @@
 //! A model compiled for evaluation: rates, measured outputs and the inputs with a history.
 
 use super::Model;
+use super::engine::{self, Drive, Rows, Steps};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Tape};
 use std::sync::Arc;
@@ -21,7 +22,12 @@ pub trait Dynamics: Send + Sync {
     /// [`Error::Callback`] with the user's own error.
     fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()>;
 
-    /// The same for several samples at once: times `t` (r), states `x` (r x n), controls `u` (r x m) and rates `dx`
+    /// The simulator as one that steps by itself, where it does; rollouts then use its own steps.
+    fn steps(&self) -> Option<&dyn Steps> {
+        None
+    }
+
+    /// Rates of several samples at once: times `t` (r), states `x` (r x n), controls `u` (r x m) and rates `dx`
     /// (r x n), all row after row. One after another unless the simulator does better.
     ///
     /// # Errors
@@ -86,6 +92,8 @@ pub struct System {
     outputs: Tape,
     followers: Vec<Follower>,
     simulator: Option<Arc<dyn Dynamics>>,
+    /// What goes to a simulator that steps by itself.
+    drive: Option<Drive>,
 }
 
 impl std::fmt::Debug for System {
@@ -168,8 +176,10 @@ impl System {
         model.check()?;
         let n_outputs = simulator.as_ref().map_or(0, |s| s.n_states());
         let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
-        let rates: Vec<Expression> = model.states.iter().map(|s| extraction.extract(&s.equation)).collect();
-        let outputs: Vec<Expression> = model
+        // A port is zero until an effect is written in its place.
+        let closed = model.closed();
+        let rates: Vec<Expression> = closed.states.iter().map(|s| extraction.extract(&s.equation)).collect();
+        let outputs: Vec<Expression> = closed
             .states
             .iter()
             .map(|s| match &s.measured {
@@ -193,6 +203,8 @@ impl System {
         let names = model.states.iter().map(|s| s.name.clone());
         let variables: Vec<String> =
             names.chain(controls).chain((0..inputs.len()).map(input_name)).chain(parameters).collect();
+        let steps = simulator.as_ref().filter(|s| s.steps().is_some());
+        let drive = steps.map(|s| Drive::new(&rates, s.n_states(), &variables)).transpose()?;
         let with_late: Vec<String> = variables.iter().cloned().chain((0..late_states.len()).map(late_name)).collect();
         Ok(Self {
             rates: Tape::with_simulator(&rates, &variables, n_outputs)?,
@@ -202,6 +214,7 @@ impl System {
             late_states,
             followers: Vec::new(),
             simulator,
+            drive,
         })
     }
 
@@ -213,7 +226,8 @@ impl System {
             return Ok(self);
         }
         let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
-        let rates: Vec<Expression> = model.states.iter().map(|s| extraction.extract(&s.equation)).collect();
+        let closed = model.closed();
+        let rates: Vec<Expression> = closed.states.iter().map(|s| extraction.extract(&s.equation)).collect();
         let names = model.states.iter().map(|s| s.name.clone()).chain(model.controls.iter().map(|c| c.name.clone()));
         let parameters = model.parameters.iter().map(|p| p.name.clone());
         let variables: Vec<String> = names.chain((0..self.inputs.len()).map(input_name)).chain(parameters).collect();
@@ -285,6 +299,22 @@ impl System {
     pub(crate) fn evaluate<S: pulp::Simd, const L: usize>(&self, simd: S, tape: &Tape, registers: &mut [[f64; L]]) {
         tape.evaluate_with(simd, registers, &|lanes, arguments, outputs| {
             let Some(simulator) = &self.simulator else { return outputs.fill(f64::NAN) };
+            if let Some(engine) = simulator.steps() {
+                // Arguments of a lane are its states, commands, forces and parameters.
+                let [states, commands, forces, parameters] =
+                    engine::rows_of(simulator.as_ref(), engine, lanes, arguments);
+                let rows = Rows {
+                    count: lanes,
+                    states: &states,
+                    commands: &commands,
+                    forces: &forces,
+                    parameters: &parameters,
+                };
+                if engine::rates_of_step(engine, &rows, outputs).is_err() {
+                    outputs.fill(f64::NAN);
+                }
+                return;
+            }
             // Arguments of a lane are the time, the states, then the controls.
             let n = simulator.n_states().min(self.n_states());
             let (mut t, mut x, mut u) = (Vec::with_capacity(lanes), Vec::new(), Vec::new());
@@ -297,6 +327,11 @@ impl System {
                 outputs.fill(f64::NAN);
             }
         });
+    }
+
+    /// What goes to a simulator that steps by itself, where there is one.
+    pub(crate) fn drive(&self) -> Option<&Drive> {
+        self.drive.as_ref()
     }
 
     /// The user's own simulator, where there is one.

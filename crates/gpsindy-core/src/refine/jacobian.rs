@@ -1,7 +1,7 @@
 //! Residuals, their derivatives by finite differences in lanes, and the normal equations.
 
 use super::lanes::Lanes;
-use super::{Experiment, Free, Starts};
+use super::{Experiment, Free, Job, Starts, roll_together};
 use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::{DMatrix, DVector};
@@ -9,6 +9,9 @@ use nalgebra::{DMatrix, DVector};
 /// Share of the typical size by which a value is moved for a finite difference: the root of the
 /// rounding error, a compromise between truncation and cancellation.
 const DIFFERENCE: f64 = 1e-6;
+
+/// The same for a simulator that steps by itself: what its own solver leaves undone must not count.
+const STEPPED_DIFFERENCE: f64 = 1e-5;
 
 /// How far an initial state may sit from its guess, in typical sizes (1 sigma): only holds what the
 /// logs do not tell.
@@ -46,6 +49,9 @@ pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
 
 impl Jacobian {
     pub(crate) fn new(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
+        if system.engine().is_some() {
+            return Self::in_lockstep(system, experiment, point, free);
+        }
         if 1 + system.n_states() + free.len() <= 4 {
             Self::with_lanes::<4>(system, experiment, point, free)
         } else {
@@ -60,25 +66,77 @@ impl Jacobian {
         free: &[Free],
     ) -> Result<Self> {
         let n = system.n_states();
-        let n_columns = experiment.columns.len();
         let width = n + free.len();
-        let mut blocks: Vec<Block> = experiment
-            .windows
-            .iter()
-            .map(|w| {
-                let rows = (w.last - w.first + 1) * n_columns;
-                Block {
-                    residual: DVector::zeros(rows),
-                    derivative: DMatrix::zeros(rows, width),
-                    present: vec![false; rows],
-                }
-            })
-            .collect();
+        let mut blocks = empty_blocks(experiment, width);
         // Lane 0 of the first pass is the point itself; every other lane moves one value.
         let mut moved: Vec<Option<usize>> = vec![None];
         moved.extend((0..width).map(Some));
         for (pass, lanes_of) in moved.chunks(L).enumerate() {
             self::pass::<L>(system, experiment, point, free, pass == 0, lanes_of, &mut blocks)?;
+        }
+        Ok(Self { blocks, n_states: n })
+    }
+
+    /// The same where the simulator steps by itself: every window and every moved value in one go.
+    fn in_lockstep(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
+        let n = system.n_states();
+        let n_columns = experiment.columns.len();
+        let width = n + free.len();
+        let mut blocks = empty_blocks(experiment, width);
+        let by = |column: usize| STEPPED_DIFFERENCE / DIFFERENCE * difference(experiment, n, free, column);
+        let mut jobs = Vec::with_capacity(experiment.windows.len() * (1 + width));
+        for window in 0..experiment.windows.len() {
+            for moved in std::iter::once(None).chain((0..width).map(Some)) {
+                let (mut parameters, mut initial) = (point.parameters.clone(), point.initial[window].clone());
+                match moved {
+                    Some(column) if column < n => initial[column] += by(column),
+                    Some(column) => parameters[free[column - n].parameter] += by(column),
+                    None => {}
+                }
+                jobs.push(Job { window, parameters, initial });
+            }
+        }
+        let mut diverged = None;
+        roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+            let (w, moved) = (job / (1 + width), job % (1 + width));
+            let window = experiment.windows[w];
+            let log = &experiment.logs[window.log];
+            let measured = log.measured[c][sample];
+            if !measured.is_finite() {
+                return;
+            }
+            let row = (sample - window.first) * n_columns + c;
+            let scaled = value / experiment.noise[c];
+            let block = &mut blocks[w];
+            if moved == 0 {
+                block.residual[row] = measured / experiment.noise[c] - scaled;
+                block.present[row] = true;
+                if !value.is_finite() && diverged.is_none() {
+                    diverged = Some((log.name.clone(), log.time[sample], experiment.columns[c], value));
+                }
+            } else {
+                // Outputs for now; a job's own point may come after it.
+                block.derivative[(row, moved - 1)] = scaled;
+            }
+        });
+        if let Some((run, time, state, value)) = diverged {
+            return Err(Error::Diverged {
+                what: format!("the simulator `{}` in run `{run}`", system.model().name),
+                time,
+                state: system.model().states[state].name.clone(),
+                value,
+            });
+        }
+        for (block, window) in blocks.iter_mut().zip(&experiment.windows) {
+            let log = &experiment.logs[window.log];
+            for row in (0..block.residual.len()).filter(|&row| block.present[row]) {
+                let c = row % n_columns;
+                let base = log.measured[c][window.first + row / n_columns] / experiment.noise[c] - block.residual[row];
+                for column in 0..width {
+                    let slope = (block.derivative[(row, column)] - base) / by(column);
+                    block.derivative[(row, column)] = if slope.is_finite() { slope } else { 0.0 };
+                }
+            }
         }
         Ok(Self { blocks, n_states: n })
     }
@@ -98,6 +156,18 @@ impl Jacobian {
             .map(|b| b.residual.iter().zip(&b.present).map(|(&e, &there)| if there { e } else { f64::NAN }).collect())
             .collect()
     }
+}
+
+fn empty_blocks(experiment: &Experiment, width: usize) -> Vec<Block> {
+    let empty = |w: &super::Window| {
+        let rows = (w.last - w.first + 1) * experiment.columns.len();
+        Block {
+            residual: DVector::zeros(rows),
+            derivative: DMatrix::zeros(rows, width),
+            present: vec![false; rows],
+        }
+    };
+    experiment.windows.iter().map(empty).collect()
 }
 
 /// Step of the finite difference of column `column`.
@@ -172,6 +242,9 @@ fn pass<const L: usize>(
 /// Costs of several points; infinite where the model diverges.
 pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], free: &[Free]) -> Vec<f64> {
     const L: usize = 4;
+    if system.engine().is_some() {
+        return costs_in_lockstep(system, experiment, points, free);
+    }
     let mut all = Vec::with_capacity(points.len());
     for chunk in points.chunks(L) {
         let lane_point = |lane: usize| &chunk[lane.min(chunk.len() - 1)];
@@ -207,6 +280,28 @@ pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], 
         }
     }
     all
+}
+
+/// The same where the simulator steps by itself.
+fn costs_in_lockstep(system: &System, experiment: &Experiment, points: &[Point], free: &[Free]) -> Vec<f64> {
+    let job = |window: usize, point: &Point| Job {
+        window,
+        parameters: point.parameters.clone(),
+        initial: point.initial[window].clone(),
+    };
+    let windows = 0..experiment.windows.len();
+    let jobs: Vec<Job> = windows.flat_map(|w| points.iter().map(move |point| job(w, point))).collect();
+    let mut sums = vec![0.0; points.len()];
+    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+        let window = experiment.windows[job / points.len()];
+        let measured = experiment.logs[window.log].measured[c][sample];
+        if measured.is_finite() {
+            let weight = experiment.starts.weight(sample - window.first);
+            sums[job % points.len()] += weight * ((measured - value) / experiment.noise[c]).powi(2);
+        }
+    });
+    let all = sums.iter().zip(points).map(|(sum, point)| sum + prior_cost(&point.parameters, free));
+    all.map(|cost| if cost.is_finite() { cost } else { f64::INFINITY }).collect()
 }
 
 /// The normal equations with every window's initial state kept apart.

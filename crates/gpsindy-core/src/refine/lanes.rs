@@ -3,6 +3,8 @@
 //! A lane is one set of parameters and initial states. Classical Runge-Kutta of order 4; a held
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
+pub(crate) mod lockstep;
+
 use super::experiment::{Log, Past};
 use super::history::{History, Stages, histories};
 use crate::data::Hold;

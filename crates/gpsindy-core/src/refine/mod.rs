@@ -13,6 +13,7 @@ pub(crate) mod lanes;
 pub(crate) use crate::data::Hold;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
+pub(crate) use lanes::lockstep::{Job, roll_together};
 
 use crate::error::{Error, Result};
 use crate::model::System;

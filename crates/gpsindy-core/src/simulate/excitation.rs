@@ -119,6 +119,16 @@ impl Excitation {
         self.controls.iter().filter_map(|c| c.first().copied())
     }
 
+    /// The controls at the samples, one list a control, without gaps.
+    pub(super) fn controls(&self) -> &[Vec<f64>] {
+        &self.controls
+    }
+
+    /// What they do between the samples.
+    pub(super) fn hold(&self) -> Hold {
+        self.hold
+    }
+
     /// Sample times, s.
     pub fn time(&self) -> &[f64] {
         &self.time

@@ -11,6 +11,7 @@ mod integrate;
 mod local_fit;
 mod rates;
 mod rosenbrock;
+mod stepped;
 
 pub use excitation::Excitation;
 pub use initial::{StateReader, initial_state, unmeasure};
@@ -123,6 +124,9 @@ impl Simulate {
         range: Range<usize>,
     ) -> Result<Rollout> {
         self.check(system, excitation, initial, &range)?;
+        if system.engine().is_some() {
+            return stepped::rollout(self, system, excitation, initial, range);
+        }
         let n = system.n_states();
         let time = &excitation.time()[range];
         let delays = late_delays(system);

@@ -26,12 +26,13 @@ from gpsindy.diagnosis import (
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
 from gpsindy.logs import Inspection, inspect, read_log
-from gpsindy.model import Control, Identification, Model, Parameter, State
+from gpsindy.model import Control, Identification, Model, Parameter, Port, State
 from gpsindy.online import Estimate, Online
 from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score
 from gpsindy.simulation import Rollout, simulate
 from gpsindy.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
+from gpsindy.stepper import Stepper
 
 __all__ = [
     "AuthorFit",
@@ -53,6 +54,7 @@ __all__ = [
     "NumericalError",
     "Online",
     "Parameter",
+    "Port",
     "Rollout",
     "Run",
     "Score",
@@ -60,6 +62,7 @@ __all__ = [
     "SmoothedRun",
     "State",
     "StateError",
+    "Stepper",
     "__version__",
     "author",
     "diagnose",
@@ -75,9 +78,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "plot":
-        # Pictures need matplotlib, everything else does not.
+    if name in ("plot", "mujoco", "fmu"):
+        # Each needs a package that everything else does not.
         import importlib
 
-        return importlib.import_module("gpsindy.plot")
+        return importlib.import_module(f"gpsindy.{name}")
     raise AttributeError(f"module 'gpsindy' has no attribute {name!r}")

@@ -96,6 +96,16 @@ class Model:
         initial: Sequence[tuple[str, float]],
         vectorized: bool,
     ) -> Model: ...
+    @staticmethod
+    def from_stepper(
+        function: Callable[[_Array, _Array, _Array, _Array, float], Any],
+        name: str,
+        period: float,
+        parts: dict[str, Any],
+    ) -> Model: ...
+    def simulator_inputs(self) -> list[tuple[str, str, str, float | None]]: ...
+    @property
+    def ports(self) -> list[tuple[str, str, str, str | None]]: ...
     @property
     def calls_simulator(self) -> bool: ...
     @property

@@ -94,7 +94,7 @@ class Cause:
     effect : str
         Id of the catalogue.
     state : str
-        The state in whose equation, or in whose column, it acts.
+        The state in whose equation, or in whose column, it acts; for an effect at a place, the one that it moves most.
     variables : tuple of str
         What it depends on.
     included : bool
@@ -111,6 +111,8 @@ class Cause:
     stability : dict or None
         Whether its size agrees between parts of the logs: ``runs`` (the parts), ``agree``, ``p_value``, and in ``disagree`` the
         parts that do not.
+    place : str or None
+        The port or control at which it acts, where it does not act in the state's equation alone.
     """
 
     effect: str
@@ -123,6 +125,7 @@ class Cause:
     equivalent: tuple[str, ...]
     next_experiment: str | None
     stability: dict[str, Any] | None = field(default=None, hash=False)
+    place: str | None = None
 
 
 class Diagnosis:
@@ -339,7 +342,7 @@ def diagnose(
     else:
         nominal = as_model(model)
     report, augmented = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
-    return Diagnosis(report, Model._of(augmented))
+    return Diagnosis(report, Model._of(augmented, nominal._source))
 
 
 def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:

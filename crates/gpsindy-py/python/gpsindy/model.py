@@ -53,6 +53,26 @@ class Control:
 
 
 @dataclass(frozen=True)
+class Port:
+    """A place where a force that nobody modelled may act, zero in the model.
+
+    Attributes
+    ----------
+    name : str
+    variable : str
+        The state that moves there.
+    unit : str
+    position : str or None
+        The state that is its position.
+    """
+
+    name: str
+    variable: str
+    unit: str
+    position: str | None
+
+
+@dataclass(frozen=True)
 class Parameter:
     """A parameter.
 
@@ -123,16 +143,18 @@ class Model:
     array([0.    , 1.8127, 3.2968])
     """
 
-    __slots__ = ("_inner",)
+    __slots__ = ("_inner", "_source")
     _inner: _gpsindy.Model
+    _source: Any
 
     def __init__(self) -> None:
         raise TypeError("a model is made by Model.load, Model.from_toml, Model.from_json or Model.from_callable")
 
     @classmethod
-    def _of(cls, inner: _gpsindy.Model) -> Model:
+    def _of(cls, inner: _gpsindy.Model, source: Any = None) -> Model:
         model = cls.__new__(cls)
         model._inner = inner
+        model._source = source
         return model
 
     @classmethod
@@ -221,6 +243,11 @@ class Model:
         return tuple(Control(*entry) for entry in self._inner.controls)
 
     @property
+    def ports(self) -> tuple[Port, ...]:
+        """The ports, in order."""
+        return tuple(Port(*entry) for entry in self._inner.ports)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters, in order."""
         return tuple(Parameter(*entry) for entry in self._inner.parameters)
@@ -243,7 +270,8 @@ class Model:
 
     def with_parameters(self, **values: float) -> Model:
         """The same model with other values of some parameters."""
-        return Model._of(self._inner.with_parameters([(name, float(value)) for name, value in values.items()]))
+        pairs = [(name, float(value)) for name, value in values.items()]
+        return Model._of(self._inner.with_parameters(pairs), self._source)
 
     def to_toml(self) -> str:
         """The text of a model file."""
@@ -254,7 +282,14 @@ class Model:
         return self._inner.to_json()
 
     def save(self, path: Path) -> None:
-        """Writes a model file, as JSON where the name ends in ``.json``, else as TOML; whole or not at all."""
+        """Writes a model file, as JSON where the name ends in ``.json``, else as TOML; whole or not at all.
+
+        A model around a simulator with a file of its own is written in that format, corrections included:
+        ``diagnosis.augmented.save("augmented.xml")``.
+        """
+        if self._source is not None:
+            self._source._save_corrected(self, path)
+            return
         self._inner.write(os.fspath(path))
 
     def export(self, to: Target) -> str:
@@ -405,6 +440,8 @@ def as_model(model: Any) -> Model:
     """A model as it is, a path as a model file, a fitted estimator as what it learnt."""
     if isinstance(model, (str, os.PathLike)):
         return Model.load(model)
+    if hasattr(model, "_as_model"):
+        return model._as_model()  # type: ignore[no-any-return]
     found = getattr(model, "model_", model)
     if not isinstance(found, Model):
         raise ValueError(f"model: expected a Model, a model file or a fitted estimator, found {type(model).__name__}")

@@ -1,5 +1,6 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
+use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
 use crate::refine::Experiment;
 
@@ -65,6 +66,8 @@ pub(crate) struct Scene {
     pub(crate) duration: f64,
     /// Angular frequencies (rad/s) at which the residual has peaks, strongest first.
     pub(crate) peaks: Vec<f64>,
+    /// What ports, controls and a simulator's own parameters move.
+    pub(crate) reach: Reach,
 }
 
 impl Scene {
@@ -80,7 +83,7 @@ impl Scene {
                 Excursion::of(&logged.unwrap_or_else(|| paths.iter().flat_map(|p| p[j].iter().copied()).collect()))
             })
             .collect();
-        let controls = (0..system.n_controls())
+        let controls: Vec<Excursion> = (0..system.n_controls())
             .map(|c| {
                 let values: Vec<f64> = experiment.logs.iter().flat_map(|l| l.controls[c].iter().copied()).collect();
                 Excursion::of(&values)
@@ -95,8 +98,9 @@ impl Scene {
             .iter()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(l.time[0]), b.max(l.time[l.time.len() - 1])));
         let duration = experiment.logs.iter().map(length).fold(period, f64::max);
-        let rates = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
-        Self { states, controls, rates, period, times, duration, peaks: Vec::new() }
+        let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
+        let reach = Reach::new(system, &states, &controls, &rates);
+        Self { states, controls, rates, period, times, duration, peaks: Vec::new(), reach }
     }
 }
 

@@ -4,9 +4,11 @@ use crate::diagnose::catalogue::definition::{Family, Place};
 use crate::diagnose::catalogue::effect::{CustomEffect, Effect};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::sense;
+use crate::diagnose::catalogue::site::Site;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};
 use crate::model::Model;
+use std::sync::Arc;
 
 /// What acts: an effect of the catalogue or one of the user's own.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +25,8 @@ pub(crate) struct Hypothesis {
     pub(crate) state: usize,
     /// The variables, controls or parameters that it depends on.
     pub(crate) variables: Vec<String>,
+    /// The port or control at which it acts; the equation of its state where absent.
+    pub(crate) site: Option<Arc<Site>>,
 }
 
 /// A parameter that a hypothesis adds to the model.
@@ -84,7 +88,7 @@ pub(crate) struct Applied {
 impl Hypothesis {
     pub(crate) fn catalogue(effect: Effect, state: usize, variables: &[&str]) -> Self {
         let variables = variables.iter().map(|v| (*v).to_string()).collect();
-        Self { kind: Kind::Catalogue(effect), state, variables }
+        Self { kind: Kind::Catalogue(effect), state, variables, site: None }
     }
 
     pub(crate) fn id(&self) -> &str {
@@ -164,6 +168,46 @@ impl Hypothesis {
         }
     }
 
+    /// The same effect at a port or control; `None` where the simulator's own parameter stands for it and is a suspect itself.
+    fn at(&self, site: &Arc<Site>, model: &Model) -> Option<Self> {
+        if self.effect().and_then(|effect| site.carrier(effect, model)).is_some_and(|p| p.value != 0.0) {
+            return None;
+        }
+        let mut moved = Self { site: Some(site.clone()), ..self.clone() };
+        // The position that a port names, in the place of the one whose rate its motion is.
+        let integral = model.integral_of(self.state).map(|i| &model.states[i].name);
+        if let (Some(integral), Some(position)) = (integral, &site.position) {
+            moved.variables.iter_mut().filter(|v| *v == integral).for_each(|v| v.clone_from(position));
+        }
+        Some(moved)
+    }
+
+    /// The simulator's own parameter that stands for this effect at its site.
+    pub(crate) fn carrier(&self, model: &Model) -> Option<String> {
+        self.site.as_ref()?.carrier(self.effect()?, model).map(|p| p.name.clone())
+    }
+
+    /// Name of the port or control at which it acts.
+    pub(crate) fn place(&self) -> Option<String> {
+        self.site.as_ref().map(|site| site.name.clone())
+    }
+
+    /// Typical rate of its equation, or the force at its site that moves as much.
+    pub(crate) fn typical_rate(&self, scene: &Scene) -> f64 {
+        let rate = scene.rates[self.state.min(scene.rates.len() - 1)];
+        self.site.as_ref().map_or(rate, |site| rate / site.gain)
+    }
+
+    /// Unit of that.
+    pub(crate) fn unit_of_rate(&self, model: &Model) -> String {
+        self.site.as_ref().map_or_else(|| model.states[self.state].rate_unit(), |site| site.unit.clone())
+    }
+
+    /// The state whose rate it moves most.
+    pub(crate) fn moves(&self) -> usize {
+        self.site.as_ref().map_or(self.state, |site| site.moves)
+    }
+
     /// Writes the hypothesis into `model`.
     pub(crate) fn apply(&self, model: &Model, scene: &Scene) -> Result<Applied> {
         crate::diagnose::catalogue::writer::apply(self, model, scene)
@@ -178,7 +222,7 @@ pub(crate) fn enumerate(
     custom: &[CustomEffect],
 ) -> Result<Vec<Hypothesis>> {
     let mut all: Vec<Hypothesis> = Vec::new();
-    let mut push = |effect: Effect, state: usize, variables: &[&str]| {
+    let push = |all: &mut Vec<Hypothesis>, effect: Effect, state: usize, variables: &[&str]| {
         let hypothesis = Hypothesis::catalogue(effect, state, variables);
         if !all.contains(&hypothesis) {
             all.push(hypothesis);
@@ -186,23 +230,32 @@ pub(crate) fn enumerate(
     };
     let at = |place: Place| Effect::ALL.iter().copied().filter(move |e| e.acts_at(place));
     for j in (0..model.states.len()).filter(|&j| !model.is_kinematic(j)) {
+        let mut own = Vec::new();
         for place in Place::IN_A_ROW {
             let choices = variables(place, model, j);
-            at(place).for_each(|effect| choices.iter().for_each(|variables| push(effect, j, variables)));
+            at(place).for_each(|effect| choices.iter().for_each(|variables| push(&mut own, effect, j, variables)));
         }
+        // What a port stands for is not listed as a term of its row once more.
+        let mut ports = scene.reach.ports_of(model, j).peekable();
+        let in_row = if ports.peek().is_none() { own.clone() } else { Vec::new() };
+        let at_ports: Vec<Hypothesis> = ports.flat_map(|site| own.iter().filter_map(|h| h.at(site, model))).collect();
+        let forces = || own.iter().filter(|h| h.family() != Family::Coupling);
+        let controls = scene.reach.controls_of(model, j);
+        let at_controls = controls.flat_map(|site| forces().filter_map(|h| h.at(site, model)));
+        all.extend(in_row.into_iter().chain(at_ports).chain(at_controls));
     }
-    for parameter in &model.parameters {
+    for parameter in model.parameters.iter().filter(|p| !scene.reach.is_absent_effect(&p.name, model)) {
         if let Some(j) = acts_in(model, scene, &parameter.name) {
-            at(Place::Parameter).for_each(|effect| push(effect, j, &[&parameter.name]));
+            at(Place::Parameter).for_each(|effect| push(&mut all, effect, j, &[&parameter.name]));
         }
     }
     for control in &model.controls {
         if let Some(j) = acts_in(model, scene, &control.name) {
-            at(Place::Control).for_each(|effect| push(effect, j, &[&control.name]));
+            at(Place::Control).for_each(|effect| push(&mut all, effect, j, &[&control.name]));
         }
     }
     for &j in logged {
-        at(Place::Sensor).for_each(|effect| push(effect, j, &[]));
+        at(Place::Sensor).for_each(|effect| push(&mut all, effect, j, &[]));
     }
     for place in Place::ELSEWHERE {
         let choices = choices(place, model, scene);
@@ -217,7 +270,7 @@ pub(crate) fn enumerate(
         let moves = |name: &String| model.state_index(name).is_some() || model.control_index(name).is_some();
         let own = |name: &String| effect.parameters.iter().any(|p| p.name == *name);
         let variables = effect.form.variables().into_iter().filter(|name| moves(name) && !own(name)).collect();
-        all.push(Hypothesis { kind: Kind::Custom(effect.clone().into()), state: j, variables });
+        all.push(Hypothesis { kind: Kind::Custom(effect.clone().into()), state: j, variables, site: None });
     }
     Ok(all)
 }
@@ -226,6 +279,9 @@ pub(crate) fn enumerate(
 ///
 /// An effect on a control or a parameter acts wherever it stands, but a report has one place for it.
 fn acts_in(model: &Model, scene: &Scene, name: &str) -> Option<usize> {
+    if let Some(row) = scene.reach.row(name) {
+        return Some(row);
+    }
     /// What an equation must have beyond the first, so that equals keep their order.
     const CLEARLY: f64 = 1.05;
     let places = (0..model.states.len()).filter(|&j| model.states[j].equation.contains(name));

@@ -11,4 +11,5 @@ pub(crate) mod joint;
 pub(crate) mod planting;
 pub(crate) mod rival;
 mod sense;
+pub(crate) mod site;
 mod writer;

@@ -102,7 +102,7 @@ impl Size {
     /// A parameter of the model that is off, away from zero so that no sign changes.
     pub(crate) fn of_parameter(carrier: usize, model: &Model) -> Self {
         let Parameter { value, unit, .. } = &model.parameters[carrier];
-        let scale = if *value == 0.0 { 1.0 } else { value.abs() };
+        let scale = model.parameters[carrier].typical();
         let sense = if *value < 0.0 { -1.0 } else { 1.0 };
         let plain = Self::within("value", unit.clone(), (0.02 * scale, 4.0 * scale), "");
         Self { carrier: Some(carrier), nominal: *value, sense, ..plain }
@@ -152,6 +152,11 @@ impl Planting<'_> {
     }
 
     pub(crate) fn add_term(&mut self, term: Expression) {
+        if let Some(site) = &self.hypothesis.site {
+            let name = site.name.clone();
+            self.replace(&name, &Expression::variable(name.clone()).plus(term));
+            return;
+        }
         let equation = &mut self.model.states[self.hypothesis.state].equation;
         *equation = equation.clone().plus(term);
     }
@@ -206,7 +211,7 @@ impl Planting<'_> {
 
     /// Typical rate of the equation.
     pub(crate) fn rate(&self) -> f64 {
-        self.scene.rates[self.hypothesis.state.min(self.scene.rates.len() - 1)]
+        self.hypothesis.typical_rate(self.scene)
     }
 
     /// From the first sample of any log to the last one.
@@ -215,7 +220,7 @@ impl Planting<'_> {
     }
 
     pub(crate) fn rate_unit(&self) -> String {
-        self.model.states[self.hypothesis.state].rate_unit()
+        self.hypothesis.unit_of_rate(&self.model)
     }
 
     /// Unit of the first variable where it is a control.

@@ -2,7 +2,7 @@
 //!
 //! What an effect writes stands in its own file of `effects/`; here are the words in which it is written.
 
-use crate::diagnose::catalogue::effect::CustomEffect;
+use crate::diagnose::catalogue::effect::{CustomEffect, Effect};
 use crate::diagnose::catalogue::excited::{Excursion, Scene};
 use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Start};
@@ -62,7 +62,10 @@ pub(crate) fn sinusoid(values: &[f64]) -> Start {
 pub(crate) fn apply(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Result<Applied> {
     let mut writer = Writer { model: model.clone(), scene, hypothesis, fitted: Vec::new() };
     let starts = match &hypothesis.kind {
-        Kind::Catalogue(effect) => (effect.definition().write)(&mut writer)?,
+        Kind::Catalogue(effect) => match hypothesis.carrier(model) {
+            Some(parameter) => writer.carried(&parameter),
+            None => (effect.definition().write)(&mut writer)?,
+        },
         Kind::Custom(custom) => writer.custom(custom)?,
     };
     let parts = vec![writer.fitted.len()];
@@ -97,8 +100,24 @@ impl<'a> Writer<'a> {
         phase
     }
 
-    /// Adds a term to the right side of the equation in which the effect acts.
+    /// An effect that the simulator has as a parameter of its own: that much more of it.
+    fn carried(&mut self, parameter: &str) -> Vec<Start> {
+        // Dry friction is a force; damping, stiffness and inertia are forces by their variable.
+        let is_force = self.hypothesis.is(Effect::CoulombFriction);
+        let (size, unit) = if is_force { (1.0, self.unit_of_rate()) } else { (self.size(0), String::new()) };
+        let scale = self.rate() / size;
+        let c = self.add("c", 0.0, scale, POSITIVE, &unit);
+        self.replace(parameter, &Expression::variable(parameter).plus(c));
+        vec![amplitude(&[1e-3 * scale])]
+    }
+
+    /// Adds a term to the right side of the equation, or to the port or control, at which the effect acts.
     pub(crate) fn add_term(&mut self, term: Expression) {
+        if let Some(site) = &self.hypothesis.site {
+            let name = site.name.clone();
+            self.replace(&name, &Expression::variable(name.clone()).plus(term));
+            return;
+        }
         let state = &mut self.model.states[self.hypothesis.state];
         state.equation = state.equation.clone().plus(term);
     }
@@ -171,9 +190,9 @@ impl<'a> Writer<'a> {
         self.excursion(index).map_or(1.0, Excursion::size)
     }
 
-    /// Typical rate of the equation in which the effect acts.
+    /// Typical rate of the equation in which the effect acts, or the force at its site that moves as much.
     pub(crate) fn rate(&self) -> f64 {
-        self.scene.rates[self.hypothesis.state.min(self.scene.rates.len() - 1)]
+        self.hypothesis.typical_rate(self.scene)
     }
 
     /// A rate so small that a straight line holds.
@@ -182,7 +201,7 @@ impl<'a> Writer<'a> {
     }
 
     pub(crate) fn unit_of_rate(&self) -> String {
-        self.model.states[self.hypothesis.state].rate_unit()
+        self.hypothesis.unit_of_rate(&self.model)
     }
 
     /// First and last time of the logs, and what lies between.

@@ -14,7 +14,7 @@ use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::{MOST_STRAINED, STEP};
 use crate::model::System;
-use crate::refine::lanes::Lanes;
+use crate::refine::{Job, lanes::Lanes, roll_together};
 use nalgebra::{DMatrix, DVector};
 
 /// Columns that are rolled out at once: the width of the widest vector registers in doubles.
@@ -329,6 +329,10 @@ fn responses(
         }
     }
     let n_columns = experiment.columns.len();
+    if system.engine().is_some() {
+        let lane = |l: usize| parameters.iter().map(|p| p[l]).collect::<Vec<f64>>();
+        return stepped_responses(system, at, initial, &(0..columns.len()).map(lane).collect::<Vec<_>>());
+    }
     let mut out: Vec<Vec<DVector<f64>>> = vec![Vec::with_capacity(experiment.windows.len()); columns.len()];
     let mut lanes: Option<(usize, Lanes<'_, LANES>)> = None;
     for (w, window) in experiment.windows.iter().enumerate() {
@@ -358,6 +362,37 @@ fn responses(
             list.push(result);
         }
     }
+    out
+}
+
+/// The same where the simulator steps by itself: one list of changes a window for each set of `parameters`.
+fn stepped_responses(
+    system: &System,
+    at: &Linearised<'_>,
+    initial: &[Vec<f64>],
+    parameters: &[Vec<f64>],
+) -> Vec<Vec<DVector<f64>>> {
+    let (experiment, blocks) = (&at.contestant.experiment, &at.jacobian.blocks);
+    let n_columns = experiment.columns.len();
+    let windows = 0..experiment.windows.len();
+    let job = |window: usize, parameters: &Vec<f64>| Job {
+        window,
+        parameters: parameters.clone(),
+        initial: initial[window].clone(),
+    };
+    let jobs: Vec<Job> = windows.flat_map(|w| parameters.iter().map(move |p| job(w, p))).collect();
+    let empty: Vec<DVector<f64>> = blocks.iter().map(|b| DVector::zeros(b.residual.len())).collect();
+    let mut out = vec![empty; parameters.len()];
+    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+        let (w, set) = (job / parameters.len(), job % parameters.len());
+        let window = experiment.windows[w];
+        let row = (sample - window.first) * n_columns + c;
+        if blocks[w].present[row] {
+            let measured = experiment.logs[window.log].measured[c][sample];
+            let base = measured / experiment.noise[c] - blocks[w].residual[row];
+            out[set][w][row] = value / experiment.noise[c] - base;
+        }
+    });
     out
 }
 

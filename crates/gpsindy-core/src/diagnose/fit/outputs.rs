@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::model::System;
-use crate::refine::{Experiment, lanes::Lanes};
+use crate::refine::{Experiment, Job, lanes::Lanes, roll_together};
 
 /// Noise-scaled outputs of a model, one list a window.
 pub(crate) fn outputs(
@@ -12,6 +12,14 @@ pub(crate) fn outputs(
     parameters: &[f64],
     initial: &[Vec<f64>],
 ) -> Vec<Vec<f64>> {
+    if system.engine().is_some() {
+        let jobs = jobs(parameters, initial);
+        let mut values = vec![Vec::new(); jobs.len()];
+        roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, _, c, value| {
+            values[job].push(value / experiment.noise[c]);
+        });
+        return values;
+    }
     let parameters: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
     let windows = experiment.windows.iter().zip(initial);
     windows
@@ -36,6 +44,12 @@ pub(crate) fn trajectories(
     initial: &[Vec<f64>],
 ) -> Vec<Vec<Vec<f64>>> {
     let n = system.n_states();
+    if system.engine().is_some() {
+        let jobs = jobs(parameters, initial);
+        let mut paths = vec![vec![Vec::new(); n]; jobs.len()];
+        roll_together(system, experiment, &jobs, None, &mut |job, _, j, value| paths[job][j].push(value));
+        return paths;
+    }
     let parameters: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
     experiment
         .windows
@@ -50,6 +64,16 @@ pub(crate) fn trajectories(
             path
         })
         .collect()
+}
+
+/// One rollout a window, all with the same parameters.
+fn jobs(parameters: &[f64], initial: &[Vec<f64>]) -> Vec<Job> {
+    let job = |(window, start): (usize, &Vec<f64>)| Job {
+        window,
+        parameters: parameters.to_vec(),
+        initial: start.clone(),
+    };
+    initial.iter().enumerate().map(job).collect()
 }
 
 /// What the logs excite, where the model goes as a contestant does.

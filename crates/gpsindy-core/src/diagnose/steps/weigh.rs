@@ -354,7 +354,8 @@ fn cause(
     let next_experiment = equivalent.first().map(|other| separating_experiment(hypothesis.id(), other).to_string());
     Cause {
         effect: hypothesis.id().into(),
-        state: model.states[hypothesis.state].name.clone(),
+        state: model.states[hypothesis.moves()].name.clone(),
+        place: hypothesis.place(),
         variables: hypothesis.variables.clone(),
         included,
         probability: probability.clamp(0.0, 1.0),
@@ -383,14 +384,17 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
         let is_same = |h: &Hypothesis| h.id() == hypothesis.id() && h.state == hypothesis.state;
         let is_quiet = summary.gain < 9.0 && !outcome.best.hypotheses.iter().any(is_same);
         if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
-            let state = model.states[hypothesis.state].name.clone();
-            let variables = hypothesis.variables.clone();
-            let is_listed = |e: &Excluded| e.effect == hypothesis.id() && e.state == state && e.variables == variables;
+            let state = model.states[hypothesis.moves()].name.clone();
+            let (variables, place) = (hypothesis.variables.clone(), hypothesis.place());
+            let is_listed = |e: &Excluded| {
+                (e.effect.as_str(), &e.state, &e.variables, &e.place) == (hypothesis.id(), &state, &variables, &place)
+            };
             if !all.iter().any(is_listed) {
                 all.push(Excluded {
                     effect: hypothesis.id().into(),
                     state,
                     variables,
+                    place,
                     above: POWER * deviation,
                     unit: unit.clone(),
                 });

@@ -75,6 +75,8 @@ impl Language {
 impl Model {
     /// The model as source in `target`.
     ///
+    /// Ports are left out: they are zero.
+    ///
     /// A delay or a play becomes a function of the log's samples (C, Julia, Python, Rust), a shifted time
     /// (LaTeX, SymPy) or the language's own `delay` (Modelica).
     ///
@@ -83,14 +85,15 @@ impl Model {
     /// Modelica; equations that call the user's own simulator.
     pub fn export(&self, target: Language) -> Result<String> {
         self.check()?;
+        let closed = &self.closed();
         match target {
-            Language::Latex => latex::write(self),
-            Language::Sympy => sympy::write(self),
-            Language::Python => python::write(self),
-            Language::C => c::write(self),
-            Language::Rust => rust::write(self),
-            Language::Julia => julia::write(self),
-            Language::Modelica => modelica::write(self),
+            Language::Latex => latex::write(closed),
+            Language::Sympy => sympy::write(closed),
+            Language::Python => python::write(closed),
+            Language::C => c::write(closed),
+            Language::Rust => rust::write(closed),
+            Language::Julia => julia::write(closed),
+            Language::Modelica => modelica::write(closed),
         }
     }
 }

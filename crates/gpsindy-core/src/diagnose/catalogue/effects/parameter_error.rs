@@ -30,17 +30,18 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let Some(index) = writer.model.parameter_index(&name) else {
         return Err(Error::unknown("parameter", &name, writer.model.parameters.iter().map(|p| &p.name)));
     };
-    let (lower, upper) = dissipative_bounds(&writer.model, &name).unwrap_or(FREE);
+    let own = writer.model.parameters[index].range;
+    let (lower, upper) = dissipative_bounds(&writer.model, &name).or(own).unwrap_or(FREE);
     let parameter = &mut writer.model.parameters[index];
     parameter.tolerance = None;
-    let size = if parameter.value == 0.0 { 1.0 } else { parameter.value.abs() };
+    let size = parameter.typical();
     let unit = parameter.unit.clone();
     let added = Added { symbol: "value".into(), name, unit, scale: size, lower, upper, is_angle: false };
     // A straight line near the nominal value, then finite steps for what is none.
     let value = parameter.value;
     writer.fitted.push((index, added));
     let near = Start { amplitudes: vec![(0, value)], ..amplitude(&[value + 1e-3 * size]) };
-    let steps = [1.3, 0.75].map(|f| keep(&[if value == 0.0 { f - 1.0 } else { value * f }]));
+    let steps = [1.3, 0.75].map(|f| keep(&[if value == 0.0 { (f - 1.0) * size } else { value * f }]));
     Ok(std::iter::once(near).chain(steps).collect())
 }
 

@@ -57,7 +57,7 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
 }
 
 /// The ramp that stood for an edge in the fit, as the edge.
-fn tell(model: &mut Model, state: usize) {
+fn tell(model: &mut Model, _: usize) {
     let sharp = |part: Expression| match &part {
         Expression::Call(Function::Clamp, arguments) => match &arguments[0] {
             Expression::Binary(Operator::Divide, ramp, _) if is_since_an_instant(ramp) => {
@@ -67,8 +67,10 @@ fn tell(model: &mut Model, state: usize) {
         },
         _ => part,
     };
-    let equation = &mut model.states[state].equation;
-    *equation = equation.map(&sharp);
+    // At a port it stands in every equation that the port enters.
+    for state in &mut model.states {
+        state.equation = state.equation.map(&sharp);
+    }
 }
 
 fn is_since_an_instant(ramp: &Expression) -> bool {

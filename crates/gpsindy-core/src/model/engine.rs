@@ -1,0 +1,246 @@
+//! Simulators that step: the next state of many rows at once, with forces and the simulator's own parameters.
+
+use super::{Dynamics, Model, System};
+use crate::error::Result;
+use crate::expression::{Expression, Tape};
+
+/// A simulator that steps by itself, for many rows at once: `x' = F(x, u, f, p, dt)`.
+///
+/// Rows are independent copies of the machine: states `x` (n), commands `u` (m), generalised forces `f` and the
+/// simulator's own parameters `p`, each row after row. An effect acts at its command, as a force, on a parameter or
+/// at the sensors, never inside.
+pub trait Steps: Send + Sync {
+    /// The longest step, s: the simulator's own.
+    fn period(&self) -> f64;
+
+    /// Number of forces; they are the model's ports.
+    fn n_forces(&self) -> usize;
+
+    /// Number of own parameters; they are the model's first parameters.
+    fn n_parameters(&self) -> usize;
+
+    /// States `next` (r x n) one step of `dt` s (at most the period) after `x` (r x n), commands and forces held.
+    ///
+    /// # Errors
+    /// [`crate::Error::Callback`] with the simulator's own error.
+    fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()>;
+}
+
+/// Copies of a machine, row after row.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows<'a> {
+    /// Number of rows r.
+    pub count: usize,
+    /// States (r x n).
+    pub states: &'a [f64],
+    /// Commands (r x m).
+    pub commands: &'a [f64],
+    /// Generalised forces, one a port.
+    pub forces: &'a [f64],
+    /// The simulator's own parameters.
+    pub parameters: &'a [f64],
+}
+
+/// What a compiled model hands to a simulator that steps, and what it adds outside of it.
+///
+/// All tapes read states, controls, inputs with a history and parameters, as the rates do.
+#[derive(Debug, Clone)]
+pub(crate) struct Drive {
+    /// Commands, forces, parameters of the simulator.
+    pub(crate) arguments: Tape,
+    /// Rates beside the simulator: terms added to its rows, and whole rows of added states.
+    pub(crate) beside: Tape,
+    /// Which rows have such a rate; most have none.
+    pub(crate) rows: Vec<usize>,
+}
+
+impl Model {
+    /// Equations of a simulator with `n` states: positions of `kinematic` (position, rate) say so, the others call it.
+    ///
+    /// Call it once states, controls, ports and parameters are in place.
+    pub fn call_simulator(&mut self, kinematic: &[(usize, usize)]) {
+        let names = self.states.iter().map(|s| &s.name).chain(self.controls.iter().map(|c| &c.name));
+        let names = names.chain(self.ports.iter().map(|p| &p.name)).chain(self.parameters.iter().map(|p| &p.name));
+        let arguments: Vec<Expression> = names.map(Expression::variable).collect();
+        for j in 0..self.states.len() {
+            self.states[j].equation = match kinematic.iter().find(|(position, _)| *position == j) {
+                Some((_, rate)) => Expression::variable(self.states[*rate].name.clone()),
+                None => Expression::Simulator(j, arguments.clone()),
+            };
+        }
+    }
+
+    /// What goes into a simulator of `n` states that steps, beside them: name and expression of every command, force and
+    /// parameter of its own, ports at zero and values in the place of the parameters that are not its own.
+    pub fn simulator_inputs(&self, n: usize) -> Vec<(String, Expression)> {
+        let closed = self.closed();
+        let Some(arguments) = closed.states.iter().find_map(|s| call(&s.equation)) else { return Vec::new() };
+        let arguments = arguments.get(n..).unwrap_or_default();
+        let own = arguments.len().saturating_sub(self.controls.len() + self.ports.len());
+        let names = self.controls.iter().map(|c| &c.name).chain(self.ports.iter().map(|p| &p.name));
+        let names = names.chain(self.parameters.iter().take(own).map(|p| &p.name));
+        let valued = |e: &Expression| {
+            e.map(&|part| match &part {
+                Expression::Variable(name) => match self.parameters.iter().find(|p| p.name == *name) {
+                    Some(parameter) => Expression::Number(parameter.value),
+                    None => part,
+                },
+                _ => part,
+            })
+        };
+        names.cloned().zip(arguments.iter().map(valued)).collect()
+    }
+
+    /// Whether an equation calls the user's own simulator.
+    pub fn calls_simulator(&self) -> bool {
+        self.states.iter().any(|s| call(&s.equation).is_some())
+    }
+}
+
+/// Arguments of the call of a simulator within an expression.
+pub(super) fn call(expression: &Expression) -> Option<Vec<Expression>> {
+    let mut found = None;
+    expression.visit(&mut |part| {
+        if let Expression::Simulator(_, arguments) = part {
+            found.get_or_insert_with(|| arguments.clone());
+        }
+    });
+    found
+}
+
+/// What stands beside the call of a simulator: the expression with the call at zero.
+fn beside(expression: &Expression) -> Expression {
+    use crate::expression::Operator::{Add, Subtract};
+    match expression {
+        Expression::Simulator(..) => Expression::Number(0.0),
+        Expression::Binary(Add, a, b) => beside(a).plus(beside(b)),
+        Expression::Binary(Subtract, a, b) => beside(a).minus(beside(b)),
+        other => other.clone(),
+    }
+}
+
+impl Drive {
+    /// Of the equations `rates`, in which histories are variables already.
+    pub(super) fn new(rates: &[Expression], n_states: usize, variables: &[String]) -> Result<Self> {
+        let arguments = rates.iter().find_map(call).unwrap_or_default();
+        let arguments = arguments.get(n_states..).unwrap_or_default();
+        let is_own = |j: usize, rate: &Expression| j >= n_states || !matches!(rate, Expression::Variable(_));
+        let rest = rates.iter().enumerate().filter(|(j, rate)| is_own(*j, rate)).map(|(j, rate)| (j, beside(rate)));
+        let (rows, rest): (Vec<usize>, Vec<Expression>) =
+            rest.filter(|(_, rate)| *rate != Expression::Number(0.0)).unzip();
+        Ok(Self { arguments: Tape::new(arguments, variables)?, beside: Tape::new(&rest, variables)?, rows })
+    }
+}
+
+impl System {
+    /// The user's own simulator where it steps by itself.
+    pub(crate) fn engine(&self) -> Option<&dyn Steps> {
+        self.simulator().and_then(|s| s.steps())
+    }
+
+    /// How all rates of the nominal equations change when the input or parameter `name` is raised by `change`, at each of
+    /// the `points` (all states, then all controls); parameters as `parameters`. `None` where that fails.
+    pub(crate) fn response(
+        &self,
+        name: &str,
+        change: f64,
+        points: &[Vec<f64>],
+        parameters: &[f64],
+    ) -> Option<Vec<Vec<f64>>> {
+        let model = self.model();
+        let n = model.states.len();
+        if let Some(engine) = self.engine() {
+            return engine_response(self, engine, name, change, points, parameters);
+        }
+        let names: Vec<String> = model.names().map(str::to_string).collect();
+        let equations: Vec<Expression> = model.states.iter().map(|s| without_past(&s.equation)).collect();
+        let tape = Tape::new(&equations, &names).ok()?;
+        let at = |point: &[f64], raised: f64| {
+            let parameter = |other: &str| model.parameter_index(other).map_or(0.0, |i| parameters[i]);
+            let value = |(i, other): (usize, &String)| {
+                point.get(i).copied().unwrap_or_else(|| parameter(other)) + if other == name { raised } else { 0.0 }
+            };
+            tape.evaluate_once(&names.iter().enumerate().map(value).collect::<Vec<f64>>(), 0.0)
+        };
+        let one = |point: &Vec<f64>| {
+            let (from, to) = (at(point, 0.0), at(point, change));
+            (0..n).map(|j| to[j] - from[j]).collect()
+        };
+        Some(points.iter().map(one).collect())
+    }
+}
+
+/// An expression in which `delay` and `play` read their signal as it stands.
+fn without_past(expression: &Expression) -> Expression {
+    use crate::expression::Function;
+    expression.map(&|part| match part {
+        Expression::Call(Function::Delay | Function::Play, mut arguments) => arguments.swap_remove(0),
+        other => other,
+    })
+}
+
+fn engine_response(
+    system: &System,
+    engine: &dyn Steps,
+    name: &str,
+    change: f64,
+    points: &[Vec<f64>],
+    parameters: &[f64],
+) -> Option<Vec<Vec<f64>>> {
+    let model = system.model();
+    let (n, m, count) = (model.states.len(), model.controls.len(), points.len());
+    let raised = |values: &mut [f64], index: Option<usize>, width: usize| {
+        if let Some(index) = index {
+            values.iter_mut().skip(index).step_by(width.max(1)).for_each(|v| *v += change);
+        }
+    };
+    let states: Vec<f64> = points.iter().flat_map(|p| p[..n].iter().copied()).collect();
+    let run = |is_raised: bool| {
+        let mut commands: Vec<f64> = points.iter().flat_map(|p| p[n..n + m].iter().copied()).collect();
+        let mut forces = vec![0.0; engine.n_forces() * count];
+        let own = engine.n_parameters().min(parameters.len());
+        let mut values: Vec<f64> = (0..count).flat_map(|_| parameters[..own].iter().copied()).collect();
+        if is_raised {
+            raised(&mut commands, model.control_index(name), m);
+            raised(&mut forces, model.port_index(name), engine.n_forces());
+            raised(&mut values, model.parameter_index(name).filter(|&i| i < own), own);
+        }
+        let rows =
+            Rows { count, states: &states, commands: &commands, forces: &forces, parameters: &values };
+        let mut next = vec![0.0; n * count];
+        engine.step(&rows, engine.period(), &mut next).ok().map(|()| next)
+    };
+    let (from, to) = (run(false)?, run(true)?);
+    let rates: Vec<f64> = from.iter().zip(&to).map(|(a, b)| (b - a) / engine.period()).collect();
+    Some(rates.chunks(n.max(1)).map(<[f64]>::to_vec).collect())
+}
+
+/// A rate out of one step, for callers that want one: `(x' - x)/dt`.
+///
+/// # Errors
+/// As [`Steps::step`].
+pub(crate) fn rates_of_step(engine: &dyn Steps, rows: &Rows<'_>, dx: &mut [f64]) -> Result<()> {
+    let period = engine.period();
+    engine.step(rows, period, dx)?;
+    dx.iter_mut().zip(rows.states).for_each(|(next, x)| *next = (*next - x) / period);
+    Ok(())
+}
+
+/// Splits the arguments of a call, lane after lane, into rows; returns how many each row has of each.
+pub(super) fn rows_of(
+    simulator: &dyn Dynamics,
+    engine: &dyn Steps,
+    lanes: usize,
+    arguments: &[f64],
+) -> [Vec<f64>; 4] {
+    let widths = [simulator.n_states(), simulator.n_controls(), engine.n_forces(), engine.n_parameters()];
+    let mut parts: [Vec<f64>; 4] = Default::default();
+    for lane in arguments.chunks((arguments.len() / lanes.max(1)).max(1)) {
+        let mut first = 0;
+        for (part, width) in parts.iter_mut().zip(widths) {
+            part.extend_from_slice(&lane[first..first + width]);
+            first += width;
+        }
+    }
+    parts
+}

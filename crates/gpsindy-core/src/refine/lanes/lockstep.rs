@@ -1,0 +1,339 @@
+//! Rollouts of a simulator that steps: all of them together, one call a step for every row.
+//!
+//! A job is a window of a log with parameters and a start of its own. Jobs of many windows and perturbations go side
+//! by side, each with its own clock. A sample's period is walked in the simulator's own steps; where it is no whole
+//! number of them, the last one is shortened. Commands and forces are held over a step, as the simulator holds them.
+
+use super::{Lanes, Node};
+use crate::model::{Rows, Steps, System};
+use crate::refine::Experiment;
+use crate::refine::history::Stages;
+
+/// Lanes that run through a tape together.
+const L: usize = 4;
+
+/// Rows of one call at most, so that a call's memory stays within the processor's own.
+const MOST_ROWS: usize = 2048;
+
+/// Share of a step by which the last one of a sample may differ and still count as whole.
+const WHOLE: f64 = 1e-6;
+
+/// Size of a state beyond which a row counts as diverged; what a simulator makes of it is no number.
+const BOUND: f64 = 1e9;
+
+/// A rollout that is wanted.
+pub(crate) struct Job {
+    /// Which of the experiment's windows.
+    pub(crate) window: usize,
+    /// All of the system's parameters.
+    pub(crate) parameters: Vec<f64>,
+    /// All states at the window's first sample.
+    pub(crate) initial: Vec<f64>,
+}
+
+/// Up to `L` jobs of the same window.
+struct Group<'a> {
+    lanes: Lanes<'a, L>,
+    /// Number of its first job, and how many there are.
+    first: usize,
+    count: usize,
+    /// Present sample, last sample, and how many steps of the present sample are made.
+    sample: usize,
+    last: usize,
+    part: usize,
+    x: Vec<[f64; L]>,
+    inputs: Vec<Stages<L>>,
+    arguments: Vec<[f64; L]>,
+    beside: Vec<[f64; L]>,
+    nodes: Vec<Node<L>>,
+}
+
+/// Rolls all `jobs` out; `receive(job, sample, place, value)` for every sample of its window and every one of `columns`,
+/// or every state where absent. Values are NaN from where a rollout or the simulator fails.
+pub(crate) fn roll_together(
+    system: &System,
+    experiment: &Experiment,
+    jobs: &[Job],
+    columns: Option<&[usize]>,
+    receive: &mut dyn FnMut(usize, usize, usize, f64),
+) {
+    let Some(engine) = system.engine() else { return };
+    let mut groups: Vec<(usize, usize)> = Vec::new();
+    for (i, job) in jobs.iter().enumerate() {
+        match groups.last_mut() {
+            Some((first, count)) if jobs[*first].window == job.window && *count < L => *count += 1,
+            _ => groups.push((i, 1)),
+        }
+    }
+    for together in groups.chunks((MOST_ROWS / L).max(1)) {
+        let made = together.iter().map(|&(first, count)| Group::new(system, experiment, jobs, first, count));
+        walk(system, engine, made.collect(), columns, receive);
+    }
+}
+
+/// Steps all groups to their last samples.
+fn walk(
+    system: &System,
+    engine: &dyn Steps,
+    mut groups: Vec<Group<'_>>,
+    columns: Option<&[usize]>,
+    receive: &mut dyn FnMut(usize, usize, usize, f64),
+) {
+    let mut rows = Buffer::default();
+    loop {
+        let mut due: Vec<(usize, f64)> = Vec::with_capacity(groups.len());
+        for (g, group) in groups.iter_mut().enumerate() {
+            if group.part == 0 {
+                group.enter();
+                group.show(columns, receive);
+            }
+            if group.sample < group.last {
+                due.push((g, group.next_step(engine.period())));
+            }
+        }
+        if due.is_empty() {
+            return;
+        }
+        // Steps of one length go together; nearly always that is all of them.
+        due.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        for same in due.chunk_by(|a, b| a.1 == b.1) {
+            let dt = same[0].1;
+            rows.clear();
+            for &(g, _) in same {
+                groups[g].put(system, dt, &mut rows);
+            }
+            rows.step(engine, system, dt);
+            let mut taken = 0;
+            for &(g, _) in same {
+                taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
+            }
+        }
+    }
+}
+
+/// What goes to the simulator in one call, and what comes back.
+#[derive(Default)]
+struct Buffer {
+    count: usize,
+    states: Vec<f64>,
+    commands: Vec<f64>,
+    forces: Vec<f64>,
+    parameters: Vec<f64>,
+    next: Vec<f64>,
+}
+
+impl Buffer {
+    fn clear(&mut self) {
+        self.count = 0;
+        for part in [&mut self.states, &mut self.commands, &mut self.forces, &mut self.parameters] {
+            part.clear();
+        }
+    }
+
+    fn step(&mut self, engine: &dyn Steps, system: &System, dt: f64) {
+        let n = system.simulator().map_or(0, |s| s.n_states());
+        self.next.clear();
+        self.next.resize(self.count * n, f64::NAN);
+        // A row that has left all bounds is no longer shown to the simulator.
+        let lost: Vec<usize> =
+            (0..self.count).filter(|r| self.states[r * n..(r + 1) * n].iter().any(|v| !(v.abs() < BOUND))).collect();
+        for r in &lost {
+            self.states[r * n..(r + 1) * n].fill(0.0);
+        }
+        for part in [&mut self.commands, &mut self.forces] {
+            part.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+        }
+        let rows = Rows {
+            count: self.count,
+            states: &self.states,
+            commands: &self.commands,
+            forces: &self.forces,
+            parameters: &self.parameters,
+        };
+        if engine.step(&rows, dt, &mut self.next).is_err() {
+            self.next.fill(f64::NAN);
+        }
+        for r in &lost {
+            self.next[r * n..(r + 1) * n].fill(f64::NAN);
+        }
+    }
+}
+
+impl<'a> Group<'a> {
+    fn new(system: &'a System, experiment: &'a Experiment, jobs: &[Job], first: usize, count: usize) -> Self {
+        let job = |lane: usize| &jobs[first + lane.min(count - 1)];
+        let window = experiment.windows[job(0).window];
+        let log = &experiment.logs[window.log];
+        let across = |of: &dyn Fn(&Job) -> f64| std::array::from_fn(|lane| of(job(lane)));
+        let parameters: Vec<[f64; L]> = (0..system.n_parameters()).map(|p| across(&|j| j.parameters[p])).collect();
+        let mut x: Vec<[f64; L]> = (0..system.n_states()).map(|s| across(&|j| j.initial[s])).collect();
+        let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
+        if window.first > 0 && !system.followers().is_empty() {
+            // What follows the inputs has its past in the log.
+            lanes.follow().into_iter().for_each(|(state, path)| x[state] = path[window.first]);
+        }
+        lanes.histories.iter_mut().for_each(|h| h.rewind(&log.time, log.time[window.first], experiment.hold));
+        let inputs = vec![[[0.0; L]; 3]; system.n_controls() + lanes.histories.len()];
+        let behind = system.n_states() + inputs.len();
+        let filled = |mut registers: Vec<[f64; L]>| {
+            registers[behind..behind + parameters.len()].copy_from_slice(&parameters);
+            registers
+        };
+        let drive = system.drive();
+        Self {
+            first,
+            count,
+            sample: window.first,
+            last: window.last,
+            part: 0,
+            x,
+            inputs,
+            arguments: drive.map(|d| filled(d.arguments.registers())).unwrap_or_default(),
+            beside: drive.map(|d| filled(d.beside.registers())).unwrap_or_default(),
+            nodes: Vec::new(),
+            lanes,
+        }
+    }
+
+    /// Looks at the inputs of the sample that begins.
+    fn enter(&mut self) {
+        let t = self.lanes.log.time[self.sample];
+        let Self { lanes, inputs, .. } = self;
+        // For the outputs only: histories move on with the steps.
+        for (control, stages) in lanes.log.controls.iter().zip(inputs.iter_mut()) {
+            *stages = [[control[self.sample]; L]; 3];
+        }
+        if !lanes.late.is_empty() {
+            let still = self.x.iter().map(|x| x.map(|_| 0.0)).collect::<Vec<_>>();
+            let node = Node { t, x: self.x.clone(), dx: still.clone(), dx_end: still };
+            match self.nodes.last_mut() {
+                Some(last) if last.t == t => *last = node,
+                _ => self.nodes.push(node),
+            }
+        }
+    }
+
+    fn show(&mut self, columns: Option<&[usize]>, receive: &mut dyn FnMut(usize, usize, usize, f64)) {
+        let t = self.lanes.log.time[self.sample];
+        let (first, count) = (self.first, self.count);
+        let mut pass = |sample: usize, place: usize, values: [f64; L]| {
+            (0..count).for_each(|lane| receive(first + lane, sample, place, values[lane]));
+        };
+        self.lanes.show(pulp::Scalar, columns, self.sample, t, &self.x, &self.inputs, &self.nodes, &mut pass);
+    }
+
+    /// Length of the next step, s.
+    fn next_step(&self, period: f64) -> f64 {
+        let time = &self.lanes.log.time;
+        let whole = time[self.sample + 1] - time[self.sample];
+        let rest = whole - self.part as f64 * period;
+        if self.part + 1 < self.steps(period) || (rest - period).abs() < WHOLE * period { period } else { rest }
+    }
+
+    /// Steps of the present sample.
+    fn steps(&self, period: f64) -> usize {
+        let time = &self.lanes.log.time;
+        (((time[self.sample + 1] - time[self.sample]) / period - WHOLE).ceil() as usize).max(1)
+    }
+
+    /// Time at which the next step begins, s.
+    fn now(&self, period: f64) -> f64 {
+        self.lanes.log.time[self.sample] + self.part as f64 * period
+    }
+
+    fn put(&mut self, system: &System, dt: f64, rows: &mut Buffer) {
+        let (Some(drive), Some(engine), Some(simulator)) = (system.drive(), system.engine(), system.simulator()) else {
+            return;
+        };
+        let t = self.now(engine.period());
+        self.lanes.load_inputs(&mut self.inputs, self.sample, t, t + dt);
+        let n = self.x.len();
+        for registers in [&mut self.arguments, &mut self.beside] {
+            registers[..n].copy_from_slice(&self.x);
+            for (register, stages) in registers[n..].iter_mut().zip(&self.inputs) {
+                *register = stages[1];
+            }
+        }
+        self.arguments[drive.arguments.n_variables()] = [t; L];
+        self.beside[drive.beside.n_variables()] = [t; L];
+        drive.arguments.evaluate(&mut self.arguments);
+        let (n, m, f) = (simulator.n_states(), simulator.n_controls(), engine.n_forces());
+        let argument = |i: usize, lane: usize| drive.arguments.output(&self.arguments, i)[lane];
+        for lane in 0..self.count {
+            rows.states.extend(self.x[..n].iter().map(|x| x[lane]));
+            rows.commands.extend((0..m).map(|i| argument(i, lane)));
+            rows.forces.extend((m..m + f).map(|i| argument(i, lane)));
+            rows.parameters.extend((m + f..m + f + engine.n_parameters()).map(|i| argument(i, lane)));
+        }
+        rows.count += self.count;
+    }
+
+    /// Takes its rows out of what the simulator answered; returns how many values that were.
+    fn take(&mut self, system: &System, period: f64, dt: f64, next: &[f64]) -> usize {
+        let n = system.simulator().map_or(0, |s| s.n_states());
+        let before = (!self.lanes.late.is_empty()).then(|| self.x.clone());
+        let beside = self.rates_beside(system, dt);
+        for (j, x) in self.x.iter_mut().enumerate().take(n) {
+            for (lane, value) in x.iter_mut().enumerate() {
+                *value = next[lane.min(self.count - 1) * n + j];
+            }
+        }
+        for (j, moved) in beside {
+            for lane in 0..L {
+                self.x[j][lane] += moved[lane];
+            }
+        }
+        let t = self.now(period);
+        if let Some(before) = before {
+            // A straight line between the steps.
+            let slope: Vec<[f64; L]> = before
+                .iter()
+                .zip(&self.x)
+                .map(|(a, b)| std::array::from_fn(|lane| (b[lane] - a[lane]) / dt))
+                .collect();
+            let node = Node { t, x: before, dx: slope.clone(), dx_end: slope };
+            match self.nodes.last_mut() {
+                Some(last) if last.t == t => *last = node,
+                _ => self.nodes.push(node),
+            }
+        }
+        self.part += 1;
+        if self.part == self.steps(period) {
+            self.part = 0;
+            self.sample += 1;
+        }
+        self.count * n
+    }
+
+    /// By how much terms beside the simulator move their states in a step: exactly where such a rate is a straight line in
+    /// its own state.
+    fn rates_beside(&mut self, system: &System, dt: f64) -> Vec<(usize, [f64; L])> {
+        let Some(drive) = system.drive() else { return Vec::new() };
+        if drive.rows.is_empty() {
+            return Vec::new();
+        }
+        let n = system.simulator().map_or(0, |s| s.n_states());
+        drive.beside.evaluate(&mut self.beside);
+        let rates: Vec<[f64; L]> = (0..drive.rows.len()).map(|i| drive.beside.output(&self.beside, i)).collect();
+        let rows = drive.rows.iter().zip(&rates).enumerate();
+        rows.map(|(i, (&j, rate))| {
+            if j < n {
+                return (j, rate.map(|rate| dt * rate));
+            }
+            let shift = self.x[j].map(|x| 1e-6 * (1.0 + x.abs()));
+            for lane in 0..L {
+                self.beside[j][lane] = self.x[j][lane] + shift[lane];
+            }
+            drive.beside.evaluate(&mut self.beside);
+            let raised = drive.beside.output(&self.beside, i);
+            self.beside[j] = self.x[j];
+            let moved = std::array::from_fn(|lane| {
+                let growth = dt * (raised[lane] - rate[lane]) / shift[lane];
+                let part = if growth.abs() < 1e-9 { 1.0 } else { growth.exp_m1() / growth };
+                dt * rate[lane] * part
+            });
+            (j, moved)
+        })
+        .collect()
+    }
+}

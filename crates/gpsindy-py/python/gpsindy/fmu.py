@@ -1,0 +1,303 @@
+"""FMUs as simulators: FMI 2 and 3, model exchange and co-simulation.
+
+Needs the package ``fmpy``: ``pip install gpsindy[fmu]``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pathlib
+import re
+import shutil
+import tempfile
+import weakref
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from gpsindy import _gpsindy
+from gpsindy._tables import Array
+from gpsindy.dataset import Path
+from gpsindy.model import Model
+from gpsindy.stepper import stepping_model
+
+try:
+    import fmpy
+except ImportError as missing:
+    raise ImportError("gpsindy.fmu needs the package fmpy: pip install 'gpsindy[fmu]'") from missing
+
+Kind = Literal["model exchange", "co-simulation"]
+
+#: Instances that are kept at most, each with parameters of its own.
+_KEPT = 64
+
+
+class Simulator:
+    """An FMU in place of equations.
+
+    States are the FMU's continuous states, controls its real inputs, parameters its real parameters. As model exchange it
+    is integrated by steps of Runge-Kutta of order 4 that last ``dt``; as co-simulation it makes steps of ``dt`` itself,
+    each from start values of its own. A log's period is walked in whole steps, the last one shortened where it must be.
+
+    Parameters
+    ----------
+    path : path
+        The ``.fmu`` file.
+    dt : float, optional
+        Step, s. Default: the FMU's own ``stepSize``, else 0.01.
+    columns : mapping of str to str, optional
+        Columns of states and inputs in the logs. Default: their own names, with ``_`` for what expressions can't take.
+    kinematic : mapping of str to str, optional
+        ``{"x": "v"}`` says that state ``v`` is the time derivative of state ``x``; columns, not names of the FMU. With it
+        ``v`` may be missing in logs.
+    forces : mapping of str to str, or to (str, str), optional
+        Inputs of the FMU that no log carries: places where a force that nobody modelled may act. For each the column of
+        the state that moves there, or that and its position.
+    parameters : sequence of str, optional
+        Parameters that may be wrong. Default: all real ones.
+    kind : {"model exchange", "co-simulation"}, optional
+        Default: model exchange where the FMU has it and no events, else co-simulation.
+
+    Raises
+    ------
+    ValueError
+        No continuous state, a state that a co-simulation does not let itself be started from, an unknown name.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        dt: float | None = None,
+        columns: Mapping[str, str] | None = None,
+        kinematic: Mapping[str, str] | None = None,
+        forces: Mapping[str, str | tuple[str, str]] | None = None,
+        parameters: Sequence[str] | None = None,
+        kind: Kind | None = None,
+    ) -> None:
+        self._path = pathlib.Path(os.fspath(path))
+        if not self._path.exists():
+            raise FileNotFoundError(f"{self._path}: no such file; hand in an .fmu file")
+        self._description = fmpy.read_model_description(os.fspath(self._path))
+        if self._description.fmiVersion.startswith("1"):
+            raise ValueError(f"{self._path.name}: FMI 1; export it as FMI 2 or 3")
+        self._kind = kind or self._choose()
+        folder = tempfile.mkdtemp(prefix="gpsindy_fmu_")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self._folder = fmpy.extract(os.fspath(self._path), unzipdir=folder)
+        variables = self._description.modelVariables
+        states = [unknown.variable.derivative for unknown in self._description.derivatives]
+        if not states:
+            raise ValueError(f"{self._path.name}: no continuous state, so there is nothing to roll out")
+        inputs = [v for v in variables if v.causality == "input" and v.type in ("Real", "Float64")]
+        named = {v.name: v for v in variables}
+        own = [v for v in variables if v.causality == "parameter" and v.type in ("Real", "Float64")]
+        if parameters is not None:
+            unknown = [name for name in parameters if name not in named]
+            if unknown:
+                raise ValueError(f"parameters: the FMU has no {unknown[0]!r}; found {', '.join(v.name for v in own)}")
+            own = [named[name] for name in parameters]
+        if self._kind == "co-simulation":
+            for state in states:
+                if state.initial not in ("exact", "approx"):
+                    raise ValueError(f"state {state.name!r} can't be given a start value; use the FMU as model exchange")
+        places = dict(forces or {})
+        for name in places:
+            if name not in {v.name for v in inputs}:
+                raise ValueError(f"forces: the FMU has no input {name!r}; found {', '.join(v.name for v in inputs)}")
+        given = dict(columns or {})
+        for name in given:
+            if name not in named:
+                raise ValueError(f"columns: the FMU has no {name!r}")
+        column = {v.name: given.get(v.name, _plain(v.name)) for v in [*states, *inputs]}
+        controls = [v for v in inputs if v.name not in places]
+        ports = [next(v for v in inputs if v.name == name) for name in places]
+        self._references = [[v.valueReference for v in part] for part in (states, controls, ports, own)]
+        self._names = {_dotted(v.name): v.name for v in own}
+        self._instances: OrderedDict[bytes, _Instance] = OrderedDict()
+        experiment = self._description.defaultExperiment
+        step = float(getattr(experiment, "stepSize", None) or 0.01) if dt is None else float(dt)
+
+        def port(variable: Any) -> tuple[str, str, str, str | None, list[tuple[str, str]]]:
+            place = places[variable.name]
+            motion, position = (place, None) if isinstance(place, str) else place
+            return (column[variable.name], motion, variable.unit or "", position, [])
+
+        self._model = stepping_model(
+            self._step,
+            self._description.modelName,
+            step,
+            states=[(column[v.name], v.unit or "") for v in states],
+            controls=[(column[v.name], v.unit or "") for v in controls],
+            kinematic=list((kinematic or {}).items()),
+            ports=[port(v) for v in ports],
+            parameters=[(_dotted(v.name), float(v.start or 0.0), v.unit or "", None, _range(v), None) for v in own],
+            initial=[(column[v.name], float(v.start or 0.0)) for v in states],
+            measured=[],
+            source=self,
+        )
+
+    @property
+    def model(self) -> Model:
+        """The simulator as a model: names, rollouts, scores."""
+        return self._model
+
+    @property
+    def kind(self) -> Kind:
+        """How the FMU is used."""
+        return self._kind
+
+    def parameters(self, model: Model) -> dict[str, float]:
+        """Values of the FMU's parameters in an augmented model, those that differ from its own."""
+        own = {p.name: p.value for p in self._model.parameters}
+        found = {name: value for kind, name, _, value in model._inner.simulator_inputs() if kind == "parameter"}
+        changed = {name: value for name, value in found.items() if value is not None and value != own[name]}
+        return {self._names[name]: value for name, value in changed.items()}
+
+    def save(self, model: Model, path: Path) -> None:
+        """Writes the corrected parameters as an SSP parameter set (``.ssv``), which importers of FMUs read.
+
+        What parameters can't say stands in a comment.
+        """
+        lines = []
+        for kind, name, expression, value in model._inner.simulator_inputs():
+            if (kind == "command" and expression != name) or (kind == "force" and expression != "0") or value is None:
+                if not (kind == "command" and expression == name):
+                    lines.append(f"  <!-- gpsindy: not in this file: {name}: {re.sub('-{2,}', '- -', expression)} -->")
+        lines.append("  <ssv:Parameters>")
+        for name, value in self.parameters(model).items():
+            lines.append(f'    <ssv:Parameter name={quoteattr(name)}><ssv:Real value="{value!r}"/></ssv:Parameter>')
+        lines.append("  </ssv:Parameters>")
+        head = '<ssv:ParameterSet version="1.0" name="gpsindy" '
+        head += 'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues">'
+        text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', head, *lines, "</ssv:ParameterSet>", ""])
+        _gpsindy.write_whole(os.fspath(path), text)
+
+    def _as_model(self) -> Model:
+        return self._model
+
+    def _save_corrected(self, model: Model, path: Path) -> None:
+        self.save(model, path)
+
+    def _choose(self) -> Kind:
+        description = self._description
+        exchange = description.modelExchange is not None
+        if exchange and (not description.numberOfEventIndicators or description.coSimulation is None):
+            return "model exchange"
+        if description.coSimulation is None:
+            raise ValueError(f"{self._path.name}: neither model exchange nor co-simulation")
+        return "co-simulation"
+
+    def _instance(self, parameters: Array) -> _Instance:
+        key = parameters.tobytes()
+        if key in self._instances:
+            self._instances.move_to_end(key)
+            return self._instances[key]
+        if len(self._instances) >= _KEPT:
+            self._instances.popitem(last=False)[1].free()
+        made = _Instance(self._description, self._folder, self._kind, self._references, parameters)
+        self._instances[key] = made
+        return made
+
+    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
+        found = np.empty_like(x)
+        for i in range(len(x)):
+            inputs = [*u[i], *force[i]]
+            found[i] = self._instance(parameters[i]).step(x[i], inputs, dt)
+        return found
+
+    def __repr__(self) -> str:
+        return f"gpsindy.fmu.Simulator of {self._description.modelName}, {self._kind}"
+
+
+class _Instance:
+    """One instance with parameters of its own; FMI 2 and 3 behind the same words."""
+
+    def __init__(
+        self, description: Any, folder: str, kind: Kind, references: list[list[int]], parameters: Array
+    ) -> None:
+        from fmpy.simulation import instantiate_fmu
+
+        self.two = description.fmiVersion.startswith("2")
+        self.exchange = kind == "model exchange"
+        self.states, controls, ports, self.own = references
+        self.inputs = [*controls, *ports]
+        self.parameters = [float(value) for value in parameters]
+        words = "ModelExchange" if self.exchange else "CoSimulation"
+        self.fmu = instantiate_fmu(folder, description, words, require_functions=False)
+        if self.exchange:
+            self.begin()
+            self.settle()
+            self.fmu.enterContinuousTimeMode()
+            double = ctypes.c_double * len(self.states)
+            self.x, self.dx = double(), double()
+
+    def set(self, references: list[int], values: Sequence[float]) -> None:
+        if references:
+            (self.fmu.setReal if self.two else self.fmu.setFloat64)(references, values)
+
+    def begin(self, x: Array | None = None, inputs: Sequence[float] = ()) -> None:
+        """Initialises with the parameters, from start values where they are given."""
+        if self.two:
+            self.fmu.setupExperiment(startTime=0.0)
+        self.set(self.own, self.parameters)
+        if x is not None:
+            self.set(self.states, [float(value) for value in x])
+        self.fmu.enterInitializationMode()
+        if x is not None:
+            self.set(self.inputs, [float(value) for value in inputs])
+        self.fmu.exitInitializationMode()
+
+    def settle(self) -> None:
+        """Repeats events at the beginning until there is none."""
+        for _ in range(100):
+            again = self.fmu.newDiscreteStates() if self.two else self.fmu.updateDiscreteStates()
+            if not again[0]:
+                return
+
+    def step(self, x: Array, inputs: Sequence[float], dt: float) -> Array:
+        if not self.exchange:
+            self.fmu.reset()
+            self.begin(x, inputs)
+            self.fmu.doStep(0.0, dt)
+            read = self.fmu.getReal if self.two else self.fmu.getFloat64
+            return np.array(read(self.states))
+        self.fmu.setTime(0.0)
+        self.set(self.inputs, [float(value) for value in inputs])
+        first = self.rates(x)
+        second = self.rates(x + 0.5 * dt * first)
+        third = self.rates(x + 0.5 * dt * second)
+        fourth = self.rates(x + dt * third)
+        found: Array = x + dt / 6 * (first + 2 * second + 2 * third + fourth)
+        return found
+
+    def rates(self, x: Array) -> Array:
+        n = len(self.states)
+        self.x[:] = x.tolist()
+        self.fmu.setContinuousStates(self.x, n)
+        (self.fmu.getDerivatives if self.two else self.fmu.getContinuousStateDerivatives)(self.dx, n)
+        return np.array(self.dx)
+
+    def free(self) -> None:
+        self.fmu.freeInstance()
+
+
+def _plain(name: str) -> str:
+    found = re.sub(r"\W", "_", name)
+    return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
+
+
+def _dotted(name: str) -> str:
+    """The name of a parameter, which may have dots."""
+    return ".".join(_plain(part) for part in name.split("."))
+
+
+def _range(variable: Any) -> tuple[float, float] | None:
+    if variable.min is None and variable.max is None:
+        return None
+    low, high = variable.min, variable.max
+    return (float("-inf") if low is None else float(low), float("inf") if high is None else float(high))
