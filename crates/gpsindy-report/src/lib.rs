@@ -5,6 +5,7 @@
 //! - [`render`]: the page `report.html`, self-contained, for a wide screen, a phone and paper
 //! - [`summary`]: what a terminal shows
 //! - [`scorecard`]: an exam's answers against its diagnoses
+//! - [`SCHEMA`]: the JSON Schema of `report.json`
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -18,3 +19,6 @@ mod words;
 
 pub use html::render;
 pub use summary::summary;
+
+/// The JSON Schema of `gpsindy.diagnosis/1`, which `report.json` follows.
+pub const SCHEMA: &str = include_str!("../diagnosis.schema.json");
