@@ -18,6 +18,7 @@ use crate::differentiate::{Differentiation, SecondStage};
 use crate::error::Result;
 use crate::library::{Constraints, LibrarySettings};
 use crate::model::{IdentificationRecord, Model};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use crate::refine::Hold;
 use crate::regress::{Ensemble, Lasso, Regressor, Selection, Subset};
@@ -25,13 +26,13 @@ use crate::smooth::Smoother;
 use algorithm1::regress::{Chosen, Task};
 use algorithm1::rows::Rows;
 use prepare::Plan;
-use rayon::prelude::*;
 use std::sync::Arc;
 use support::equations::Equations;
 use support::lengthen::{Refinement, SecondLook, starts};
 
 /// What the regression compares.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum Target {
     /// Integrals of the terms with the states as logged: nothing is differentiated.
     Weak,

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 /// What a control does between two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Hold {
     /// It keeps the value of the last sample.
     #[default]

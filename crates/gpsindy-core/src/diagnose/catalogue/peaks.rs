@@ -1,7 +1,7 @@
 //! Spectral lines of a residual: where a periodic effect should look.
 
 use crate::diagnose::fit::fitted::Fitted;
-use rayon::prelude::*;
+use crate::parallel::*;
 use std::f64::consts::{PI, TAU};
 
 /// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.

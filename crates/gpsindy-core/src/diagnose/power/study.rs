@@ -14,10 +14,10 @@ use crate::diagnose::power::copies::Bench;
 use crate::diagnose::power::trial::Table;
 use crate::diagnose::report::PowerReport;
 use crate::error::{Error, Result};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Settings of a power study.

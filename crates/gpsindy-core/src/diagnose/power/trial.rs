@@ -9,9 +9,12 @@ use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, Pow
 use crate::diagnose::{Diagnose, Diagnosed};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
+use crate::parallel::*;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use rayon::prelude::*;
+
+/// Stands for the row of an effect where a copy has none: above every row, and within 32 bits.
+const NO_ROW: usize = (1 << 24) - 1;
 
 /// The diagnoses of all copies.
 pub(crate) struct Table<'a> {
@@ -41,7 +44,7 @@ impl Table<'_> {
     pub(crate) fn null(&self) -> Result<PowerNull> {
         let draws = self.study.power.null_draws;
         let one = |draw: usize| {
-            let report = self.blind(self.system.model().clone(), None, &mut self.random(usize::MAX >> 40, 0, draw))?;
+            let report = self.blind(self.system.model().clone(), None, &mut self.random(NO_ROW, 0, draw))?;
             Ok((report.gap.detected, report.included().next().is_some()))
         };
         let found = (0..draws).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;

@@ -11,8 +11,8 @@ use crate::diagnose::steps::merge::merged;
 use crate::diagnose::steps::prepare;
 use crate::diagnose::steps::prune::{NAMED, gap_size, pruned, strongest};
 use crate::error::Result;
+use crate::parallel::*;
 use crate::refine::Refine;
-use rayon::prelude::*;
 
 /// Structure that the winner leaves.
 #[derive(Debug, Clone)]

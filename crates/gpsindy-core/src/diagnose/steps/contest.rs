@@ -8,9 +8,9 @@ use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::fitted::Fitted;
 use crate::diagnose::steps::screen::{Basis, Gain, gains};
 use crate::error::Result;
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use crate::refine::Refine;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// How many contestants go on to the next round.

@@ -14,9 +14,9 @@ use crate::error::{Error, Result};
 use crate::identify::prepare::Plan;
 use crate::identify::support::lengthen::Refinement;
 use crate::model::System;
+use crate::parallel::*;
 use crate::simulate::{Excitation, Method, Simulate};
 use faer::Mat;
-use rayon::prelude::*;
 
 /// Stretches of the logs whose states and controls are exchanged.
 const STRETCHES: usize = 8;

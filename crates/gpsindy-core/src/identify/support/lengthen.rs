@@ -7,9 +7,9 @@ use crate::identify::algorithm1::timing::Timing;
 use crate::identify::prepare::Plan;
 use crate::identify::support::equations::Equations;
 use crate::identify::support::search::{Search, Trial};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use crate::refine::Hold;
-use rayon::prelude::*;
 
 /// Starts whose supports are improved, those of the best evidence after their first fit.
 const LOOKS: usize = 2;
