@@ -143,7 +143,7 @@ pub use identify::{
     Target,
 };
 pub use model::{
-    Control, Dynamics, IdentificationRecord, Input, InputKind, Language, Model, Parameter,
+    Control, Dynamics, Export, IdentificationRecord, Input, InputKind, Language, Model, Parameter,
     SCHEMA as MODEL_SCHEMA, State, System,
 };
 pub use paired::{Paired, PairedDiagnosis};
