@@ -6,18 +6,32 @@
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const SEED: u64 = 1;
 
-/// Writes every generated file into `folder`.
-pub(crate) fn write(folder: &Path) -> Result<(), String> {
+/// Files of `data/` that the program carries for `gpsindy demo`: a packed crate holds nothing from outside its folder.
+const CARRIED: [&str; 3] = ["lotka_volterra.csv", "pendulum.csv", "pendulum.toml"];
+
+/// Writes every generated file into `data/`, and what the program carries into its crate.
+pub(crate) fn write() -> Result<(), String> {
+    let root = crate::shell::root();
+    let failed = |path: &Path, e: std::io::Error| format!("{}: {e}", path.display());
     for (name, text) in files() {
-        let path = folder.join(name);
-        std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+        let path = root.join("data").join(name);
+        std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
+        crate::shell::complain(&format!("wrote {}", path.display()));
+    }
+    for name in CARRIED {
+        let path = carried(name);
+        std::fs::copy(root.join("data").join(name), &path).map_err(|e| failed(&path, e))?;
         crate::shell::complain(&format!("wrote {}", path.display()));
     }
     Ok(())
+}
+
+fn carried(name: &str) -> PathBuf {
+    crate::shell::root().join("crates/gpsindy-cli/demo").join(name)
 }
 
 /// Name and text of every generated file.
@@ -164,6 +178,14 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_program_carries_the_files_of_data() {
+        for name in CARRIED {
+            let kept = std::fs::read(crate::shell::root().join("data").join(name)).unwrap();
+            assert_eq!(std::fs::read(carried(name)).unwrap(), kept, "{name}");
         }
     }
 

@@ -1,31 +1,41 @@
-//! What a developer runs: `cargo xtask test` checks everything, `cargo xtask data` writes `data/` again,
-//! `cargo xtask picture` the picture of docs/, `cargo xtask effects`
-//! the pages of docs/effects.
+//! What a developer runs: `cargo xtask test` checks everything; the other tasks are in [`HELP`].
 #![forbid(unsafe_code)]
 
 mod data;
+mod package;
 mod picture;
 mod python;
 mod shell;
+mod skipped;
+mod tools;
 
 use std::process::ExitCode;
 
 const HELP: &str = "\
-cargo xtask test     formatting, clippy as errors, Rust tests, documentation, wheel, Python tests, stub check
-cargo xtask rust     the Rust part of it
-cargo xtask python   the Python part of it
-cargo xtask data     write the generated logs of data/ again (same seed, same files)
-cargo xtask picture  draw docs/hare_lynx.svg again
-cargo xtask effects  write docs/effects again from the catalogue
+cargo xtask test          formatting, clippy as errors, Rust tests, documentation, wheel, Python tests, stub check
+cargo xtask rust          the Rust part of it
+cargo xtask python        the Python part of it
+cargo xtask package       every crate packs with its licences, builds from its package, and the packed program runs its demo
+cargo xtask deny          licences, doubles, sources and advisories of all dependencies (cargo-deny)
+cargo xtask semver [REV]  the public interface against a tag or commit; without REV the latest tag (cargo-semver-checks)
+cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
+cargo xtask data          write the generated logs of data/ again (same seed, same files)
+cargo xtask picture       draw docs/hare_lynx.svg again
+cargo xtask effects       write docs/effects again from the catalogue
 ";
 
 fn main() -> ExitCode {
     let task = std::env::args().nth(1).unwrap_or_default();
+    let argument = std::env::args().nth(2);
     let done = match task.as_str() {
         "test" => rust().and_then(|()| python::test()),
         "rust" => rust(),
         "python" => python::test(),
-        "data" => data::write(&shell::root().join("data")),
+        "package" => package::check(),
+        "deny" => tools::deny(),
+        "semver" => tools::semver(argument.as_deref()),
+        "msrv" => tools::msrv(),
+        "data" => data::write(),
         "picture" => picture::hare_lynx(),
         "effects" => {
             let arguments = "run --release -p gpsindy-report --example effects -- docs/effects";
@@ -52,10 +62,8 @@ fn rust() -> Result<(), String> {
     cargo("fmt --all --check")?;
     cargo("clippy --release --workspace --all-targets -- -D warnings")?;
     // The extension module is tested from Python: linking it into a test binary would need libpython.
-    if python::present() {
-        cargo("test --release --workspace --exclude gpsindy-py")?;
-    } else {
-        cargo("test --release --workspace")?;
-    }
+    skipped::counted(|environment| {
+        shell::run("cargo", "test --release --workspace --exclude gpsindy-py".split(' '), environment)
+    })?;
     shell::run("cargo", "doc --release --workspace --no-deps".split(' '), &[("RUSTDOCFLAGS", "-D warnings")])
 }

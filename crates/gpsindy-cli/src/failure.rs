@@ -46,7 +46,9 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(message) | Self::Work(message) | Self::Verdict(message) => {
-                write!(f, "{}", message.split_whitespace().collect::<Vec<_>>().join(" "))
+                // What a file holds may stand in a message, and must not command the terminal.
+                let words: Vec<_> = message.split(|c: char| c.is_whitespace() || c.is_control()).collect();
+                write!(f, "{}", words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" "))
             }
             Self::ClosedPipe => write!(f, "the output was closed"),
         }

@@ -31,16 +31,26 @@ fn a_file_holds_the_same_source() {
 }
 
 #[test]
+fn latex_has_six_digits_or_all() {
+    let folder = Folder::new();
+    folder.write("m.toml", "[[state]]\nname = \"x\"\nequation = \"0.123456789*x\"\n");
+    assert!(folder.run("export m.toml --to latex").done().stdout.contains("0.123457 "));
+    assert!(folder.run("export m.toml --to latex --full-digits").done().stdout.contains("0.123456789 "));
+}
+
+#[test]
 fn every_mistake_is_one_line_and_nothing_is_written() {
     let folder = Folder::new();
     folder.write("m.toml", "[[state]]\nname = \"x\"\nequation = \"foo(x)\"\n");
+    folder.write("hidden.toml", "name = \"a\\nb\"\n[[state]]\nname = \"x\"\nequation = \"-x\"\n");
     for (arguments, expected) in [
         ("export m.toml --to fortran", "invalid value 'fortran' for '--to <LANGUAGE>'"),
+        ("export hidden.toml --to c", "hidden.toml:1: name or unit: character 2 is U+000A, which does not show"),
         ("export m.toml --to c", "m.toml:3: `foo(x)`, at character 1"),
         ("export m.toml", "the following required arguments were not provided: --to <LANGUAGE>"),
     ] {
         let ran = folder.run(arguments);
         assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");
     }
-    assert_eq!(folder.names(), ["m.toml"]);
+    assert_eq!(folder.names(), ["hidden.toml", "m.toml"]);
 }

@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod common;
-use common::{Folder, data, shared};
+use common::{Folder, data};
+use gpsindy_beside::shared;
 
 const DECAY: &str = "name = \"decay\"\n[[state]]\nname = \"x\"\nunit = \"m\"\nequation = \"-x\"\n";
 
@@ -105,6 +106,7 @@ fn the_car_is_scored_where_its_logs_are_at_hand() {
     else {
         return;
     };
+    let (model, log) = (model.display(), log.display());
     let ran = Folder::new().run(&format!("score {model} --data {log} --angle heading --window 1")).done();
     assert!(ran.stdout.contains("heading"), "{}", ran.stdout);
 }

@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod common;
-use common::{Folder, data, shared};
+use common::{Folder, data};
+use gpsindy_beside::shared;
 
 const CART: &str = "
 schema = \"gpsindy.model/1\"
@@ -195,6 +196,7 @@ fn the_car_rolls_where_its_logs_are_at_hand() {
     else {
         return;
     };
+    let (model, log) = (model.display(), log.display());
     let ran = Folder::new().run(&format!("simulate {model} --data {log} --angle heading")).done();
     assert!(ran.stdout.lines().count() > 100);
 }

@@ -5,13 +5,14 @@
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
 use crate::gp::{Conditioned, Fit, FitSettings, Kernel, Points, Quantity, Weakness, fit};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use crate::smooth::Smoothed;
 use faer::Mat;
-use rayon::prelude::*;
 
 /// How the time derivative of each state is found.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum Differentiation {
     /// The log carries the derivatives: one channel (index) a state.
     Given(Vec<usize>),
@@ -66,6 +67,7 @@ impl Default for SecondStage {
 
 /// Derivatives of n states in all runs.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Derivatives {
     /// One entry a run, in the order of the dataset.
     pub runs: Vec<RunDerivatives>,
@@ -75,6 +77,7 @@ pub struct Derivatives {
 
 /// Derivatives in one run of r samples.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct RunDerivatives {
     /// (r x n), state unit per second; NaN where nothing can be said.
     pub dx: Mat<f64>,

@@ -75,6 +75,50 @@ pub enum Error {
         /// The name.
         name: String,
     },
+    /// A name that a model can't use.
+    #[error("`{name}` {why}")]
+    BadName {
+        /// The name.
+        name: String,
+        /// Why not, and what to use.
+        why: String,
+    },
+    /// A character in a name or a unit that does not show on paper: a line break, a null, a change of direction.
+    #[error("{what}: character {position} is U+{:04X}, which does not show; write one line of plain text", *.character as u32)]
+    HiddenCharacter {
+        /// Whose text it is.
+        what: String,
+        /// Counted from 1, in characters.
+        position: usize,
+        /// The character.
+        character: char,
+    },
+    /// A file follows another schema than this version reads.
+    #[error("schema is `{found}`, but this version reads `{supported}`")]
+    Schema {
+        /// The schema that the file names.
+        found: String,
+        /// The schema that is read.
+        supported: String,
+    },
+    /// An expression that can be read but makes no sense where it stands.
+    #[error("{place}, `{expression}`: {why}")]
+    Equation {
+        /// Where the expression stands.
+        place: String,
+        /// The expression.
+        expression: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A model that a language can't say.
+    #[error("{what} can't be exported: {why}")]
+    NotExportable {
+        /// The part.
+        what: String,
+        /// Why, and what to do.
+        why: String,
+    },
     /// Any other contradiction in what the user handed in; the text says what to do.
     #[error("{message}")]
     Invalid {

@@ -5,9 +5,9 @@
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
 use crate::model::System;
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use crate::simulate::{Excitation, Rollout, Simulate, StateReader, late_delays};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// One-step predictions made in a run at most, spread evenly over it.
@@ -27,6 +27,7 @@ pub struct Scoring {
 
 /// The errors of one kind of prediction.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Errors {
     /// One entry a logged state, in the model's order.
     pub by_state: Vec<StateError>,
@@ -41,6 +42,7 @@ pub struct Errors {
 
 /// The error of one logged state.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct StateError {
     /// The state's name.
     pub state: String,
@@ -56,6 +58,7 @@ pub struct StateError {
 
 /// The errors of a model on a dataset.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Score {
     /// Whole runs from their first sample.
     pub rollout: Errors,

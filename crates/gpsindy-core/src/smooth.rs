@@ -4,13 +4,14 @@
 use crate::data::{Channel, Dataset, Run};
 use crate::error::{Error, Result};
 use crate::gp::{Conditioned, Fit, FitSettings, Kernel, Points, Posterior, Quantity, fit};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use faer::Mat;
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Where the noise of the channels comes from.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Noise {
     /// Estimated from the data, channel by channel.
     #[default]
@@ -73,6 +74,7 @@ impl Default for Smoother {
 
 /// Smoothed channels of all runs.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Smoothed {
     /// The channels smoothed, in the order asked for.
     pub channels: Vec<Channel>,
@@ -84,6 +86,7 @@ pub struct Smoothed {
 
 /// Smoothed channels of one run of r samples, c channels.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct SmoothedRun {
     /// Name of the run.
     pub name: String,

@@ -32,6 +32,7 @@ pub struct TestSystem {
 
 /// White noise that is added to every logged column.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum SensorNoise {
     /// None.
     None,

@@ -1,12 +1,11 @@
 //! The authors' pipeline against the errors that they recorded, on two of their logs at 5 Hz.
 //!
-//! The logs of the car are not part of this repository: without them in `../shared/data/jetracer` there is nothing to do.
+//! The logs of the car are not part of this repository: without them in `../shared/data/jetracer` the test is skipped and says so.
 //! The noise that the authors added is, since it cannot be drawn again: their scripts state no seed. Recorded values:
 //! test/results/jake_car_csvs_ctrlshift_no_trans/5hz_noise_0.01/dfs of github.com/mis0butter/gpsindy.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
+#![allow(clippy::unwrap_used)]
 
 use gpsindy_core::{Author, AuthorResult, Channel, Dataset, Run, Silent};
-use std::path::PathBuf;
 
 const NAMES: [&str; 6] = ["x", "y", "v", "heading", "throttle", "steering"];
 
@@ -19,8 +18,8 @@ fn numbers(text: &str, separator: char) -> Vec<Vec<f64>> {
 /// The log as the authors prepared it: headings without jumps, controls 6 samples (0.12 s) later, every tenth row, nothing
 /// before 1 s, their noise.
 fn prepared(log: &str, noise: &str) -> Option<Dataset> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/jetracer").join(log);
-    let rows = numbers(&std::fs::read_to_string(path).ok()?, ',');
+    let path = gpsindy_beside::shared(&format!("data/jetracer/{log}"))?;
+    let rows = numbers(&std::fs::read_to_string(path).unwrap(), ',');
     let run = Run {
         name: log.into(),
         time: rows.iter().map(|r| r[0]).collect(),
@@ -84,10 +83,7 @@ const RECORDS: [Record; 2] = [
 #[test]
 fn errors_that_the_authors_recorded_come_out_again() {
     for record in RECORDS {
-        let Some(data) = prepared(record.log, record.noise) else {
-            eprintln!("skipped: no {} in ../shared/data/jetracer", record.log);
-            return;
-        };
+        let Some(data) = prepared(record.log, record.noise) else { return };
         let sindy = fit(&data, false);
         assert_eq!(sindy.lambda, record.sindy.0, "{}", record.log);
         // Another order of sums changes where their loose ADMM stops; found within 1e-5 on the test.

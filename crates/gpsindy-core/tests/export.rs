@@ -118,12 +118,8 @@ fn compare(mut program: Command, wanted: &[f64], n_states: usize) {
     }
 }
 
-fn available(program: &str) -> bool {
-    let found = Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
-    if !found {
-        eprintln!("skipped: `{program}` is not installed");
-    }
-    found
+fn available(name: &str) -> bool {
+    gpsindy_beside::program(name, &["--version"])
 }
 
 #[test]
@@ -156,16 +152,17 @@ fn exported_c_gives_our_numbers() {
     }
     for model in [everything(), plain()] {
         let folder = folder(&format!("c_{}", model.name));
-        let (n, m) = (model.states.len(), model.controls.len());
+        let (n, m, name) = (model.states.len(), model.controls.len(), &model.name);
+        let nominal = if model.parameters.is_empty() { String::new() } else { format!("&{name}_nominal, ") };
         let program = format!(
             "{}\n#include <stdio.h>\nint main(void) {{\n    static double time[{TIMES}], control[{}], states[{}];\n    \
              for (int i = 0; i < {TIMES}; i++) {{\n        const double t = {PERIOD}*i, u[2] = {{sin(3*t), 0.5 + cos(t)}};\n        \
              time[i] = t;\n        for (int j = 0; j < {m}; j++) control[{m}*i + j] = u[j];\n    }}\n    \
-             const record_t record = {{{TIMES}, time, control}};\n    \
-             for (int j = 0; j < {n}; j++) states[j] = initial_state[j];\n    simulate(&record, 10, states);\n    \
+             const {name}_record_t record = {{{TIMES}, time, control}};\n    \
+             for (int j = 0; j < {n}; j++) states[j] = {name}_initial_state[j];\n    {name}_simulate({nominal}&record, 10, states);\n    \
              for (int j = 0; j < {n}; j++) printf(\"%.17g\\n\", states[{n}*{} + j]);\n    \
              const double x[] = {{0.31, -0.42, 0.53}}, u[] = {{0.7, 1.1}}, h[] = {{0.25, 0.35, 0.45, 0.55}};\n    double dx[{n}];\n    \
-             rates(0.3, x, u, h, dx);\n    for (int j = 0; j < {n}; j++) printf(\"%.17g\\n\", dx[j]);\n    return 0;\n}}\n",
+             {name}_rates({nominal}0.3, x, u, h, dx);\n    for (int j = 0; j < {n}; j++) printf(\"%.17g\\n\", dx[j]);\n    return 0;\n}}\n",
             model.export(Language::C).unwrap(),
             (TIMES * m).max(1),
             TIMES * n,
@@ -181,6 +178,42 @@ fn exported_c_gives_our_numbers() {
         compare(Command::new(folder.join("run")), &expected(&model), n);
         std::fs::remove_dir_all(folder).unwrap();
     }
+}
+
+#[test]
+fn two_exported_c_models_link_together_and_take_other_parameters() {
+    if !available("cc") {
+        return;
+    }
+    let folder = folder("c_two");
+    std::fs::write(folder.join("one.c"), everything().export(Language::C).unwrap()).unwrap();
+    std::fs::write(folder.join("two.c"), plain().export(Language::C).unwrap()).unwrap();
+    let mut decay = plain();
+    decay.name = "decay & more".into();
+    decay.states.pop();
+    decay.states[0].equation = Expression::parse("-k*x").unwrap();
+    decay.parameters = vec![Parameter { unit: "1/s".into(), ..Parameter::new("k", 2.0) }];
+    let main = decay.export(Language::C).unwrap()
+        + "#include <stdio.h>\nint main(void) {\n    decay_more_parameters_t other = decay_more_nominal;\n    other.k = 3.0;\n    \
+           const double x[1] = {0.5};\n    double dx[1];\n    decay_more_rates(&decay_more_nominal, 0.0, x, 0, 0, dx);\n    \
+           printf(\"%.17g\\n\", dx[0]);\n    decay_more_rates(&other, 0.0, x, 0, 0, dx);\n    printf(\"%.17g\\n\", dx[0]);\n    return 0;\n}\n";
+    std::fs::write(folder.join("main.c"), main).unwrap();
+    let mut compiler = Command::new("cc");
+    compiler
+        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "one.c", "two.c", "main.c", "-lm", "-o", "run"])
+        .current_dir(&folder);
+    let output = compiler.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    compare(Command::new(folder.join("run")), &[-1.0, -1.5], 0);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn exported_python_imports_what_it_uses() {
+    let text = plain().export(Language::Python).unwrap();
+    assert!(!text.contains("import"), "{text}");
+    let text = everything().export(Language::Python).unwrap();
+    assert!(text.contains("import bisect\nimport math\n\nSTATES"), "{text}");
 }
 
 #[test]
@@ -217,12 +250,10 @@ fn exported_rust_gives_our_numbers() {
 
 #[test]
 fn exported_sympy_gives_our_numbers() {
-    let sympy = Command::new("python3").args(["-c", "import sympy"]).output().is_ok_and(|o| o.status.success());
     let source = everything().export(Language::Sympy).unwrap();
     assert!(source.contains("lambda_v = sp.Symbol(\"lambda\", real=True)"));
     assert!(source.contains("play = sp.Function(\"play\")"));
-    if !sympy {
-        eprintln!("skipped: SymPy is not installed");
+    if !gpsindy_beside::program("python3", &["-c", "import sympy"]) {
         return;
     }
     let mut model = everything();

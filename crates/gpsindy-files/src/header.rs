@@ -24,7 +24,9 @@ impl Header {
         let end = text.find(['[', '(', ',']).unwrap_or(text.len());
         let (name, rest) = text.split_at(end);
         let name = name.trim().chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
-        Self { text: text.into(), name, unit: unit(rest).into() }
+        // A quoted header may hold a line break; a unit is one line of text.
+        let unit = unit(rest).split(char::is_control).collect::<Vec<_>>().join(" ");
+        Self { text: text.into(), name, unit }
     }
 
     /// Whether an option that says `column` means this one: by its name or by its whole header.
@@ -58,6 +60,7 @@ mod tests {
             ("dx/dt (m/s)", "dx_dt", "m/s"),
             ("\u{3b8} [rad]", "\u{3b8}", "rad"),
             ("k [N/(m s)]", "k", "N/(m s)"),
+            ("k [N\nm]", "k", "N m"),
         ] {
             let header = Header::parse(text);
             assert_eq!((header.name.as_str(), header.unit.as_str()), (name, unit), "{text}");

@@ -6,8 +6,8 @@ use crate::simulator::{Kind, Simulator};
 use crate::watch::Watch;
 
 use gpsindy_core::{
-    Control, Dynamics, Error, Excitation, Expression, Hold, Language, Method, Model, Parameter, Port, Result, Rollout, Run, Simulate,
-    State, StateReader, System, Tape,
+    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Method, Model, Parameter, Port, Result, Rollout,
+    Run, Simulate, State, StateReader, System,
 };
 use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 use numpy::PyArray2;
@@ -262,8 +262,8 @@ impl PyModel {
     }
 
     /// The equations as source in another language.
-    fn export(&self, target: &str) -> PyResult<String> {
-        self.model.export(Language::parse(target).map_err(error)?).map_err(error)
+    fn export(&self, target: &str, full_digits: bool) -> PyResult<String> {
+        Export { full_digits }.write(&self.model, Language::parse(target).map_err(error)?).map_err(error)
     }
 
     fn write(&self, path: PathBuf) -> PyResult<()> {

@@ -72,7 +72,7 @@ fn head(report: &Diagnosis) -> Markup {
         Verdict::NoGap => ("✓", "good"),
         Verdict::Explained => ("●", "good"),
         Verdict::PartlyExplained => ("◐", "part"),
-        Verdict::Unexplained => ("?", "bad"),
+        _ => ("?", "bad"),
     };
     let best = report.included().next();
     html! {

@@ -6,6 +6,7 @@
 //! - [`summary`]: what a terminal shows
 //! - [`effect_page`], [`effects_index`]: the pages of docs/effects
 //! - [`scorecard`]: an exam's answers against its diagnoses
+//! - [`SCHEMA`]: the JSON Schema of `report.json`
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -25,6 +26,9 @@ pub use provenance::{LogFacts, Provenance};
 pub use summary::summary;
 
 use gpsindy_core::diagnose::report::Diagnosis;
+
+/// The JSON Schema of `gpsindy.diagnosis/1`, which `report.json` follows.
+pub const SCHEMA: &str = include_str!("../diagnosis.schema.json");
 
 /// First line of the corrected model's file.
 const MARK: &str = "# Written by gpsindy diagnose";

@@ -34,7 +34,7 @@ fn verdict(report: &Diagnosis, text: &mut Text) {
     let code = match report.verdict {
         Verdict::NoGap | Verdict::Explained => "1;32",
         Verdict::PartlyExplained => "1;33",
-        Verdict::Unexplained => "1;31",
+        _ => "1;31",
     };
     let name = verdict_name(report.verdict).to_uppercase();
     let line = format!("{name}  {}", text.painted(&report.model, "2"));

@@ -208,7 +208,7 @@ pub(crate) fn verdict_name(verdict: Verdict) -> &'static str {
         Verdict::NoGap => "No gap",
         Verdict::Explained => "Explained",
         Verdict::PartlyExplained => "Partly explained",
-        Verdict::Unexplained => "Unexplained",
+        _ => "Unexplained",
     }
 }
 
@@ -241,7 +241,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and no effect of the catalogue explains it.")
         }
-        Verdict::Unexplained => format!("There is a gap{place}{depends}, and no effect of the catalogue explains it."),
+        _ => format!("There is a gap{place}{depends}, and no effect of the catalogue explains it."),
     }
 }
 

@@ -1,4 +1,4 @@
-//! `docs/diagnosis.schema.json` and the structs of the report say the same.
+//! `diagnosis.schema.json` and the structs of the report say the same.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -7,7 +7,7 @@ mod fixtures;
 use serde_json::Value;
 
 fn schema() -> Value {
-    serde_json::from_str(include_str!("../../../docs/diagnosis.schema.json")).unwrap()
+    serde_json::from_str(gpsindy_report::SCHEMA).unwrap()
 }
 
 /// Checks `value` by the words of JSON Schema that the file uses; an unknown word is a failure,
@@ -136,10 +136,14 @@ fn the_check_finds_what_is_wrong() {
 
 /// The contract's example, where the contract lies beside the repository.
 #[test]
-fn the_contract_s_example_keeps_the_schema() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/CONTRACT.md");
-    let Ok(contract) = std::fs::read_to_string(path) else { return };
+fn the_contract_s_example_keeps_the_schema_and_is_written_back_unchanged() {
+    let Some(path) = gpsindy_beside::shared("CONTRACT.md") else { return };
+    let contract = std::fs::read_to_string(path).unwrap();
     let begin = contract.find("```json\n").unwrap() + 8;
     let text = &contract[begin..][..contract[begin..].find("```").unwrap()];
-    assert_eq!(faults(&serde_json::from_str(text).unwrap()), [""; 0]);
+    let json: Value = serde_json::from_str(text).unwrap();
+    assert_eq!(faults(&json), [""; 0]);
+    let report: gpsindy_core::diagnose::Diagnosis = serde_json::from_str(text).unwrap();
+    assert_eq!(report.included().count(), 1);
+    assert_eq!(serde_json::to_value(&report).unwrap(), json);
 }

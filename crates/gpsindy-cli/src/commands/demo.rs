@@ -10,9 +10,9 @@ use gpsindy_files::{LogOptions, Logs, parse_model, write_model, write_whole};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-const PREY: &str = include_str!("../../../../data/lotka_volterra.csv");
-const PENDULUM: &str = include_str!("../../../../data/pendulum.csv");
-const SIMULATOR: &str = include_str!("../../../../data/pendulum.toml");
+const PREY: &str = include_str!("../../demo/lotka_volterra.csv");
+const PENDULUM: &str = include_str!("../../demo/pendulum.csv");
+const SIMULATOR: &str = include_str!("../../demo/pendulum.toml");
 
 /// The two main jobs on data that the program carries
 ///

@@ -17,8 +17,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Examine the diagnosis on a suite of cases with withheld effects
 ///
-/// A case is a folder with model.toml, real_*.csv and holdout_*.csv (which may be absent). Every case is diagnosed and written to --out;
-/// only then are the answers read from answers.toml, and the score card is printed.
+/// A case is a folder with model.toml, real_*.csv and holdout_*.csv (which may be absent). Every case is diagnosed and written to a folder
+/// of its name in --out, never among the cases; only then are the answers read from answers.toml, and the score card is printed.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy exam suite --out exam")]
 pub(crate) struct Exam {
@@ -48,6 +48,7 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
     if !answers.is_file() {
         return Err(Failure::input(format!("{}: there is no such file; the score card needs it", answers.display())));
     }
+    check_out(command, &cases)?;
     let settings = command.options.settings()?;
     let progress = screen.progress();
     let done = AtomicUsize::new(0);
@@ -82,6 +83,29 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
     }
     screen.out(&card.text())?;
     screen.out(&format!("\ndiagnoses: {}\n", command.out.display()))
+}
+
+/// Refuses to write among the cases, or through a link to somewhere else: a suite may come from a stranger.
+fn check_out(command: &Exam, cases: &[String]) -> Outcome {
+    let out = &command.out;
+    if out.exists() && !out.is_dir() {
+        return Err(Failure::input(format!("--out: {} is a file; name a folder", out.display())));
+    }
+    if let (Ok(suite), Ok(out)) = (command.suite.canonicalize(), out.canonicalize())
+        && (out == suite || cases.iter().any(|id| out == suite.join(id)))
+    {
+        return Err(Failure::input(format!("--out: {} holds the cases; name another folder", command.out.display())));
+    }
+    for id in cases {
+        let folder = out.join(id);
+        if folder.is_symlink() {
+            return Err(Failure::input(format!(
+                "--out: {} is a symbolic link; remove it or name another folder",
+                folder.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Diagnoses one case from its folder alone and writes what came of it.

@@ -6,7 +6,7 @@ use crate::failure::Outcome;
 use crate::screen::Screen;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use gpsindy_core::Language;
+use gpsindy_core::{Export as Source, Language};
 use gpsindy_files::read_model;
 use serde_json::json;
 use std::path::PathBuf;
@@ -20,6 +20,9 @@ pub(crate) struct Export {
     /// The language
     #[arg(long, value_name = "LANGUAGE", value_parser = PossibleValuesParser::new(Language::ALL.map(Language::name)))]
     to: String,
+    /// LaTeX: numbers with all their digits; without it six. Programs always have all
+    #[arg(long)]
+    full_digits: bool,
     #[command(flatten)]
     output: Output,
 }
@@ -27,7 +30,7 @@ pub(crate) struct Export {
 pub(crate) fn run(command: &Export, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
     let model = read_model(&command.model)?;
-    let source = model.export(Language::parse(&command.to)?)?;
+    let source = Source { full_digits: command.full_digits }.write(&model, Language::parse(&command.to)?)?;
     if screen.json() {
         let result = json!({"model": model.name, "language": command.to, "source": source});
         return deliver(&command.output, &format!("{result}\n"), screen);

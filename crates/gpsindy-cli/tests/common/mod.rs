@@ -124,9 +124,3 @@ fn split(arguments: &str) -> Vec<String> {
 pub fn data(name: &str) -> String {
     format!("{}/../../data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
-
-/// A file beside the repository, where it is at hand.
-pub fn shared(name: &str) -> Option<String> {
-    let path = format!("{}/../../../shared/{name}", env!("CARGO_MANIFEST_DIR"));
-    Path::new(&path).exists().then_some(path)
-}

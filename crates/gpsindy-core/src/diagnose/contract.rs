@@ -7,7 +7,7 @@ use crate::diagnose::fixture::{Bench, benches};
 use crate::diagnose::{Diagnose, Diagnosed};
 use crate::model::{Language, Model, System};
 use crate::progress::Silent;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// The first bench on which the effect is a suspect, and where it is one.
 fn place(effect: Effect, benches: &[Bench]) -> (&Bench, Hypothesis) {

@@ -8,6 +8,7 @@ mod power;
 
 pub use power::{PowerEffect, PowerNoise, PowerNull, PowerReport, PowerRival, PowerTrial};
 
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// The schema that [`Diagnosis::schema`] names.
@@ -17,7 +18,8 @@ pub const SCHEMA: &str = "gpsindy.diagnosis/1";
 pub const FIGURE_POINTS: usize = 400;
 
 /// What a diagnosis found: is there a gap, where, what causes it, how far does the cause close it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Diagnosis {
     /// Always [`SCHEMA`].
     pub schema: String,
@@ -28,14 +30,14 @@ pub struct Diagnosis {
     /// The finding in one word.
     pub verdict: Verdict,
     /// Confidence of every interval in the report, in 0..1; nothing else depends on it. `None` in reports that don't tell.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub confidence: Option<f64>,
     /// Is there a gap, and where.
     pub gap: Gap,
     /// Ranked, best first; those with `included` make up the augmented model.
     pub causes: Vec<Cause>,
     /// Parameters of the augmented model, nominal and fitted; empty without included causes.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub parameters: Vec<ModelParameter>,
     /// Effects that are not there above a size, given the included causes.
     pub excluded: Vec<Excluded>,
@@ -48,10 +50,10 @@ pub struct Diagnosis {
     /// What a reader must know beside the numbers, one sentence or two each.
     pub notes: Vec<String>,
     /// Which effects these logs could reveal, where that was asked for.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub power: Option<PowerReport>,
     /// Curves for the HTML page; not part of the promise of the schema.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub figures: Option<Figures>,
 }
 
@@ -68,8 +70,10 @@ impl Diagnosis {
 }
 
 /// The finding in one word.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
 pub enum Verdict {
     /// The nominal model and noise explain the logs.
     NoGap,
@@ -100,7 +104,8 @@ impl std::fmt::Display for Verdict {
 }
 
 /// Names of the logs that fitted and of those that judged.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Runs {
     /// Seen by fits and choices.
     pub train: Vec<String>,
@@ -109,7 +114,8 @@ pub struct Runs {
 }
 
 /// Is there a gap, and where. Shares are of the summed squared, noise-scaled gap.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Gap {
     /// The nominal model plus measurement noise does not explain the logs, at 5 %.
     pub detected: bool,
@@ -124,7 +130,8 @@ pub struct Gap {
 }
 
 /// The gap in one equation.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct GapState {
     /// The state whose equation it is.
     pub state: String,
@@ -141,7 +148,8 @@ pub struct GapState {
 }
 
 /// The gap in one band of one variable.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct GapRegion {
     /// The state whose equation it is.
     pub state: String,
@@ -156,7 +164,8 @@ pub struct GapRegion {
 }
 
 /// The gap in one stretch of time of one run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct GapWindow {
     /// Name of the run.
     pub run: String,
@@ -169,14 +178,15 @@ pub struct GapWindow {
 }
 
 /// One candidate cause.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Cause {
     /// Id of the catalogue.
     pub effect: String,
     /// The state in whose equation (or whose column) it acts.
     pub state: String,
     /// The port or control at which it acts, where it does not act in the state's equation alone.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
     /// What it depends on: states, controls, or the name of the parameter that is wrong.
     pub variables: Vec<String>,
@@ -193,12 +203,13 @@ pub struct Cause {
     /// The experiment that would tell them apart; `None` where `equivalent` is empty.
     pub next_experiment: Option<String>,
     /// Whether its size agrees between parts of the logs; `None` where it was not asked or no part tells a size.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub stability: Option<Stability>,
 }
 
 /// Whether a cause keeps its size between runs, in the inner and the outer part of its range, early and late.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Stability {
     /// Parts of the logs (runs and halves) that tell a size of their own.
     pub runs: usize,
@@ -207,12 +218,13 @@ pub struct Stability {
     /// Chance of so much disagreement, in 0..1.
     pub p_value: f64,
     /// The parts that disagree, in words.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub disagree: Vec<String>,
 }
 
 /// A parameter of the augmented model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct ModelParameter {
     /// Its name in the model.
     pub name: String,
@@ -227,7 +239,8 @@ pub struct ModelParameter {
 }
 
 /// A fitted size with its interval, at the report's confidence.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Parameter {
     /// Name in the form.
     pub name: String,
@@ -242,17 +255,18 @@ pub struct Parameter {
 }
 
 /// An effect that would have been found, with 95 % power, had it been larger than `above`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Excluded {
     /// Id of the catalogue.
     pub effect: String,
     /// The state in whose equation it would act.
     pub state: String,
     /// What it would depend on.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub variables: Vec<String>,
     /// The port or control at which it would act, where it would not act in the state's equation alone.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
     /// Size of the effect's first parameter, in `unit`.
     pub above: f64,
@@ -261,7 +275,8 @@ pub struct Excluded {
 }
 
 /// What remains after the included causes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Unexplained {
     /// That it is structure and not noise, in 0..1.
     pub probability: f64,
@@ -275,7 +290,8 @@ pub struct Unexplained {
 ///
 /// `before`, `after`, `floor`: root mean square, over samples and logged columns that move, of the rollout
 /// error divided by that column's noise. `None` is a rollout that diverged, or a number that follows from one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Closure {
     /// Always `rollout_rmse` in this version.
     pub metric: String,
@@ -294,14 +310,15 @@ pub struct Closure {
     /// Upper end of its interval.
     pub high: Option<f64>,
     /// Duration of the longest rollout, s: longer ones were restarted from the log.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub horizon: Option<f64>,
     /// By logged column that moves, in its unit.
     pub by_state: Vec<ClosureState>,
 }
 
 /// Rollout error of one logged column.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct ClosureState {
     /// The column.
     pub state: String,
@@ -312,32 +329,34 @@ pub struct ClosureState {
     /// What noise alone leaves, in `unit`.
     pub floor: Option<f64>,
     /// As [`Closure::closed`], of this column.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub closed: Option<f64>,
     /// Empty where unknown.
     pub unit: String,
 }
 
 /// Curves for the HTML page. They may change in any version; a script should not read them.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Figures {
     /// Per held-out run and logged column.
     pub rollouts: Vec<RolloutFigure>,
     /// Per state whose equation may be wrong.
     pub residuals: Vec<ResidualFigure>,
     /// Equations that the included causes change; a sensor effect changes what a column reads.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub equations: Vec<EquationFigure>,
     /// What the logs hold, per run and column.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub signals: Vec<SignalFigure>,
     /// Per logged column that moves, what the better model leaves of the held-out runs.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub checks: Vec<ResidualCheck>,
 }
 
 /// One column of one run, at most [`FIGURE_POINTS`] samples.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct SignalFigure {
     /// Name of the run.
     pub run: String,
@@ -356,7 +375,8 @@ pub struct SignalFigure {
 }
 
 /// How what is left of a column repeats itself.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct ResidualCheck {
     /// The column.
     pub column: String,
@@ -367,7 +387,8 @@ pub struct ResidualCheck {
 }
 
 /// An equation before and after, as text.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct EquationFigure {
     /// The left side as it is shown: `v'`, or `v reads`.
     pub left: String,
@@ -378,7 +399,8 @@ pub struct EquationFigure {
 }
 
 /// A held-out rollout beside its log, at most [`FIGURE_POINTS`] samples; all lists are equally long.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct RolloutFigure {
     /// Name of the run.
     pub run: String,
@@ -396,15 +418,16 @@ pub struct RolloutFigure {
     pub after: Vec<Option<f64>>,
     /// Share of the column's motion that the nominal model follows, `1 - rms(error)/rms(column - its mean)`; may be
     /// negative, `None` where it diverged or nothing moves.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub fit_before: Option<f64>,
     /// The same of the augmented model.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub fit_after: Option<f64>,
 }
 
 /// What one equation lacks.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct ResidualFigure {
     /// The state whose equation it is.
     pub state: String,
@@ -417,7 +440,8 @@ pub struct ResidualFigure {
 }
 
 /// Residual against a variable, at most [`FIGURE_POINTS`] points in rising order of `x`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct ResidualCurve {
     /// State or control.
     pub variable: String,
@@ -434,7 +458,8 @@ pub struct ResidualCurve {
 }
 
 /// Residual over the time of a run, at most [`FIGURE_POINTS`] points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct ResidualTrace {
     /// Name of the run.
     pub run: String,
@@ -494,19 +519,5 @@ mod tests {
         assert!(json["low"].is_null());
         let read: Parameter = serde_json::from_str(r#"{"name": "c", "value": 1.0, "high": 2.0, "unit": ""}"#).unwrap();
         assert_eq!(read, parameter);
-    }
-
-    /// The contract's example, where the contract lies beside the repository.
-    #[test]
-    fn the_contract_s_example_reads_and_writes_back_unchanged() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/CONTRACT.md");
-        let Ok(contract) = std::fs::read_to_string(path) else { return };
-        let begin = contract.find("```json\n").unwrap() + 8;
-        let text = &contract[begin..][..contract[begin..].find("```").unwrap()];
-        let json: serde_json::Value = serde_json::from_str(text).unwrap();
-        let report: Diagnosis = serde_json::from_str(text).unwrap();
-        assert_eq!(report.schema, SCHEMA);
-        assert_eq!(report.included().count(), 1);
-        assert_eq!(serde_json::to_value(&report).unwrap(), json);
     }
 }

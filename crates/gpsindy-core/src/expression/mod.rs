@@ -32,6 +32,7 @@ macro_rules! functions {
     ($($variant:ident $name:literal $arity:literal $doc:literal),+ $(,)?) => {
         /// A function of the expression language.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
         pub enum Function { $(#[doc = $doc] $variant),+ }
 
         impl Function {

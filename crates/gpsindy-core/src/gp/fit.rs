@@ -15,7 +15,7 @@ use super::scale::{Scale, standardise};
 use super::search::search;
 use super::start::Bounds;
 use crate::error::{Error, Result};
-use rayon::prelude::*;
+use crate::parallel::*;
 use std::fmt;
 
 /// Settings of a fit.
@@ -103,6 +103,7 @@ pub struct Candidate {
 
 /// A kernel with its hyperparameters, as found in the data.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Fit {
     /// The kernel of the lowest negative log marginal likelihood.
     pub kernel: Kernel,

@@ -30,6 +30,7 @@ use std::fmt;
 /// # Ok::<(), gpsindy_core::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Kernel {
     /// Infinitely smooth.
     SquaredExponential,

@@ -6,11 +6,12 @@ use crate::expression::{Expression, Function};
 
 pub(super) fn check(model: &Model) -> Result<()> {
     if model.schema != SCHEMA {
-        return Err(Error::invalid(format!("schema is `{}`, but this version reads `{SCHEMA}`", model.schema)));
+        return Err(Error::Schema { found: model.schema.clone(), supported: SCHEMA.into() });
     }
     if model.states.is_empty() {
         return Err(Error::invalid("the model has no state; add a [[state]] with a name and an equation"));
     }
+    check_texts(model)?;
     check_names(model)?;
     for state in &model.states {
         let place = format!("equation of state `{}`", state.name);
@@ -58,6 +59,48 @@ fn check_ports(model: &Model) -> Result<()> {
     Ok(())
 }
 
+/// The first character that does not show: a control character, a line's end, a change of direction.
+fn hidden_character(text: &str) -> Option<(usize, char)> {
+    let hides = |c: char| {
+        c.is_control()
+            || matches!(c, '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{61c}')
+            || ('\u{202a}'..='\u{202e}').contains(&c)
+            || ('\u{2066}'..='\u{2069}').contains(&c)
+    };
+    text.chars().enumerate().find(|&(_, c)| hides(c)).map(|(i, c)| (i + 1, c))
+}
+
+/// Reads a name or a unit, so that a reader of files knows the line of one that hides something.
+#[cfg(feature = "serde")]
+pub(super) fn plain_text<'de, D: serde::Deserializer<'de>>(reader: D) -> std::result::Result<String, D::Error> {
+    let text: String = serde::Deserialize::deserialize(reader)?;
+    match hidden_character(&text) {
+        Some((position, character)) => {
+            let what = "name or unit".into();
+            Err(serde::de::Error::custom(Error::HiddenCharacter { what, position, character }))
+        }
+        None => Ok(text),
+    }
+}
+
+/// Names and units end up in comments of exported programs, in tables and on screens.
+fn check_texts(model: &Model) -> Result<()> {
+    let check = |text: &str, what: &dyn Fn() -> String| match hidden_character(text) {
+        Some((position, character)) => Err(Error::HiddenCharacter { what: what(), position, character }),
+        None => Ok(()),
+    };
+    check(&model.name, &|| "name of the model".into())?;
+    let states = model.states.iter().map(|s| ("state", &s.name, &s.unit));
+    let controls = model.controls.iter().map(|c| ("control", &c.name, &c.unit));
+    let ports = model.ports.iter().map(|p| ("port", &p.name, &p.unit));
+    let parameters = model.parameters.iter().map(|p| ("parameter", &p.name, &p.unit));
+    for (i, (kind, name, unit)) in states.chain(controls).chain(ports).chain(parameters).enumerate() {
+        check(name, &|| format!("name of a {kind}, number {} of all names", i + 1))?;
+        check(unit, &|| format!("unit of {kind} `{name}`"))?;
+    }
+    Ok(())
+}
+
 fn check_names(model: &Model) -> Result<()> {
     let mut seen: Vec<&str> = Vec::new();
     // A simulator's own parameters keep their names, as in `hip.armature`.
@@ -67,10 +110,12 @@ fn check_names(model: &Model) -> Result<()> {
         let mut characters = name.chars();
         let starts_well = characters.next().is_some_and(|c| c.is_alphabetic() || c == '_');
         if !starts_well || !characters.all(|c| c.is_alphanumeric() || c == '_' || (c == '.' && is_own(name))) {
-            return Err(Error::invalid(format!("`{name}` is not a name; use a letter, then letters, digits and `_`")));
+            let why = "is not a name; use a letter, then letters, digits and `_`".into();
+            return Err(Error::BadName { name: name.into(), why });
         }
         if name == "t" || name == "pi" || Function::ALL.iter().any(|f| f.name() == name) {
-            return Err(Error::invalid(format!("`{name}` has a meaning in expressions; give it another name")));
+            let why = "has a meaning in expressions; give it another name".into();
+            return Err(Error::BadName { name: name.into(), why });
         }
         if seen.contains(&name) {
             return Err(Error::Duplicate { kind: "name".into(), name: name.into() });
@@ -97,7 +142,7 @@ fn check_expression(model: &Model, expression: &Expression, place: &str, in_meas
     });
     match problem {
         None => Ok(()),
-        Some(message) => Err(Error::invalid(format!("{place}, `{expression}`: {message}"))),
+        Some(why) => Err(Error::Equation { place: place.into(), expression: expression.to_string(), why }),
     }
 }
 
@@ -181,5 +226,27 @@ mod tests {
         let mut reserved = model("u", None);
         reserved.parameters.push(Parameter::new("sin", 0.0));
         assert!(reserved.check().unwrap_err().to_string().contains("meaning"));
+    }
+
+    #[test]
+    fn text_that_does_not_show_is_refused_with_its_place() {
+        for hidden in ['\n', '\r', '\0', '\u{1b}', '\u{85}', '\u{2028}', '\u{202e}', '\u{2066}'] {
+            let mut named = model("u", None);
+            named.name = format!("a{hidden}b");
+            let code = format!("U+{:04X}", hidden as u32);
+            let error = named.check().unwrap_err().to_string();
+            assert_eq!(
+                error,
+                format!("name of the model: character 2 is {code}, which does not show; write one line of plain text")
+            );
+            let mut with_unit = model("u", None);
+            with_unit.parameters[0].unit = format!("m{hidden}");
+            let error = with_unit.check().unwrap_err().to_string();
+            assert!(error.starts_with(&format!("unit of parameter `k`: character 2 is {code}")), "{error}");
+            let mut with_name = model("u", None);
+            with_name.controls[0].name = format!("u{hidden}");
+            let error = with_name.check().unwrap_err().to_string();
+            assert!(error.starts_with("name of a control, number 2 of all names: character 2 is U+"), "{error}");
+        }
     }
 }

@@ -9,14 +9,15 @@ mod export;
 mod port;
 mod system;
 
-pub use export::Language;
 pub use engine::{Rows, Steps};
+pub use export::{Export, Language};
 pub use port::Port;
 pub(crate) use system::Follower;
 pub use system::{Dynamics, Input, InputKind, System};
 
 use crate::error::Result;
 use crate::expression::Expression;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -40,32 +41,33 @@ fn schema() -> String {
 /// model.check()?;
 /// # Ok::<(), gpsindy_core::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Model {
     /// The schema, [`SCHEMA`].
-    #[serde(default = "schema")]
+    #[cfg_attr(feature = "serde", serde(default = "schema"))]
     pub schema: String,
-    /// The model's name.
-    #[serde(default)]
+    /// The model's name: one line of plain text.
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "check::plain_text"))]
     pub name: String,
     /// The states and their equations.
-    #[serde(rename = "state")]
+    #[cfg_attr(feature = "serde", serde(rename = "state"))]
     pub states: Vec<State>,
     /// The controls: inputs that the log carries.
-    #[serde(rename = "control", default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(rename = "control", default, skip_serializing_if = "Vec::is_empty"))]
     pub controls: Vec<Control>,
     /// The ports: places where a force that nobody modelled may act, zero in this model.
-    #[serde(rename = "port", default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(rename = "port", default, skip_serializing_if = "Vec::is_empty"))]
     pub ports: Vec<Port>,
     /// The parameters and their nominal values.
-    #[serde(rename = "parameter", default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(rename = "parameter", default, skip_serializing_if = "Vec::is_empty"))]
     pub parameters: Vec<Parameter>,
     /// Default initial state for a simulation, by name.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BTreeMap::is_empty"))]
     pub initial: BTreeMap<String, f64>,
     /// How the model was learnt, where it was.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub identification: Option<IdentificationRecord>,
 }
 
@@ -85,18 +87,23 @@ impl Default for Model {
 }
 
 /// A state: what it is called, how it changes, and what the log's column of it reads.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct State {
     /// Name: a letter, then letters, digits and `_`.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "check::plain_text"))]
     pub name: String,
-    /// Unit as text, empty where none is known.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    /// Unit as one line of plain text, empty where none is known.
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "String::is_empty", deserialize_with = "check::plain_text")
+    )]
     pub unit: String,
     /// The right side of its differential equation, in its unit per second.
     pub equation: Expression,
     /// What the log's column reads; absent: the state itself.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub measured: Option<Expression>,
 }
 
@@ -128,13 +135,18 @@ pub fn rate_unit(unit: &str) -> String {
 }
 
 /// A control: an input that the log carries.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Control {
     /// Name: a letter, then letters, digits and `_`.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "check::plain_text"))]
     pub name: String,
-    /// Unit as text, empty where none is known.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    /// Unit as one line of plain text, empty where none is known.
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "String::is_empty", deserialize_with = "check::plain_text")
+    )]
     pub unit: String,
 }
 
@@ -146,24 +158,29 @@ impl Control {
 }
 
 /// A parameter and what is believed of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Parameter {
     /// Name: a letter, then letters, digits and `_`.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "check::plain_text"))]
     pub name: String,
     /// Nominal value.
     pub value: f64,
-    /// Unit as text, empty where none is known.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    /// Unit as one line of plain text, empty where none is known.
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "String::is_empty", deserialize_with = "check::plain_text")
+    )]
     pub unit: String,
     /// Relative 1-sigma belief; absent: taken as exact, yet still a suspect in a diagnosis.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub tolerance: Option<f64>,
     /// Lowest and highest value that the user's own simulator takes; absent where it says nothing.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub range: Option<(f64, f64)>,
     /// A change that matters to the user's own simulator, where the value itself tells none.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub scale: Option<f64>,
 }
 
@@ -186,21 +203,22 @@ impl Parameter {
 }
 
 /// How a model was learnt.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct IdentificationRecord {
     /// The library's terms, in order.
     pub terms: Vec<String>,
     /// One row a state, one column a term.
     pub coefficients: Vec<Vec<f64>>,
     /// Standard errors, laid out like the coefficients.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub standard_errors: Vec<Vec<f64>>,
     /// How sure it is that a term is in, laid out like the coefficients: by the evidence, or by bootstraps of a regression.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub inclusion_probabilities: Vec<Vec<f64>>,
     /// The weight of the 1-norm, one a state.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub lambda: Vec<f64>,
 }
 

@@ -2,27 +2,29 @@
 
 use super::Model;
 use crate::expression::Expression;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// A named input that is zero: it marks where a force that nobody modelled may act.
 ///
 /// Equations use it like a control, logs don't carry it. Friction in one joint of an arm enters every row of
 /// its equations through one port, as the mechanics say.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Port {
     /// Name: a letter, then letters, digits and `_`.
     pub name: String,
     /// The state that moves at this place: what friction and drag there depend on.
     pub variable: String,
     /// Unit as text, empty where none is known.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "String::is_empty"))]
     pub unit: String,
     /// The state that is the place's position: what springs, weights and ripples there depend on.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub position: Option<String>,
     /// Effects at this place that the user's own simulator has as parameters: the effect's id, the parameter's name.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub carried: Vec<(String, String)>,
 }
 

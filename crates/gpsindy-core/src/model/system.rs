@@ -43,6 +43,7 @@ pub trait Dynamics: Send + Sync {
 
 /// How an input with a history is made from a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum InputKind {
     /// The signal, `amount` seconds earlier.
     Delay,

@@ -64,6 +64,7 @@ impl Default for Refine {
 
 /// What a refinement found.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Refined {
     /// All parameters of the system.
     pub parameters: Vec<f64>,

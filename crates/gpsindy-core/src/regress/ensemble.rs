@@ -4,10 +4,10 @@
 
 use super::{Reduced, Regressor};
 use crate::error::{Error, Result};
+use crate::parallel::*;
 use faer::{Mat, MatRef};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use rayon::prelude::*;
 
 /// Settings of the bootstrap.
 #[derive(Debug, Clone, PartialEq, Eq)]

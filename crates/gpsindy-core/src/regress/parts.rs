@@ -7,7 +7,7 @@ use super::dense::{Cholesky, dot, gram, residual};
 use super::select::{Candidates, Choice, PATH_LENGTH, Selection, over_folds, smallest_bic, sparsest};
 use super::{Reduced, Regressor};
 use crate::error::{Error, Result};
-use rayon::prelude::*;
+use crate::parallel::*;
 
 impl Selection {
     /// As [`Selection::choose`], on `folds` of rows with a sum of `weights` each (the number of rows where all weigh 1).

@@ -2,11 +2,12 @@
 
 use super::{Fit, Folds, Reduced, Regressor};
 use crate::error::{Error, Result};
+use crate::parallel::*;
 use faer::{Mat, MatRef};
-use rayon::prelude::*;
 
 /// How a place on the path is chosen.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Selection {
     /// Error on held-out folds; with `one_standard_error` the sparsest fit whose mean error lies within one standard
     /// error of the smallest.

@@ -26,6 +26,7 @@ use std::ops::Range;
 
 /// How the equations are integrated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Method {
     /// Dormand-Prince 5(4) with step control and dense output; goes over to [`Method::Rosenbrock`] where the model is stiff.
     #[default]
@@ -84,6 +85,7 @@ impl Default for Simulate {
 
 /// A simulated stretch of a run.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Rollout {
     /// Sample times, s, r of them.
     pub time: Vec<f64>,

@@ -149,26 +149,6 @@ fn a_time_that_goes_back_within_a_run_is_found_among_several() {
 }
 
 #[test]
-fn the_real_logs_read_where_they_are_at_hand() {
-    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let Ok(folders) = std::fs::read_dir(root) else { return };
-    let mut read = 0;
-    for file in folders.flatten().filter_map(|d| std::fs::read_dir(d.path()).ok()).flatten().flatten() {
-        // balls.csv is a table of properties, not a log.
-        if file.path().extension().is_none_or(|e| e != "csv") || file.file_name() == "balls.csv" {
-            continue;
-        }
-        let bytes = std::fs::read(file.path()).unwrap();
-        let log = CsvLog::parse(&file.path().display().to_string(), &bytes, &LogOptions::default()).unwrap();
-        for header in log.columns() {
-            log.values(&header.name).unwrap();
-        }
-        read += 1;
-    }
-    assert!(read > 50, "{read}");
-}
-
-#[test]
 fn a_map_names_a_column_and_leaves_a_name_that_is_there() {
     let options = LogOptions {
         map: vec![("v".into(), "speed [m/s]".into()), ("u".into(), "/cmd.data[0]".into())],

@@ -292,12 +292,14 @@ class Model:
             return
         self._inner.write(os.fspath(path))
 
-    def export(self, to: Target) -> str:
+    def export(self, to: Target, *, full_digits: bool = False) -> str:
         """The equations as source.
 
         Parameters
         ----------
         to : {"latex", "sympy", "python", "c", "rust", "julia", "modelica"}
+        full_digits : bool, default False
+            In LaTeX, numbers with all their digits; without it six. Programs always have all.
 
         Examples
         --------
@@ -306,7 +308,7 @@ class Model:
         >>> "dot{x}" in model.export("latex")
         True
         """
-        return self._inner.export(to)
+        return self._inner.export(to, full_digits)
 
     def derivative(self, x: Any, u: Any = None, t: Any = 0.0) -> Array:
         """Rates of the states, row by row; ``delay`` and ``play`` read the control as it stands.

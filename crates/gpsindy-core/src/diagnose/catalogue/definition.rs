@@ -10,6 +10,7 @@ use crate::model::Model;
 
 /// A group of effects of the same physical kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Family {
     /// A nominal parameter is wrong.
     Parameter,

@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{FREQUENCIES, LINES};
-use rayon::prelude::*;
+use crate::parallel::*;
 use std::f64::consts::{PI, TAU};
 
 /// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.

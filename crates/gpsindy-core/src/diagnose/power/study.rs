@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// What the diagnosis found that the study belongs to.
 pub(crate) struct Found {

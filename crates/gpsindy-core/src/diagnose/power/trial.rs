@@ -12,7 +12,7 @@ use crate::model::{Model, System};
 use crate::progress::{Progress, step};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use rayon::prelude::*;
+use crate::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The diagnosis of logs to learn from and to verify on, as the user asked for it.

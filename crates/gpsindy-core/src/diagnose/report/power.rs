@@ -1,9 +1,11 @@
 //! What a power study found: which effects the user's own logs could reveal, and from what size.
 
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// Which effects these logs could reveal: each was planted in simulated copies of the logs and withheld.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct PowerReport {
     /// Of the noise.
     pub seed: u64,
@@ -16,7 +18,8 @@ pub struct PowerReport {
 }
 
 /// Noise of one logged column in the copies.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct PowerNoise {
     /// The column.
     pub state: String,
@@ -29,7 +32,8 @@ pub struct PowerNoise {
 }
 
 /// Copies without any effect.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct PowerNull {
     /// How many.
     pub draws: usize,
@@ -40,7 +44,8 @@ pub struct PowerNull {
 }
 
 /// How well the logs would reveal one effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct PowerEffect {
     /// Id of the catalogue.
     pub effect: String,
@@ -69,7 +74,8 @@ pub struct PowerEffect {
 }
 
 /// Another effect that was named in the planted one's place.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct PowerRival {
     /// Id of the effect; `none` where a gap was found and no cause included.
     pub effect: String,
@@ -82,7 +88,8 @@ pub struct PowerRival {
 }
 
 /// One size of a planted effect.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct PowerTrial {
     /// Root mean square over samples and columns of what the nominal model misses without noise, in units of the noise.
     pub gap_to_noise: f64,

@@ -6,7 +6,7 @@ use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::gap_size;
 use crate::diagnose::steps::round::Tried;
 use crate::error::Result;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// The place of one effect of the winner.
 pub(crate) struct Place {

@@ -11,7 +11,7 @@ use crate::diagnose::limits::{
 use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::screen::Screened;
 use crate::error::Result;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// Contestants one step on from `base`, best first, chosen by a screening of so many `searches`.
 pub(crate) fn refit(

@@ -9,7 +9,7 @@ use crate::diagnose::fit::gains::{Basis, Gain, gains};
 use crate::diagnose::fit::peaks::peaks;
 use crate::diagnose::steps::contest::Contest;
 use crate::error::Result;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// What a screening says of one hypothesis.
 #[derive(Debug, Clone, Default)]

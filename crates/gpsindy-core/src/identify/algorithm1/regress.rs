@@ -9,7 +9,7 @@ use crate::identify::settings::{Choice, Identify};
 use crate::progress::{Progress, step};
 use crate::regress::{Candidates, Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
 use faer::Mat;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// What the regression came to.
 #[derive(Debug, Clone)]

@@ -17,9 +17,9 @@ use crate::identify::limits::consensus::{APART, LEAD, LENGTH, OFF, SHARES, STRET
 use crate::identify::notes::Note;
 use crate::identify::support::scope::{Member, Rollouts, Scope};
 use crate::model::System;
+use crate::parallel::*;
 use crate::simulate::{Excitation, Method, Simulate};
 use faer::Mat;
-use rayon::prelude::*;
 
 /// A rollout's states by samples in units of their spread; none where it diverged.
 type Path = Option<Vec<f64>>;

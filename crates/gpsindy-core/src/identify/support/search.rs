@@ -7,7 +7,7 @@ use crate::identify::limits::{INTERPOLATED, LOOKS, TIE};
 use crate::identify::support::fit::Trial;
 use crate::identify::support::scope::{Member, Rollouts, Scope};
 use crate::refine::Hold;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 impl Scope<'_> {
     /// The equations of the best evidence, or why there are none.

@@ -62,26 +62,13 @@ impl Dialect<'_> {
 }
 
 pub(super) fn no_equations() -> Error {
-    Error::invalid("the model calls the user's own simulator, which has no equations to export")
+    Error::NotExportable {
+        what: "the model".into(),
+        why: "it calls the user's own simulator, which has no equations".into(),
+    }
 }
 
 /// A number that reads back as itself and is a floating-point number in every language.
 pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
-}
-
-/// `name` as an identifier of ASCII letters that is none of `reserved`.
-pub(super) fn identifier(name: &str, reserved: &[&str]) -> String {
-    let mut written = String::new();
-    for character in name.chars() {
-        if character.is_ascii_alphanumeric() || character == '_' {
-            written.push(character);
-        } else {
-            written.push_str(&format!("u{:04x}", character as u32));
-        }
-    }
-    if reserved.contains(&written.as_str()) || written.chars().all(|c| c == '_') {
-        written.push_str("_v");
-    }
-    written
 }

@@ -1,6 +1,7 @@
 //! Julia; the rates are written in place, as DifferentialEquations.jl calls them.
 
 use super::dialect::{Dialect, number};
+use super::names::line_comment;
 use super::program::{History, Program};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
@@ -39,7 +40,7 @@ pub(super) fn write(model: &Model) -> Result<String> {
     let program = Program::new(model)?;
     let mut text = String::new();
     for line in program.legend(1) {
-        text += &format!("# {line}\n");
+        text += &format!("# {}\n", line_comment(&line));
     }
     text += "# With DifferentialEquations.jl: ODEProblem((dx, x, p, t) -> rates!(dx, x, control_at(t), t), initial_state, (0.0, 10.0))\n\n";
     let names: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();

@@ -5,6 +5,7 @@ mod dialect;
 mod julia;
 mod latex;
 mod modelica;
+mod names;
 mod program;
 mod python;
 mod rust;
@@ -12,9 +13,11 @@ mod sympy;
 
 use super::Model;
 use crate::error::{Error, Result};
+use crate::expression::Expression;
 
 /// A language that a model can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Language {
     /// The equations as an `align*` environment.
     Latex,
@@ -72,28 +75,74 @@ impl Language {
     }
 }
 
-impl Model {
-    /// The model as source in `target`.
+/// How a model is written as source.
+///
+/// | name | default | range | meaning |
+/// |---|---|---|---|
+/// | `full_digits` | `false` | | LaTeX: numbers with all their digits, not six; programs always have all |
+///
+/// ```
+/// use gpsindy_core::{Export, Expression, Language, Model, State};
+/// let decay = Model { states: vec![State::new("x", Expression::parse("-x/3")?)], ..Model::default() };
+/// let source = Export { full_digits: true }.write(&decay, Language::Latex)?;
+/// assert!(source.contains("\\dot{x} &= \\frac{-x}{3}"));
+/// # Ok::<(), gpsindy_core::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Export {
+    /// In LaTeX, numbers with all their digits; without it six. Programs always have all.
+    pub full_digits: bool,
+}
+
+impl Export {
+    /// The model as source in `language`.
     ///
     /// Ports are left out: they are zero.
     ///
     /// A delay or a play becomes a function of the log's samples (C, Julia, Python, Rust), a shifted time
-    /// (LaTeX, SymPy) or the language's own `delay` (Modelica).
+    /// (LaTeX, SymPy) or the language's own `delay` (Modelica). Names and units are free text of whoever wrote the
+    /// model; they stand in comments and strings, and nothing of them leaves those.
     ///
     /// # Errors
-    /// As [`Model::check`]; a play of something delayed that can't be put the other way round; a play in
-    /// Modelica; equations that call the user's own simulator.
-    pub fn export(&self, target: Language) -> Result<String> {
-        self.check()?;
-        let closed = &self.closed();
-        match target {
-            Language::Latex => latex::write(closed),
-            Language::Sympy => sympy::write(closed),
-            Language::Python => python::write(closed),
-            Language::C => c::write(closed),
-            Language::Rust => rust::write(closed),
-            Language::Julia => julia::write(closed),
-            Language::Modelica => modelica::write(closed),
+    /// As [`Model::check`]; [`Error::NotFinite`] for a number in an equation; [`Error::NotExportable`] for a play of
+    /// something delayed that can't be put the other way round, a play in Modelica, and equations that call the
+    /// user's own simulator.
+    pub fn write(&self, model: &Model, language: Language) -> Result<String> {
+        model.check()?;
+        let model = &model.closed();
+        check_numbers(model)?;
+        match language {
+            Language::Latex => latex::write(model, self.full_digits),
+            Language::Sympy => sympy::write(model),
+            Language::Python => python::write(model),
+            Language::C => c::write(model),
+            Language::Rust => rust::write(model),
+            Language::Julia => julia::write(model),
+            Language::Modelica => modelica::write(model),
         }
     }
+}
+
+impl Model {
+    /// The model as source in `language`, with the defaults of [`Export`].
+    ///
+    /// # Errors
+    /// As [`Export::write`].
+    pub fn export(&self, language: Language) -> Result<String> {
+        Export::default().write(self, language)
+    }
+}
+
+/// No language has a literal for an infinite number that all its compilers take.
+fn check_numbers(model: &Model) -> Result<()> {
+    for state in &model.states {
+        for expression in std::iter::once(&state.equation).chain(&state.measured) {
+            let mut is_finite = true;
+            expression.visit(&mut |part| is_finite &= !matches!(part, Expression::Number(v) if !v.is_finite()));
+            if !is_finite {
+                return Err(Error::NotFinite { what: format!("a number in `{expression}` of state `{}`", state.name) });
+            }
+        }
+    }
+    Ok(())
 }

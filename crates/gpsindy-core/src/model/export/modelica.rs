@@ -1,6 +1,7 @@
 //! Modelica: controls are inputs, `delay` is the language's own.
 
-use super::dialect::{Dialect, identifier, number};
+use super::dialect::{Dialect, number};
+use super::names::{is_reserved, title};
 use super::program::Program;
 use crate::error::{Error, Result};
 use crate::expression::Function;
@@ -27,17 +28,28 @@ fn attributes(list: &[Option<String>]) -> String {
     if given.is_empty() { String::new() } else { format!("({})", given.join(", ")) }
 }
 
+/// The class's name: no keyword, and no name of the model's own.
+fn own_title(program: &Program<'_>) -> String {
+    let title = match title(&program.model.name) {
+        nameless if nameless == "model" => "Model".into(),
+        title => title,
+    };
+    let is_taken = is_reserved(&title) || program.model.names().any(|n| program.identifier(n) == title);
+    if is_taken { title + "_model" } else { title }
+}
+
 pub(super) fn write(model: &Model) -> Result<String> {
     let program = Program::new(model)?;
     if program.plays() {
-        return Err(Error::invalid(
-            "Modelica has no play: export to python, c, rust or julia, or replace `play(...)` in the model",
-        ));
+        return Err(Error::NotExportable {
+            what: "`play(...)`".into(),
+            why: "Modelica has no play; export to python, c, rust or julia, or replace it in the model".into(),
+        });
     }
     let name = |name: &str| program.identifier(name);
     let dialect =
         Dialect { name: &name, call, power: |a, b| format!("{a}^{b}"), number, pi: "3.141592653589793", time: "time" };
-    let title = identifier(if model.name.is_empty() { "Model" } else { &model.name }, &["model", "end"]);
+    let title = own_title(&program);
     let mut text =
         format!("model {title} \"Written by gpsindy; connect the inputs to the controls, held between samples\"\n");
     for p in &model.parameters {

@@ -1,204 +1,11 @@
 //! A model taken apart for a programming language: rates, outputs, and inputs with a history.
 
 use super::super::{InputKind, Model};
-use super::dialect::{identifier, no_equations};
+use super::dialect::no_equations;
+use super::names::identifiers;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function};
-
-/// Names that the generated programs use themselves in one language or another, and keywords of all of them.
-const RESERVED: &[&str] = &[
-    "and",
-    "abstract",
-    "as",
-    "assert",
-    "async",
-    "auto",
-    "await",
-    "become",
-    "begin",
-    "bool",
-    "box",
-    "break",
-    "case",
-    "catch",
-    "char",
-    "class",
-    "const",
-    "continue",
-    "control",
-    "crate",
-    "def",
-    "default",
-    "del",
-    "do",
-    "double",
-    "dx",
-    "dyn",
-    "elif",
-    "else",
-    "elseif",
-    "end",
-    "enum",
-    "except",
-    "export",
-    "extern",
-    "f",
-    "false",
-    "fabs",
-    "final",
-    "finally",
-    "float",
-    "fmax",
-    "fmin",
-    "fn",
-    "for",
-    "from",
-    "function",
-    "global",
-    "goto",
-    "history",
-    "if",
-    "impl",
-    "import",
-    "in",
-    "inline",
-    "int",
-    "is",
-    "lambda",
-    "late",
-    "let",
-    "local",
-    "long",
-    "loop",
-    "macro",
-    "match",
-    "math",
-    "middle",
-    "mod",
-    "module",
-    "move",
-    "mut",
-    "nonlocal",
-    "not",
-    "or",
-    "outputs",
-    "override",
-    "parameters",
-    "pass",
-    "pow",
-    "power",
-    "priv",
-    "pub",
-    "quote",
-    "raise",
-    "rates",
-    "record",
-    "ref",
-    "register",
-    "restrict",
-    "return",
-    "self",
-    "short",
-    "signal",
-    "signed",
-    "simulate",
-    "sizeof",
-    "state",
-    "static",
-    "struct",
-    "super",
-    "switch",
-    "time",
-    "trait",
-    "true",
-    "try",
-    "type",
-    "typedef",
-    "typeof",
-    "union",
-    "unsafe",
-    "unsigned",
-    "unsized",
-    "use",
-    "using",
-    "virtual",
-    "void",
-    "volatile",
-    "where",
-    "while",
-    "with",
-    "yield",
-    "None",
-    "True",
-    "False",
-    "Self",
-    "PARAMETERS",
-    "STATES",
-    "CONTROLS",
-    "INITIAL_STATE",
-    "N_STATES",
-    "N_CONTROLS",
-    "N_HISTORY",
-    "N_LATE",
-    "Record",
-    "algorithm",
-    "connect",
-    "constant",
-    "der",
-    "discrete",
-    "each",
-    "earlier",
-    "encapsulated",
-    "equation",
-    "expandable",
-    "extends",
-    "flow",
-    "half",
-    "impure",
-    "initial",
-    "initial_state",
-    "inner",
-    "input",
-    "last",
-    "operator",
-    "outer",
-    "output",
-    "package",
-    "parameter",
-    "partial",
-    "protected",
-    "public",
-    "pure",
-    "pushed",
-    "redeclare",
-    "replaceable",
-    "stream",
-    "then",
-    "when",
-    "within",
-    "elsewhen",
-    "Real",
-    "sp",
-    "states_list",
-    "controls_list",
-    "parameters_list",
-    "equations",
-    "values",
-    "M_PI_2",
-    "bisect",
-    "record_t",
-    "y",
-    "NULL",
-    "INFINITY",
-    "NAN",
-    "e",
-    "im",
-    "missing",
-    "nothing",
-    "Inf",
-    "NaN",
-    "M_PI",
-];
+use std::collections::BTreeMap;
 
 /// An input with a history: entry `i` of the list is the variable [`history_name`]`(i)`.
 pub(super) struct History {
@@ -220,13 +27,14 @@ pub(super) struct Program<'a> {
     pub(super) history: Vec<History>,
     /// States that outputs read late, and the delay in s.
     pub(super) late: Vec<(usize, Expression)>,
+    identifiers: BTreeMap<String, String>,
 }
 
-pub(super) fn history_name(index: usize) -> String {
+fn history_name(index: usize) -> String {
     format!("history {index}")
 }
 
-pub(super) fn late_name(index: usize) -> String {
+fn late_name(index: usize) -> String {
     format!("late {index}")
 }
 
@@ -237,7 +45,14 @@ fn index_after(name: &str, prefix: &str) -> Option<usize> {
 
 impl<'a> Program<'a> {
     pub(super) fn new(model: &'a Model) -> Result<Self> {
-        let mut program = Self { model, rates: Vec::new(), outputs: None, history: Vec::new(), late: Vec::new() };
+        let mut program = Self {
+            model,
+            rates: Vec::new(),
+            outputs: None,
+            history: Vec::new(),
+            late: Vec::new(),
+            identifiers: identifiers(model),
+        };
         for state in &model.states {
             let rate = program.extract(&state.equation)?;
             program.rates.push(rate);
@@ -288,9 +103,10 @@ impl<'a> Program<'a> {
             let mut delayed = false;
             signal.visit(&mut |part| delayed |= matches!(part, Expression::Call(Function::Delay, _)));
             if delayed {
-                return Err(Error::invalid(format!(
-                    "`play({signal}, {amount})` can't be exported: its signal is delayed in part; delay the play instead"
-                )));
+                return Err(Error::NotExportable {
+                    what: format!("`play({signal}, {amount})`"),
+                    why: "its signal is delayed in part; delay the play instead".into(),
+                });
             }
         }
         let text = format!("{}({signal}, {amount})", function.name());
@@ -315,12 +131,12 @@ impl<'a> Program<'a> {
         if let Some(index) = index_after(name, "history") {
             return history(index);
         }
-        index_after(name, "late").map_or_else(|| identifier(name, RESERVED), late)
+        index_after(name, "late").map_or_else(|| self.identifier(name), late)
     }
 
     /// The identifier of a name of the model.
     pub(super) fn identifier(&self, name: &str) -> String {
-        identifier(name, RESERVED)
+        self.identifiers.get(name).cloned().unwrap_or_default()
     }
 
     /// Indices of the states, controls and parameters that stand in `expressions`.
@@ -371,6 +187,11 @@ impl<'a> Program<'a> {
         self.model.states.iter().map(|s| self.model.initial.get(&s.name).copied().unwrap_or(0.0)).collect()
     }
 
+    /// The model as a comment calls it. Text of the user never begins a line: some tools run what begins with a prompt.
+    pub(super) fn called(&self) -> String {
+        if self.model.name.is_empty() { "A model".into() } else { format!("Model {}", self.model.name) }
+    }
+
     /// `name [unit]`
     pub(super) fn labelled(name: &str, unit: &str) -> String {
         if unit.is_empty() { name.into() } else { format!("{name} [{unit}]") }
@@ -379,8 +200,7 @@ impl<'a> Program<'a> {
     /// Comment lines, without comment marks, that say what the lists hold.
     pub(super) fn legend(&self, first: usize) -> Vec<String> {
         let model = self.model;
-        let name = if model.name.is_empty() { "a model" } else { &model.name };
-        let mut lines = vec![format!("{name}: rates of its states, written by gpsindy.")];
+        let mut lines = vec![format!("{}: rates of its states, written by gpsindy.", self.called())];
         let place = |i: usize| i + first;
         for (i, s) in model.states.iter().enumerate() {
             lines.push(format!("state[{}]: {}", place(i), Self::labelled(&s.name, &s.unit)));

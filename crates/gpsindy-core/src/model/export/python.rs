@@ -1,6 +1,7 @@
 //! Plain Python: the `math` module is all it needs; the rates suit SciPy's `solve_ivp`.
 
 use super::dialect::{Dialect, number};
+use super::names::{line_comment, python_string};
 use super::program::{History, Program};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
@@ -41,16 +42,27 @@ pub(super) fn write(model: &Model) -> Result<String> {
     let program = Program::new(model)?;
     let mut text = String::from("\"\"\"");
     for line in program.legend(0) {
-        text += &format!("{line}\n");
+        text += &format!("{}\n", python_string(&line));
     }
     text += "\nWith SciPy: solve_ivp(lambda t, x: rates(t, x, control_at(t)), (0.0, 10.0), INITIAL_STATE)\n\"\"\"\n\n";
-    text += "import bisect\nimport math\n\n";
+    let body = body(model, &program)?;
+    // Units stand in comments behind two spaces, and are no use of a module.
+    let uses = |module: &str| body.lines().any(|l| l.split("  # ").next().is_some_and(|code| code.contains(module)));
+    for module in ["bisect", "math"].into_iter().filter(|module| uses(&format!("{module}."))) {
+        text += &format!("import {module}\n");
+    }
+    Ok(text.trim_end().to_string() + "\n\n" + &body)
+}
+
+/// Everything behind the imports.
+fn body(model: &Model, program: &Program<'_>) -> Result<String> {
+    let mut text = String::new();
     let list = |names: Vec<&str>| names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
     text += &format!("STATES = [{}]\n", list(model.states.iter().map(|s| s.name.as_str()).collect()));
     text += &format!("CONTROLS = [{}]\n", list(model.controls.iter().map(|c| c.name.as_str()).collect()));
     text += "PARAMETERS = {\n";
     for p in &model.parameters {
-        let unit = if p.unit.is_empty() { String::new() } else { format!("  # {}", p.unit) };
+        let unit = if p.unit.is_empty() { String::new() } else { format!("  # {}", line_comment(&p.unit)) };
         text += &format!("    \"{}\": {},{unit}\n", program.identifier(&p.name), number(p.value));
     }
     let initial: Vec<String> = program.initial().into_iter().map(number).collect();
@@ -65,14 +77,14 @@ pub(super) fn write(model: &Model) -> Result<String> {
             return max(bisect.bisect_right(time, t) - 1, 0)\n\n\n";
     }
     for (i, history) in program.history.iter().enumerate() {
-        text += &write_history(&program, i, history)?;
+        text += &write_history(program, i, history)?;
     }
     let what = "Rates of the states, in their units per second.";
-    text += &write_list(&program, "rates", what, &program.rates)?;
+    text += &write_list(program, "rates", what, &program.rates)?;
     if let Some(outputs) = &program.outputs {
-        text += &write_list(&program, "outputs", "What the columns of a log read.", outputs)?;
+        text += &write_list(program, "outputs", "What the columns of a log read.", outputs)?;
     }
-    text += &simulate(&program);
+    text += &simulate(program);
     Ok(text)
 }
 

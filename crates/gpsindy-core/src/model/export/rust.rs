@@ -1,6 +1,7 @@
 //! Rust, without dependencies.
 
 use super::dialect::{Dialect, number};
+use super::names::line_comment;
 use super::program::{History, Program};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
@@ -52,7 +53,8 @@ pub(super) fn write(model: &Model) -> Result<String> {
     let (n, m, h) = (model.states.len(), model.controls.len(), program.history.len());
     let mut text = String::new();
     for line in program.legend(0) {
-        text += &format!("//! {line}\n");
+        // No documentation comment: rustdoc would run code in it.
+        text += &format!("// {}\n", line_comment(&line));
     }
     text += "#![allow(dead_code, unused_variables, non_snake_case, clippy::all)]\n\n";
     text += &format!("pub const N_STATES: usize = {n};\npub const N_CONTROLS: usize = {m};\n");

@@ -1,6 +1,7 @@
 //! SymPy: symbols, a matrix of rates, equations.
 
 use super::dialect::{Dialect, number};
+use super::names::{line_comment, python_string};
 use super::program::Program;
 use crate::error::Result;
 use crate::expression::{Expression, Function};
@@ -32,7 +33,7 @@ pub(super) fn write(model: &Model) -> Result<String> {
     let name = |name: &str| program.identifier(name);
     let dialect =
         Dialect { name: &name, call, power: |a, b| format!("{a}**{b}"), number: exact, pi: "sp.pi", time: "t" };
-    let title = if model.name.is_empty() { "a model" } else { &model.name };
+    let title = python_string(&program.called());
     let mut text = format!("\"\"\"{title}: its equations as SymPy expressions, written by gpsindy.\"\"\"\n\n");
     text += "import sympy as sp\n\nt = sp.Symbol(\"t\", real=True)\n";
     let lists = [
@@ -42,7 +43,7 @@ pub(super) fn write(model: &Model) -> Result<String> {
     ];
     for (list, entries) in &lists {
         for (entry, unit) in entries {
-            let unit = if unit.is_empty() { String::new() } else { format!("  # {unit}") };
+            let unit = if unit.is_empty() { String::new() } else { format!("  # {}", line_comment(unit)) };
             text += &format!("{} = sp.Symbol(\"{entry}\", real=True){unit}\n", name(entry));
         }
         let names: Vec<String> = entries.iter().map(|(entry, _)| name(entry)).collect();
@@ -78,17 +79,10 @@ pub(super) fn write(model: &Model) -> Result<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::dialect::identifier;
     use super::*;
 
     #[test]
     fn whole_numbers_stay_whole() {
         assert_eq!([3.0, -2.0, 0.5].map(exact), ["3", "-2", "0.5"]);
-    }
-
-    #[test]
-    fn keywords_of_python_get_another_identifier() {
-        assert_eq!(identifier("lambda", &["lambda"]), "lambda_v");
-        assert_eq!(identifier("é", &[]), "u00e9");
     }
 }

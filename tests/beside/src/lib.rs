@@ -1,0 +1,70 @@
+//! What a test needs beside the repository: logs of real machines, compilers and interpreters.
+//!
+//! Where it is not there, the test says so with a line `skipped: ...` that no test runner hides, and `cargo xtask test`
+//! counts these lines at its end. So a green run tells what it did not look at.
+#![forbid(unsafe_code)]
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Names the file that collects the skipped tests of a run, one a line.
+pub const SKIPPED: &str = "GPSINDY_SKIPPED";
+
+/// A file or folder of the data beside the repository (`../shared`), by its path there.
+///
+/// `None` where it is not there: the test is then skipped, and this says so.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let found = find(path);
+    if found.is_none() {
+        skip(&format!("../shared/{path} is not there"));
+    }
+    found
+}
+
+fn find(path: &str) -> Option<PathBuf> {
+    let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared").join(path);
+    found.exists().then_some(found)
+}
+
+/// Whether a program can be started with these arguments (`--version`, say); where not, the test is skipped, and this says so.
+pub fn program(name: &str, arguments: &[&str]) -> bool {
+    let found = starts(name, arguments);
+    if !found {
+        skip(&format!("`{name} {}` does not run here", arguments.join(" ")));
+    }
+    found
+}
+
+fn starts(name: &str, arguments: &[&str]) -> bool {
+    let started = Command::new(name).args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    started.is_ok_and(|status| status.success())
+}
+
+/// Says that the test of this thread is skipped.
+fn skip(why: &str) {
+    let thread = std::thread::current();
+    let line = format!("skipped: {why}: {}", thread.name().unwrap_or("a test"));
+    // Written past the macros, whose output the runner hides for tests that pass.
+    let _ = writeln!(std::io::stderr(), "{line}");
+    let Some(path) = std::env::var_os(SKIPPED) else { return };
+    let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
+    // One write a line, so that lines of several processes do not mix.
+    let _ = file.and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_there_is_none_and_no_program() {
+        assert_eq!(find("no/such/file"), None);
+        assert!(!starts("gpsindy-no-such-program", &["--version"]));
+    }
+
+    #[test]
+    fn a_program_that_is_there_is_found() {
+        assert!(starts("cargo", &["--version"]));
+    }
+}

@@ -1,0 +1,49 @@
+//! Counts the tests that did not run for want of something beside the repository: see `tests/beside`.
+
+use crate::shell;
+
+/// Runs tests with the environment that makes them note what they skip, and says at the end how many did.
+pub(crate) fn counted(tests: impl FnOnce(&[(&str, &str)]) -> Result<(), String>) -> Result<(), String> {
+    let path = shell::root().join("target/skipped.txt");
+    if path.exists() {
+        std::fs::remove_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    let outcome = tests(&[("GPSINDY_SKIPPED", &path.to_string_lossy())]);
+    let noted = std::fs::read_to_string(&path).unwrap_or_default();
+    shell::complain(&told(&noted));
+    outcome
+}
+
+/// How many, and which.
+fn told(noted: &str) -> String {
+    let mut lines: Vec<&str> = noted.lines().collect();
+    lines.sort_unstable();
+    lines.dedup();
+    match lines.len() {
+        0 => "  no test was skipped".into(),
+        1 => format!("  1 test was skipped\n  {}", lines[0]),
+        n => format!("  {n} tests were skipped\n  {}", lines.join("\n  ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skipped_tests_are_told_once_each() {
+        assert_eq!(told(""), "  no test was skipped");
+        assert_eq!(told("skipped: a\nskipped: a\n"), "  1 test was skipped\n  skipped: a");
+        assert_eq!(told("skipped: b\nskipped: a\n"), "  2 tests were skipped\n  skipped: a\n  skipped: b");
+    }
+
+    #[test]
+    fn what_a_test_notes_is_counted() {
+        let path = shell::root().join("target/skipped.txt");
+        let outcome = counted(|environment| {
+            assert_eq!(environment, [("GPSINDY_SKIPPED", &*path.to_string_lossy())]);
+            Err("failed".into())
+        });
+        assert_eq!(outcome, Err("failed".into()));
+    }
+}
