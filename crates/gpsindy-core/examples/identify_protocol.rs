@@ -148,7 +148,7 @@ fn main() {
                             println!("  {}' = {}", state.name, state.equation);
                         }
                         println!(
-                            "  delays {:?} hold {:?} window {:.2} notes {:?}",
+                            "  delays {:?} hold {:?} window {:.2?} notes {:?}",
                             found.delays, found.hold, found.window, found.notes
                         );
                     }

@@ -6,8 +6,8 @@ use crate::simulator::{Kind, Simulator};
 use crate::watch::Watch;
 
 use gpsindy_core::{
-    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Method, Model, Parameter, Port, Result, Rollout,
-    Run, Simulate, State, StateReader, System,
+    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Method, Model, Parameter, Port, Result,
+    Rollout, Run, Simulate, State, StateReader, System,
 };
 use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 use numpy::PyArray2;

@@ -68,9 +68,8 @@ impl Simulator {
     }
 
     fn step(&self, py: Python<'_>, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> PyResult<()> {
-        let array = |values: &[f64]| {
-            PyArray1::from_slice(py, values).reshape([rows.count, values.len() / rows.count.max(1)])
-        };
+        let array =
+            |values: &[f64]| PyArray1::from_slice(py, values).reshape([rows.count, values.len() / rows.count.max(1)]);
         let arguments = (array(rows.states)?, array(rows.commands)?, array(rows.forces)?, array(rows.parameters)?, dt);
         let answer = self.function.bind(py).call1(arguments)?;
         let wrong = || {

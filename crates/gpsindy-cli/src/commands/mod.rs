@@ -116,7 +116,12 @@ fn model_dataset(logs: &Logs, models: &[Model], hold: Hold, columns: &Columns, s
     }
     // A state of one model may be a control of another.
     all_states.retain(|name| !all_controls.contains(name));
-    dataset(logs, &Task { needed: all_controls.clone(), optional: all_states, controls: all_controls, hold }, columns, screen)
+    dataset(
+        logs,
+        &Task { needed: all_controls.clone(), optional: all_states, controls: all_controls, hold },
+        columns,
+        screen,
+    )
 }
 
 /// Refuses a log without any state of the model: most likely the wrong log, or other names.

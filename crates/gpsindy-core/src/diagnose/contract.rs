@@ -6,8 +6,8 @@ use crate::diagnose::catalogue::planting::{Planted, plant};
 use crate::diagnose::fixture::{Bench, benches};
 use crate::diagnose::{Diagnose, Diagnosed};
 use crate::model::{Language, Model, System};
-use crate::progress::Silent;
 use crate::parallel::*;
+use crate::progress::Silent;
 
 /// The first bench on which the effect is a suspect, and where it is one.
 fn place(effect: Effect, benches: &[Bench]) -> (&Bench, Hypothesis) {

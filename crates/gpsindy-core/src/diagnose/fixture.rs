@@ -193,7 +193,7 @@ impl Bench {
         let system = System::new(&self.model).unwrap();
         let experiment = Experiment::new(&system, &self.logs(&self.model, 0.0).0, None).unwrap();
         let initial = guess_initial(&system, &experiment);
-        Scene::new(&system, &experiment, &system.parameter_values(), &initial)
+        Scene::new(&system, &experiment, &trajectories(&system, &experiment, &system.parameter_values(), &initial))
     }
 }
 

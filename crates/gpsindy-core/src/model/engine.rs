@@ -205,8 +205,7 @@ fn engine_response(
             raised(&mut forces, model.port_index(name), engine.n_forces());
             raised(&mut values, model.parameter_index(name).filter(|&i| i < own), own);
         }
-        let rows =
-            Rows { count, states: &states, commands: &commands, forces: &forces, parameters: &values };
+        let rows = Rows { count, states: &states, commands: &commands, forces: &forces, parameters: &values };
         let mut next = vec![0.0; n * count];
         engine.step(&rows, engine.period(), &mut next).ok().map(|()| next)
     };
@@ -227,12 +226,7 @@ pub(crate) fn rates_of_step(engine: &dyn Steps, rows: &Rows<'_>, dx: &mut [f64])
 }
 
 /// Splits the arguments of a call, lane after lane, into rows; returns how many each row has of each.
-pub(super) fn rows_of(
-    simulator: &dyn Dynamics,
-    engine: &dyn Steps,
-    lanes: usize,
-    arguments: &[f64],
-) -> [Vec<f64>; 4] {
+pub(super) fn rows_of(simulator: &dyn Dynamics, engine: &dyn Steps, lanes: usize, arguments: &[f64]) -> [Vec<f64>; 4] {
     let widths = [simulator.n_states(), simulator.n_controls(), engine.n_forces(), engine.n_parameters()];
     let mut parts: [Vec<f64>; 4] = Default::default();
     for lane in arguments.chunks((arguments.len() / lanes.max(1)).max(1)) {

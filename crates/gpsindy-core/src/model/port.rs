@@ -72,9 +72,7 @@ fn without(expression: &Expression, ports: &[Port]) -> Expression {
             Operator::Power => go(a).power(go(b)),
         },
         Expression::Call(function, arguments) => Expression::Call(*function, arguments.iter().map(go).collect()),
-        Expression::Simulator(output, arguments) => {
-            Expression::Simulator(*output, arguments.iter().map(go).collect())
-        }
+        Expression::Simulator(output, arguments) => Expression::Simulator(*output, arguments.iter().map(go).collect()),
     }
 }
 

@@ -161,11 +161,7 @@ impl Jacobian {
 fn empty_blocks(experiment: &Experiment, width: usize) -> Vec<Block> {
     let empty = |w: &super::Window| {
         let rows = (w.last - w.first + 1) * experiment.columns.len();
-        Block {
-            residual: DVector::zeros(rows),
-            derivative: DMatrix::zeros(rows, width),
-            present: vec![false; rows],
-        }
+        Block { residual: DVector::zeros(rows), derivative: DMatrix::zeros(rows, width), present: vec![false; rows] }
     };
     experiment.windows.iter().map(empty).collect()
 }

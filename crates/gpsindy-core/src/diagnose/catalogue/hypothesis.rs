@@ -259,7 +259,7 @@ pub(crate) fn enumerate(
     }
     for place in Place::ELSEWHERE {
         let choices = choices(place, model, scene);
-        at(place).for_each(|effect| choices.iter().for_each(|(j, variables)| push(effect, *j, variables)));
+        at(place).for_each(|effect| choices.iter().for_each(|(j, variables)| push(&mut all, effect, *j, variables)));
     }
     all.retain(|h| h.effect().is_none_or(|e| e.definition().sense.iter().all(|s| s.holds(h, model, scene))));
     for effect in custom {

@@ -72,7 +72,8 @@ impl Reach {
             let gain = rms(&found, row);
             let Some(moves) = most(&found).filter(|_| gain > 0.0) else { continue };
             known.push(flat(&found));
-            let position = port.position.clone().or_else(|| model.integral_of(row).map(|i| model.states[i].name.clone()));
+            let position =
+                port.position.clone().or_else(|| model.integral_of(row).map(|i| model.states[i].name.clone()));
             let (name, unit, carried) = (port.name.clone(), port.unit.clone(), port.carried.clone());
             sites.push((row, Site { name, unit, position, gain, moves, carried }.into()));
         }

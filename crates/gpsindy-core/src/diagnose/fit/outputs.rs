@@ -68,11 +68,8 @@ pub(crate) fn trajectories(
 
 /// One rollout a window, all with the same parameters.
 fn jobs(parameters: &[f64], initial: &[Vec<f64>]) -> Vec<Job> {
-    let job = |(window, start): (usize, &Vec<f64>)| Job {
-        window,
-        parameters: parameters.to_vec(),
-        initial: start.clone(),
-    };
+    let job =
+        |(window, start): (usize, &Vec<f64>)| Job { window, parameters: parameters.to_vec(), initial: start.clone() };
     initial.iter().enumerate().map(job).collect()
 }
 

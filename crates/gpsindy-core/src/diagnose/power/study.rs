@@ -14,10 +14,10 @@ use crate::diagnose::power::settings::Power;
 use crate::diagnose::power::trial::{Blind, Count, Table};
 use crate::diagnose::report::PowerReport;
 use crate::error::Result;
+use crate::parallel::*;
 use crate::progress::Progress;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use crate::parallel::*;
 
 /// What the diagnosis found that the study belongs to.
 pub(crate) struct Found {

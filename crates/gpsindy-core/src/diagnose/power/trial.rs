@@ -9,10 +9,10 @@ use crate::diagnose::power::settings::Power;
 use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, PowerTrial};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use crate::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The diagnosis of logs to learn from and to verify on, as the user asked for it.

@@ -6,10 +6,10 @@ use crate::identify::algorithm1::rows::Rows;
 use crate::identify::equations::Equations;
 use crate::identify::limits::{DEPENDENT, FOLDS, GAP};
 use crate::identify::settings::{Choice, Identify};
+use crate::parallel::*;
 use crate::progress::{Progress, step};
 use crate::regress::{Candidates, Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
 use faer::Mat;
-use crate::parallel::*;
 
 /// What the regression came to.
 #[derive(Debug, Clone)]

@@ -6,8 +6,8 @@ use crate::identify::equations::Equations;
 use crate::identify::limits::{INTERPOLATED, LOOKS, TIE};
 use crate::identify::support::fit::Trial;
 use crate::identify::support::scope::{Member, Rollouts, Scope};
-use crate::refine::Hold;
 use crate::parallel::*;
+use crate::refine::Hold;
 
 impl Scope<'_> {
     /// The equations of the best evidence, or why there are none.
@@ -16,7 +16,7 @@ impl Scope<'_> {
         starts: &[Equations],
         rollouts: Rollouts,
     ) -> Result<std::result::Result<Member, Error>> {
-        let (trial, hold) = match self.from_starts(starts, rollouts.shortest())? {
+        let (trial, hold) = match self.best_of_starts(starts, rollouts.shortest())? {
             Ok(found) => found,
             Err(error) => return Ok(Err(error)),
         };
@@ -26,7 +26,7 @@ impl Scope<'_> {
 
     /// The first fits and their better supports, from every start, with held and with interpolated controls where the rows
     /// left that open; the one of the best evidence, or why there is none.
-    fn from_starts(&self, starts: &[Equations], window: f64) -> Result<std::result::Result<(Trial, Hold), Error>> {
+    fn best_of_starts(&self, starts: &[Equations], window: f64) -> Result<std::result::Result<(Trial, Hold), Error>> {
         let likely = self.timings.iter().filter(|timing| !timing.unlikely);
         let pairs: Vec<(&Timing, &Equations)> =
             likely.flat_map(|timing| starts.iter().map(move |start| (timing, start))).collect();

@@ -286,11 +286,8 @@ impl<'a> Group<'a> {
         let t = self.now(period);
         if let Some(before) = before {
             // A straight line between the steps.
-            let slope: Vec<[f64; L]> = before
-                .iter()
-                .zip(&self.x)
-                .map(|(a, b)| std::array::from_fn(|lane| (b[lane] - a[lane]) / dt))
-                .collect();
+            let slope: Vec<[f64; L]> =
+                before.iter().zip(&self.x).map(|(a, b)| std::array::from_fn(|lane| (b[lane] - a[lane]) / dt)).collect();
             let node = Node { t, x: before, dx: slope.clone(), dx_end: slope };
             match self.nodes.last_mut() {
                 Some(last) if last.t == t => *last = node,
