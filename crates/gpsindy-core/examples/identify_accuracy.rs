@@ -198,10 +198,10 @@ fn main() {
                 }
                 let of = |f: fn(&gpsindy_core::StateReport) -> f64| result.states.iter().map(f).collect::<Vec<_>>();
                 println!(
-                    "  window {} noise {:.3?} residual {:.2?} {:?}",
+                    "  window {:?} noise {:.3?} residual {:.2?} {:?}",
                     result.window,
                     of(|s| s.noise),
-                    of(|s| s.residual),
+                    of(|s| s.residual.unwrap_or(f64::NAN)),
                     result.notes
                 );
             }

@@ -119,7 +119,7 @@ fn main() {
                     };
                     let scores: Vec<f64> = (0..truth.len()).map(of).collect();
                     println!(
-                        "  {name} {seed}: {scores:.1?} window {} {:?} {:?}",
+                        "  {name} {seed}: {scores:.1?} window {:?} {:?} {:?}",
                         result.window, result.hold, result.notes
                     );
                 }

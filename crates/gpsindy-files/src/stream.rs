@@ -227,7 +227,7 @@ mod tests {
                 text.insert(at, pieces[pick(pieces.len())]);
             }
             let text = text.concat();
-            let whole = Log::parse("log.csv", text.as_bytes(), &LogOptions::default());
+            let whole = CsvLog::parse("log.csv", text.as_bytes(), &LogOptions::default());
             let mut stream = Stream::new("log.csv", LogOptions::default());
             let lines = text.split_inclusive('\n').map(|line| stream.push(line.as_bytes()));
             let lines =
@@ -235,7 +235,7 @@ mod tests {
             match (whole, lines) {
                 (Ok(log), Ok(times)) => {
                     let times: Vec<f64> = times;
-                    assert_eq!(times, log.times(), "{text:?}");
+                    assert_eq!(times, log.times, "{text:?}");
                     both += 1;
                 }
                 (Ok(_), Err(error)) => {

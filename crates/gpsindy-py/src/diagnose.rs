@@ -25,6 +25,7 @@ pub(crate) struct Options {
     confidence: f64,
     most_effects: usize,
     hold: Option<String>,
+    keep_function: bool,
     /// Seconds after which the search ends.
     time_limit: Option<f64>,
     /// Seed of the power study, where one is wanted.
@@ -40,6 +41,7 @@ impl Options {
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.as_deref().map(hold_of).transpose()?,
+            keep_function: self.keep_function,
             time_limit: self.time_limit,
             power: self.power.map(|seed| Power { seed, ..Power::default() }),
             ..Diagnose::default()

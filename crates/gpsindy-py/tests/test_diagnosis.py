@@ -123,6 +123,7 @@ def test_an_error_of_the_simulator_ends_the_diagnosis_unchanged():
         ({"effects": ["magic"]}, "effect `magic` is unknown; known: parameter_error"),
         ({"confidence": 2.0}, "`confidence` must be between 0.5 and 0.999"),
         ({"most_effects": 0}, "`most_effects` must be between 1 and 6"),
+        ({"time_limit": 0.0}, "`time_limit` must be above 0 s"),
         ({"hold": "cubic"}, "`hold` must be"),
     ],
 )
@@ -140,6 +141,26 @@ def test_logs_without_the_control_are_refused(nominal):
         gpsindy.diagnose(lambda t, x, u: x, run)
     with pytest.raises(ValueError, match="model: expected a Model, a model file"):
         gpsindy.diagnose(None, run)
+
+
+def test_a_time_limit_ends_the_search_and_progress_is_told_from_the_first_fit_on():
+    stages = []
+
+    def simulator(t, x, u):
+        return [x[1], u[0]]
+
+    found = gpsindy.diagnose(
+        simulator,
+        logs(0.6),
+        states=["x", "v"],
+        controls=["u"],
+        effects=["coulomb_friction", "viscous_friction"],
+        time_limit=1e-6,
+        progress=lambda stage, done, total: stages.append((stage, done, total)),
+    )
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert any(note.startswith("time was up") for note in found.notes)
+    assert all(0 <= done <= total for _, done, total in stages)
 
 
 def test_effects_of_the_user_are_suspects_too(nominal):

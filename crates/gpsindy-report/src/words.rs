@@ -111,7 +111,10 @@ pub(crate) fn effect_name(id: &str) -> String {
 
 /// What the effect does, for a reader who meets it first here; empty where the id is a user's own.
 pub(crate) fn effect_meaning(id: &str) -> &'static str {
-    Effect::from_id(id).map_or("", Effect::meaning)
+    match id {
+        "function" => "What is left, as a curve: real, and without a name in the catalogue.",
+        _ => Effect::from_id(id).map_or("", Effect::meaning),
+    }
 }
 
 /// The effect and what it depends on: `Coulomb friction`, `wrong parameter b`, `input delay of u`.

@@ -102,6 +102,9 @@ pub(crate) struct Options {
     /// Largest number of effects together, 1 to 6; never more than four in one equation
     #[arg(long, value_name = "N", default_value_t = 6)]
     most_effects: usize,
+    /// Add what no effect explains to the corrected model, as a function without a name
+    #[arg(long)]
+    keep_function: bool,
     /// What a control does between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
     hold: AutoHold,
@@ -130,6 +133,7 @@ impl Options {
             time_limit: (self.time_limit != 0.0).then_some(self.time_limit),
             power: None,
             model_error: Vec::new(),
+            keep_function: self.keep_function,
         })
     }
 }

@@ -4,6 +4,7 @@
 use crate::data::{Channel, Dataset, Run};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::fit::lagging::start_of;
+use crate::diagnose::fit::outputs::trajectories;
 use crate::expression::Expression;
 use crate::model::{Control, Model, Parameter, State, System};
 use crate::refine::{Experiment, Hold, guess_initial};

@@ -41,7 +41,7 @@ use steps::findings::Judged;
 use steps::hold::reconsider_hold;
 use steps::prepare::{Known, Prepared, prepare};
 use steps::suspects::suspects;
-use steps::{localise, verify, weigh};
+use steps::{localise, nameless, verify, weigh};
 
 /// Settings of a diagnosis.
 ///
@@ -54,6 +54,7 @@ use steps::{localise, verify, weigh};
 /// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
 /// | `model_error` | none | at least 0 | what the model itself misses of the simulator, in the column's unit |
+/// | `keep_function` | false | | add what is left to the corrected model, as a function without a name |
 /// | `time_limit` | none | above 0 | seconds after which the search ends with the best that it has |
 /// | `power` | none | | also study which effects these logs could reveal |
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +74,8 @@ pub struct Diagnose {
     /// State and root mean square by which the model misses the simulator that it stands for, in the column's unit: a gap of
     /// that size is none. For a model that was identified from the simulator's logs.
     pub model_error: Vec<(String, f64)>,
+    /// Whether what is left is added to the corrected model as a function without a name.
+    pub keep_function: bool,
     /// Seconds after which the search ends with the best that it has; its verdict is then no `explained`. What follows it
     /// (held-out rollouts, the report) takes a little longer. Kept where the listener has a clock, [`Progress::seconds`].
     pub time_limit: Option<f64>,
@@ -90,6 +93,7 @@ impl Default for Diagnose {
             most_effects: 6,
             hold: None,
             model_error: Vec::new(),
+            keep_function: false,
             time_limit: None,
             power: None,
         }
@@ -187,15 +191,14 @@ impl Diagnose {
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let judged = attribute(&contest, suspected)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
+        let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         run.say_if_cut();
-        let Judged { nominal, detected, nameless, outcome } = &judged;
-        let verified = verify::closure(nominal, &outcome.best, &prepared.holdout, self.confidence, &run.notes)?;
-        let (rivals, resting) = (&contest.rivals, &verified.resting);
-        let located = localise::gap(&contest, nominal, outcome, rivals, nameless, detected, resting);
-        let augmented = augment(&outcome.best);
+        let (nominal, best) = (&judged.nominal, &judged.outcome.best);
+        let verified = verify::closure(nominal, best, &prepared.holdout, self.confidence, &run.notes)?;
+        let gap = localise::gap(&contest, &judged, &verified.resting);
+        let augmented = augment(best);
         let logs = (&prepared.train, &prepared.holdout);
-        let (diagnosis, augmented) =
-            weigh::report(self.confidence, &contest, nominal, outcome, detected, located, verified, logs, augmented);
+        let (diagnosis, augmented) = weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
         let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all() };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;

@@ -261,7 +261,7 @@ def diagnose(
     confidence: float = 0.95,
     most_effects: int = 6,
     hold: Hold | None = None,
-    time_limit: float | None = 600.0,
+    keep_function: bool = False,
     power: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
@@ -293,9 +293,8 @@ def diagnose(
         Effects together, at most, 1 to 6; never more than four in one equation.
     hold : {"zero", "linear"}, optional
         What controls do between samples. Default: estimated.
-    time_limit : float, optional
-        Seconds after which the search ends with the best that it has; a note of the report then says so, and the verdict is no
-        ``explained``. None: no limit.
+    keep_function : bool
+        Add what no effect explains to the augmented model, as a function without a name.
     power : bool
         Also study which effects these logs could reveal, see :attr:`Diagnosis.power`: each is planted in simulated copies of the
         logs and withheld. Takes a hundred times as long as the diagnosis.
@@ -325,7 +324,7 @@ def diagnose(
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,
-        "time_limit": time_limit,
+        "keep_function": keep_function,
         "power": int(seed) if power else None,
     }
     train = as_dataset(logs)._inner

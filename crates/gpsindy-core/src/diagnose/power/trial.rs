@@ -54,6 +54,20 @@ pub(crate) struct Table<'a> {
     pub(crate) count: &'a Count<'a>,
 }
 
+/// One planted effect.
+struct Row<'a> {
+    number: u64,
+    hypothesis: &'a Hypothesis,
+    planted: &'a Planted,
+}
+
+/// What the planted effect was taken for: a group with others, or others alone.
+#[derive(Default)]
+struct Taken {
+    group: Vec<String>,
+    rivals: Vec<PowerRival>,
+}
+
 /// What a blind diagnosis made of a copy.
 enum Verdict {
     Missed,
@@ -99,10 +113,11 @@ impl Table<'_> {
 
     /// The sizes of one effect: the middle one first, then smaller ones while it is named, else larger ones until it is.
     pub(crate) fn effect(&self, row: usize, hypothesis: &Hypothesis, planted: &Planted) -> Result<PowerEffect> {
+        let row = Row { number: row as u64, hypothesis, planted };
         let targets = &self.power.gap_to_noise;
         let mut known: Vec<(f64, f64)> = Vec::new();
         let mut found = self.empty(hypothesis, planted);
-        let mut rivals: Vec<PowerRival> = Vec::new();
+        let mut taken = Taken::default();
         let mut size = targets.len() / 2;
         let mut way = 0_isize;
         loop {
@@ -120,7 +135,7 @@ impl Table<'_> {
                 size -= 1;
                 continue;
             };
-            let trial = self.trial(row, size, hypothesis, planted, (strength, gap), &mut found.group, &mut rivals)?;
+            let trial = self.trial(&row, size, (strength, gap), &mut taken)?;
             found.trials.push(trial);
             let named = trial.named == trial.draws;
             if way == 0 {
@@ -132,6 +147,8 @@ impl Table<'_> {
             }
             size = size.saturating_add_signed(way);
         }
+        let Taken { group, mut rivals } = taken;
+        found.group = group;
         rivals.sort_by_key(|r| std::cmp::Reverse(r.draws));
         found.trials.sort_by(|a, b| a.gap_to_noise.total_cmp(&b.gap_to_noise));
         found.detected_from = smallest(&found.trials, |t| t.detected == t.draws);
@@ -160,20 +177,13 @@ impl Table<'_> {
         }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn trial(
-        &self,
-        row: usize,
-        size: usize,
-        hypothesis: &Hypothesis,
-        planted: &Planted,
-        (strength, gap): (f64, f64),
-        group: &mut Vec<String>,
-        rivals: &mut Vec<PowerRival>,
-    ) -> Result<PowerTrial> {
+    /// One size of a row: blind diagnoses of its copies.
+    fn trial(&self, row: &Row<'_>, size: usize, (strength, gap): (f64, f64), taken: &mut Taken) -> Result<PowerTrial> {
+        let Row { number, hypothesis, planted } = *row;
+        let Taken { group, rivals } = taken;
         let draws = self.power.draws;
         let one = |draw: usize| {
-            let mut random = self.random(row as u64, size, draw);
+            let mut random = self.random(number, size, draw);
             match self.blind(planted.model(strength), Some(planted.parameter()), &mut random) {
                 Ok(report) => Ok((report.gap.detected, self.judge(hypothesis, &report))),
                 Err(Error::Cancelled) => Err(Error::Cancelled),

@@ -13,7 +13,7 @@ use crate::diagnose::report::{
     Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned,
 };
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::findings::{Detected, Outcome};
+use crate::diagnose::steps::findings::{Judged, Outcome};
 use crate::model::Dynamics;
 
 /// Parts into which a variable's range and a run's time are cut.
@@ -38,15 +38,8 @@ pub(crate) struct Located {
     pub(crate) figures: Vec<ResidualFigure>,
 }
 
-pub(crate) fn gap(
-    contest: &Contest<'_>,
-    nominal: &Contestant,
-    outcome: &Outcome,
-    rivals: &[Rival],
-    gains: &[(f64, usize)],
-    detected: &Detected,
-    resting: &[usize],
-) -> Located {
+pub(crate) fn gap(contest: &Contest<'_>, judged: &Judged, resting: &[usize]) -> Located {
+    let (Judged { nominal, detected, outcome, nameless: gains }, rivals) = (judged, &contest.rivals);
     let empty = |gap: Gap| Located { gap, figures: Vec::new() };
     let bare = Gap {
         detected: detected.gap,

@@ -1,4 +1,4 @@
-//! The steps of a diagnosis, in the order in which the body takes them.
+//! The steps of a diagnosis, and their parts; docs/architecture.md tells their order.
 
 pub(crate) mod attribute;
 pub(crate) mod augment;
@@ -12,6 +12,7 @@ pub(crate) mod floor;
 pub(crate) mod hold;
 pub(crate) mod lengthen;
 pub(crate) mod localise;
+pub(crate) mod nameless;
 pub(crate) mod noise;
 pub(crate) mod places;
 pub(crate) mod prepare;

@@ -14,8 +14,9 @@ use crate::diagnose::report::{
 use crate::diagnose::steps::augment::equations;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
-use crate::diagnose::steps::findings::{Detected, Outcome};
+use crate::diagnose::steps::findings::{self, Detected, Outcome};
 use crate::diagnose::steps::localise::Located;
+use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, DISAGREES, Stability};
 use crate::diagnose::steps::verify::Verification;
 use crate::model::Model;
@@ -34,21 +35,23 @@ const LIKELY: f64 = 0.5;
 /// Part of the gap on held-out logs that causes must close to explain a part of it.
 const PART: f64 = 0.5;
 
-#[allow(clippy::too_many_arguments)]
 pub(crate) fn report(
     confidence: f64,
     contest: &Contest<'_>,
-    nominal: &Contestant,
-    outcome: &Outcome,
-    detected: &Detected,
+    found: &findings::Judged,
     located: Located,
     verification: Verification,
     (train, holdout): (&Dataset, &Dataset),
     augmented: Model,
 ) -> (Diagnosis, Model) {
-    let stabilities: Vec<Option<Stability>> =
-        (0..outcome.best.hypotheses.len()).map(|place| stability::of(&outcome.best, place)).collect();
-    let doubt = imitated(&stabilities);
+    let findings::Judged { nominal, detected, outcome, .. } = found;
+    let hypotheses = &outcome.best.hypotheses;
+    let has_function = hypotheses.iter().any(is_nameless);
+    // A function without a name imitates nothing: it is what it is.
+    let stability =
+        |place: usize| (!is_nameless(&hypotheses[place])).then(|| stability::of(&outcome.best, place)).flatten();
+    let stabilities: Vec<Option<Stability>> = (0..hypotheses.len()).map(stability).collect();
+    let doubt = imitated(&stabilities[..hypotheses.len() - usize::from(has_function)]);
     let unexplained = unexplained(nominal, outcome, detected, &verification);
     let verdict = verdict(outcome, detected, &unexplained, &stabilities, doubt, &verification);
     // A search that was cut short has not shown that nothing else is there.
@@ -57,7 +60,7 @@ pub(crate) fn report(
         Verdict::NoGap if contest.run.is_cut() => Verdict::Unexplained,
         verdict => verdict,
     };
-    let keep = matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
+    let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, doubt, keep };
     let causes = if detected.gap { judged.causes() } else { Vec::new() };
     let augmented = if keep { augmented } else { nominal.system.model().clone() };
@@ -159,7 +162,12 @@ fn unexplained(
     verification: &Verification,
 ) -> Unexplained {
     let nothing = Unexplained { probability: 0.0, share: 0.0, depends_on: Vec::new() };
-    let Some(left) = outcome.left.as_ref().filter(|_| detected.gap) else { return nothing };
+    if !detected.gap {
+        return nothing;
+    }
+    // Columns share what is wrong, so the surest of them speaks for all.
+    let missed = verification.missed.iter().map(|m| m.probability).fold(0.0, f64::max);
+    let Some(left) = &outcome.left else { return Unexplained { probability: missed, ..nothing } };
     if outcome.best.hypotheses.is_empty() {
         return Unexplained { probability: 1.0, share: 1.0, depends_on: left.depends_on.clone() };
     }
@@ -170,8 +178,6 @@ fn unexplained(
     let relative = share / REST;
     let odds = (size * size).min(relative * relative);
     let structure = significant * odds / (1.0 + odds);
-    // Columns share what is wrong, so the surest of them speaks for all.
-    let missed = verification.missed.iter().map(|m| m.probability).fold(0.0, f64::max);
     let probability = 1.0 - (1.0 - structure) * (1.0 - missed);
     let depends_on = if structure > LIKELY { left.depends_on.clone() } else { Vec::new() };
     Unexplained { probability, share, depends_on }
@@ -188,11 +194,12 @@ fn verdict(
     if !detected.gap {
         return Verdict::NoGap;
     }
-    if outcome.best.hypotheses.is_empty() {
+    if outcome.best.hypotheses.iter().all(is_nameless) {
         return Verdict::Unexplained;
     }
+    let has_function = outcome.best.hypotheses.iter().any(is_nameless);
     let disagrees = stabilities.iter().flatten().any(|s| s.p_value < DISAGREES);
-    if unexplained.probability < LIKELY && doubt < LIKELY && !disagrees {
+    if unexplained.probability < LIKELY && doubt < LIKELY && !disagrees && !has_function {
         return Verdict::Explained;
     }
     // A nominal model that diverges where the corrected one does not is all gap.
@@ -289,7 +296,12 @@ impl Judged<'_> {
     /// The winner's effect at `place`, and what else may stand there.
     fn at(&self, place: usize, removed: f64, all: &mut Vec<Cause>) {
         let best = &self.outcome.best;
-        let (fits, hypothesis) = (&self.outcome.alternatives[place], &best.hypotheses[place]);
+        let hypothesis = &best.hypotheses[place];
+        let Some(fits) = self.outcome.alternatives.get(place) else {
+            // A function without a name: whatever is left is it.
+            let real = is_real(best, removed, 1);
+            return all.push(cause(self.confidence, best, place, real, self.keep, Vec::new()));
+        };
         let sound = (1.0 - self.doubt) * is_real(best, removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
         let best_bic = fits.iter().map(|f| -2.0 * f.evidence.score()).fold(f64::INFINITY, f64::min);
