@@ -20,7 +20,7 @@ impl Cdr {
     }
 
     fn put(mut self, bytes: &[u8]) -> Self {
-        while (self.bytes.len() - 4) % bytes.len() != 0 {
+        while !(self.bytes.len() - 4).is_multiple_of(bytes.len()) {
             self.bytes.push(0);
         }
         if self.big {
@@ -184,7 +184,7 @@ fn topics_keep_their_clocks_and_joints_are_found_by_name() {
         assert!(run.column(0)[1].is_nan());
         assert_eq!((run.column(0)[2], run.column(0)[3]), (0.1, 0.2));
         assert_eq!(run.column(1)[1..5], [0.0, 0.0, 0.0, 2.0]);
-        assert_eq!(run.n_samples(), 300 - 0);
+        assert_eq!(run.n_samples(), 300);
     }
 }
 
