@@ -1,9 +1,12 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, demo, diagnose, effects, exam, export, identify, man, score, simulate, smooth};
+use crate::commands::{
+    completions, demo, diagnose, effects, exam, export, identify, inspect, man, score, simulate, smooth,
+};
+use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gpsindy_core::Hold;
-use gpsindy_files::LogOptions;
+use gpsindy_files::{LogOptions, Stamp};
 use std::path::PathBuf;
 
 /// Equations from sparse, noisy logs, and a diagnosis of where a simulator is wrong.
@@ -42,6 +45,7 @@ pub(crate) struct Global {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Inspect(inspect::Inspect),
     Identify(Box<identify::Identify>),
     Smooth(smooth::Smooth),
     Simulate(simulate::Simulate),
@@ -59,7 +63,7 @@ pub(crate) enum Command {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Columns of the logs")]
 pub(crate) struct Columns {
-    /// The time column, in seconds [default: `t`, else `time`]
+    /// The time column of a table, in seconds [default: `t`, else `time`]
     #[arg(long, value_name = "COLUMN")]
     pub(crate) time: Option<String>,
     /// The column that tells the runs of a file apart [default: one file is one run]
@@ -68,15 +72,71 @@ pub(crate) struct Columns {
     /// Give a column another name
     #[arg(long, value_name = "COLUMN=NAME", value_parser = pair)]
     pub(crate) rename: Vec<(String, String)>,
+    /// Where a column comes from in a log of topics, such as q=/joint_states.position[elbow] or u=/command.data[0]; `gpsindy inspect` lists them
+    #[arg(long, value_name = "NAME=TOPIC.FIELD", value_parser = place)]
+    pub(crate) map: Vec<(String, String)>,
+    /// The same for a whole project: a TOML file with [map], [unit], [offset] and stamp
+    #[arg(long, value_name = "FILE")]
+    pub(crate) map_file: Option<PathBuf>,
+    /// The clock of messages [default: their header's stamp where there is one, else the time of recording]
+    #[arg(long, value_enum, value_name = "CLOCK")]
+    pub(crate) stamp: Option<Clock>,
+    /// Add seconds to the stamps of a topic
+    #[arg(long, value_name = "TOPIC=SECONDS", value_parser = offset, allow_hyphen_values = true)]
+    pub(crate) offset: Vec<(String, f64)>,
     /// A wrapped angle (rad) whose jumps are removed, once and at the full rate
     #[arg(long, value_name = "COLUMN")]
     pub(crate) angle: Vec<String>,
 }
 
 impl Columns {
-    pub(crate) fn options(&self) -> LogOptions {
-        LogOptions { time: self.time.clone(), run: self.run.clone(), rename: self.rename.clone() }
+    pub(crate) fn options(&self) -> Outcome<LogOptions> {
+        let mut options = LogOptions {
+            time: self.time.clone(),
+            run: self.run.clone(),
+            rename: self.rename.clone(),
+            map: self.map.clone(),
+            unit: Vec::new(),
+            stamp: self.stamp.map_or(Stamp::Auto, Into::into),
+            offset: self.offset.clone(),
+        };
+        if let Some(file) = &self.map_file {
+            options.add_map_file(file)?;
+        }
+        Ok(options)
     }
+}
+
+/// The clock of messages.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Clock {
+    /// The stamp in the message's header
+    Header,
+    /// The time of recording
+    Log,
+}
+
+impl From<Clock> for Stamp {
+    fn from(clock: Clock) -> Self {
+        match clock {
+            Clock::Header => Self::Header,
+            Clock::Log => Self::Log,
+        }
+    }
+}
+
+/// `NAME=PLACE`, cut at the first `=` because a name holds none.
+fn place(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((a, b)) if !a.trim().is_empty() && !b.trim().is_empty() => Ok((a.trim().into(), b.trim().into())),
+        _ => Err("expected NAME=TOPIC.FIELD".into()),
+    }
+}
+
+fn offset(text: &str) -> Result<(String, f64), String> {
+    let (topic, shift) = pair(text).map_err(|_| "expected TOPIC=SECONDS".to_string())?;
+    let seconds = shift.parse::<f64>().ok().filter(|s| s.is_finite());
+    seconds.map(|s| (topic, s)).ok_or_else(|| format!("`{shift}` is not a number of seconds"))
 }
 
 /// `A=B`, cut at the last `=` because a header may hold one.

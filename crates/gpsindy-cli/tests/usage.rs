@@ -5,8 +5,20 @@ mod common;
 use common::Folder;
 use std::process::{Command, Stdio};
 
-const COMMANDS: &[&str] =
-    &["identify", "export", "smooth", "simulate", "score", "diagnose", "exam", "effects", "demo", "completions", "man"];
+const COMMANDS: &[&str] = &[
+    "inspect",
+    "identify",
+    "export",
+    "smooth",
+    "simulate",
+    "score",
+    "diagnose",
+    "exam",
+    "effects",
+    "demo",
+    "completions",
+    "man",
+];
 
 #[test]
 fn help_of_every_command_begins_with_an_example() {

@@ -4,21 +4,42 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod csv_log;
 mod effects;
 mod error;
 mod header;
+mod input;
+mod inspect;
 mod log;
 mod logs;
+mod map_file;
+#[cfg(any(feature = "mcap", feature = "ulog"))]
+mod mapped;
+#[cfg(feature = "mcap")]
+mod mcap_log;
+mod merge;
+#[cfg(any(feature = "mcap", feature = "ulog"))]
+mod message;
 mod model;
+mod near;
 mod output;
+#[cfg(feature = "parquet")]
+mod parquet_log;
+#[cfg(any(feature = "mcap", feature = "ulog"))]
+mod stamps;
 mod stream;
 mod table;
+mod time;
+mod topic;
+#[cfg(feature = "ulog")]
+mod ulog;
 
 pub use effects::{parse_effects, read_effects};
 pub use error::{Error, Result};
 pub use header::Header;
-pub use log::{Log, LogOptions};
-pub use logs::Logs;
+pub use inspect::{ClockReport, ColumnReport, Finding, Inspection, TopicReport, inspect};
+pub use log::{Log, LogOptions, Stamp};
+pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 pub use output::write_whole;
 pub use stream::{Sample, Stream};

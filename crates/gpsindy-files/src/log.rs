@@ -1,364 +1,212 @@
-//! One log file: a header row, then one sample a row. Every kind of bad input is one error with file, line and column.
+//! One log of any format, and how its columns are found.
 
+use crate::csv_log::CsvLog;
 use crate::error::{Error, Result};
 use crate::header::Header;
-use csv::StringRecord;
+use crate::input::{Input, Kind};
+use crate::topic::{Reading, Source};
+use gpsindy_core::Progress;
+#[cfg(feature = "parquet")]
 use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
 
 /// How columns of a log are found.
 #[derive(Debug, Clone, Default)]
 pub struct LogOptions {
-    /// The time column; default `t`, else `time`.
+    /// The time column of a table; default `t`, else `time` in any case, else `__time`.
     pub time: Option<String>,
     /// The column whose value tells the runs of a file apart; default: a file is a run.
     pub run: Option<String>,
     /// Columns that get another name: (name or whole header, new name).
     pub rename: Vec<(String, String)>,
+    /// Where a column comes from: (its name, topic and field, or a table's column).
+    pub map: Vec<(String, String)>,
+    /// Units of columns whose format has none: (name, unit).
+    pub unit: Vec<(String, String)>,
+    /// The clock of messages.
+    pub stamp: Stamp,
+    /// Seconds that are added to the stamps of a topic.
+    pub offset: Vec<(String, f64)>,
 }
 
-/// A log file with its time column read; the other columns are read when they are asked for.
+impl LogOptions {
+    /// The unit that the options give a column, empty where they give none.
+    pub(crate) fn unit_of(&self, name: &str) -> String {
+        self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()
+    }
+}
+
+/// The clock of messages.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Stamp {
+    /// The stamp in the message's header where there is one, else the time of recording.
+    #[default]
+    Auto,
+    /// The stamp in the message's header; a topic without one is refused.
+    Header,
+    /// The time of recording.
+    Log,
+}
+
+/// A log that was opened; its columns are read when they are asked for.
 ///
 /// So a column that nobody asks for may hold text.
 #[derive(Debug, Clone)]
 pub struct Log {
     /// The file, as the user named it.
     pub file: String,
-    /// Headers after renaming, in the file's order, time and run column included.
-    headers: Vec<Header>,
-    time: usize,
-    run: Option<usize>,
-    header_line: u64,
-    rows: Vec<Row>,
-    times: Vec<f64>,
-}
-
-/// Cells of one line, which begins at line number `line`.
-#[derive(Debug, Clone)]
-pub(crate) struct Row {
-    pub(crate) line: u64,
-    pub(crate) cells: StringRecord,
+    source: Arc<dyn Source>,
 }
 
 impl Log {
-    /// Reads the bytes of a log; `file` names them in messages.
+    /// Reads the bytes of a log of any format; `file` names them in messages.
     ///
     /// # Errors
-    /// [`Error::Line`] or [`Error::File`]: not UTF-8, no header, a column twice, no time column, a row of another
-    /// length, a time that is no number or does not increase, fewer than 2 samples in a run.
+    /// [`Error::Line`] or [`Error::File`]. CSV: not UTF-8, no header, a column twice, no time column, a row of another
+    /// length, a time that is no number or does not increase, fewer than 2 samples in a run. Others: a format that is
+    /// not read, a file that is broken before its first sample, a mapped topic or field that is not there.
     pub fn parse(file: &str, bytes: &[u8], options: &LogOptions) -> Result<Self> {
-        let text = decode(file, bytes)?;
-        let (start, first_line) = skip_comments(text);
-        let mut lines = Lines { text, at: start, line: first_line };
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .trim(csv::Trim::All)
-            .from_reader(&text.as_bytes()[start..]);
-        let mut records = Vec::new();
-        loop {
-            let mut cells = StringRecord::new();
-            let more = reader.read_record(&mut cells).map_err(|e| Error::file(file, format!("not a CSV file: {e}")))?;
-            if !more {
-                break;
-            }
-            let at = cells.position().map_or(0, csv::Position::byte) as usize;
-            records.push(Row { line: lines.of(start + at), cells });
+        Self::open(Input::of_bytes(file, bytes), options)
+    }
+
+    /// Opens a file, or the folder of a data set.
+    ///
+    /// # Errors
+    /// [`Error::Read`], and what [`Log::parse`] refuses.
+    pub fn read(path: &Path, options: &LogOptions) -> Result<Self> {
+        if path.is_dir() {
+            return Self::of_folder(path, options);
         }
-        let mut records = records.into_iter();
-        let Some(first) = records.next() else {
-            return Err(Error::file(file, "the file is empty; expected a header row and then one sample a row"));
-        };
-        let mut log = Self::of_header(file, &first, options)?;
-        log.rows = records.collect();
-        log.check_lengths()?;
-        log.read_times()?;
-        Ok(log)
+        Self::open(Input::of_path(path), options)
     }
 
-    /// A log of this header, without a sample.
-    pub(crate) fn of_header(file: &str, first: &Row, options: &LogOptions) -> Result<Self> {
-        let headers = headers(file, first, options)?;
-        let find = |column: &str| headers.iter().position(|h| h.answers_to(column));
-        let run = match &options.run {
-            Some(column) => Some(find(column).ok_or_else(|| missing(file, "run column", column, &headers))?),
-            None => None,
+    fn open(input: Input, options: &LogOptions) -> Result<Self> {
+        let file = input.file.clone();
+        let source: Arc<dyn Source> = match input.kind()? {
+            Kind::Csv => Arc::new(CsvLog::parse(&file, &input.bytes()?, options)?),
+            Kind::Mcap => mcap(vec![input], &file, options)?,
+            Kind::Parquet => parquet(input, options)?,
+            Kind::Ulog => ulog(input, options)?,
         };
-        let time = match &options.time {
-            Some(column) => find(column).ok_or_else(|| missing(file, "time column", column, &headers))?,
-            None => headers
-                .iter()
-                .position(|h| h.name == "t")
-                .or_else(|| headers.iter().position(|h| h.name == "time"))
-                .ok_or_else(|| {
-                    let found = names(&headers);
-                    Error::line(
-                        file,
-                        first.line,
-                        None,
-                        format!("no column `t` or `time`; name the time column with --time; found: {found}"),
-                    )
-                })?,
-        };
-        let (header_line, rows, times) = (first.line, Vec::new(), Vec::new());
-        Ok(Self { file: file.into(), headers, time, run, header_line, rows, times })
+        Ok(Self { file, source })
     }
 
-    /// The columns beside time and run, in the file's order.
+    /// A LeRobot data set, or the folder of a ROS 2 bag with its parts.
+    fn of_folder(path: &Path, options: &LogOptions) -> Result<Self> {
+        let file = path.display().to_string();
+        if let Some(source) = data_set(path, options)? {
+            return Ok(Self { file, source });
+        }
+        let parts = parts(path)?;
+        if parts.is_empty() {
+            let message = "a folder that is neither a LeRobot data set (meta/info.json) nor a ROS 2 bag (*.mcap); name the files in it";
+            return Err(Error::file(&file, message));
+        }
+        Ok(Self { source: mcap(parts, &file, options)?, file })
+    }
+
+    pub(crate) fn of_csv(log: CsvLog) -> Self {
+        Self { file: log.file.clone(), source: Arc::new(log) }
+    }
+
+    /// The columns beside time and run, in the log's order.
     pub fn columns(&self) -> impl Iterator<Item = &Header> {
-        self.headers.iter().enumerate().filter(|(i, _)| *i != self.time && Some(*i) != self.run).map(|(_, h)| h)
+        self.source.columns().iter()
     }
 
-    /// The header of the time column.
-    pub fn time_header(&self) -> &Header {
-        &self.headers[self.time]
-    }
-
-    /// The column that an option or a model names, if the file has it.
+    /// The column that an option or a model names, if the log has it.
     pub fn column(&self, name: &str) -> Option<&Header> {
-        self.columns().find(|h| h.answers_to(name))
+        self.position(name).map(|i| &self.source.columns()[i])
     }
 
-    /// The error that says that `name` is not in this file and what is.
-    pub(crate) fn lacks(&self, name: &str) -> Error {
-        missing(&self.file, "column", name, &self.columns().cloned().collect::<Vec<_>>())
-    }
-
-    /// Whether every cell of a column is a number or missing; an infinite one is a number, if a bad one.
+    /// Whether every value of a column is a number or missing.
     pub fn is_numeric(&self, name: &str) -> bool {
-        self.position(name).is_some_and(|i| self.rows.iter().all(|row| number(cell(row, i)).is_ok()))
+        self.position(name).is_some_and(|i| self.source.is_numeric(i))
     }
 
-    /// The times of all rows, s.
-    pub(crate) fn times(&self) -> &[f64] {
-        &self.times
+    /// The place of a column, by its name or its whole header.
+    pub(crate) fn position(&self, name: &str) -> Option<usize> {
+        let headers = self.source.columns();
+        headers.iter().position(|h| h.name == name).or_else(|| headers.iter().position(|h| h.answers_to(name)))
     }
 
-    /// The values of a column, NaN where the cell is missing.
-    pub(crate) fn values(&self, name: &str) -> Result<Vec<f64>> {
-        let Some(index) = self.position(name) else { return Err(self.lacks(name)) };
-        self.rows.iter().map(|row| self.number(row, index)).collect()
+    /// The error that says that `name` is not in this log and what is.
+    pub(crate) fn lacks(&self, name: &str) -> Error {
+        self.source.lacks(name)
     }
 
-    /// Runs of the file: name of the run (empty where the file is one run) and its rows in order.
-    pub(crate) fn runs(&self) -> Vec<(String, Vec<usize>)> {
-        let Some(column) = self.run else { return vec![(String::new(), (0..self.rows.len()).collect())] };
-        let mut order: HashMap<&str, usize> = HashMap::new();
-        let mut runs: Vec<(String, Vec<usize>)> = Vec::new();
-        for (i, row) in self.rows.iter().enumerate() {
-            let name = cell(row, column);
-            let at = *order.entry(name).or_insert_with(|| {
-                runs.push((name.to_string(), Vec::new()));
-                runs.len() - 1
-            });
-            runs[at].1.push(i);
-        }
-        runs
+    pub(crate) fn read_columns(&self, columns: &[usize], progress: &dyn Progress) -> Result<Reading> {
+        self.source.read(columns, progress)
     }
 
-    fn position(&self, name: &str) -> Option<usize> {
-        (0..self.headers.len())
-            .filter(|&i| i != self.time && Some(i) != self.run)
-            .find(|&i| self.headers[i].answers_to(name))
-    }
-
-    fn number(&self, row: &Row, index: usize) -> Result<f64> {
-        let text = cell(row, index);
-        let wrong = |message: String| Error::line(&self.file, row.line, Some(&self.headers[index].name), message);
-        match number(text) {
-            Ok(value) if value.is_infinite() => {
-                Err(wrong(format!("infinite value {}; leave the cell empty for a missing value", shown(text))))
-            }
-            Ok(value) => Ok(value),
-            Err(()) => Err(wrong(format!("not a number: {}; leave the cell empty for a missing value", shown(text)))),
-        }
-    }
-
-    fn check_lengths(&self) -> Result<()> {
-        if self.rows.is_empty() {
-            return Err(Error::line(&self.file, self.header_line, None, "no samples follow the header"));
-        }
-        self.rows.iter().try_for_each(|row| self.check_row(row))
-    }
-
-    /// Refuses a comment, and a row of another length than the header's.
-    pub(crate) fn check_row(&self, row: &Row) -> Result<()> {
-        let (found, expected) = (row.cells.len(), self.headers.len());
-        if cell(row, 0).starts_with('#') {
-            let message = "a comment among the samples; comments stand before the header";
-            return Err(Error::line(&self.file, row.line, None, message));
-        }
-        if found != expected {
-            let cells = |n: usize| if n == 1 { "1 cell".to_string() } else { format!("{n} cells") };
-            let message =
-                format!("{} where the header has {}; complete or remove the row", cells(found), cells(expected));
-            return Err(Error::line(&self.file, row.line, None, message));
-        }
-        Ok(())
-    }
-
-    /// The time of a row, s.
-    pub(crate) fn time_of(&self, row: &Row) -> Result<f64> {
-        let value = self.number(row, self.time)?;
-        if value.is_nan() {
-            let message = "the time is missing; remove the row or fill the time in";
-            return Err(Error::line(&self.file, row.line, Some(&self.headers[self.time].name), message));
-        }
-        Ok(value)
-    }
-
-    /// The run of a row; empty where the file is one run.
-    pub(crate) fn run_of<'a>(&self, row: &'a Row) -> &'a str {
-        self.run.map_or("", |column| cell(row, column))
-    }
-
-    /// The value of a column in a row, NaN where the cell is missing.
-    pub(crate) fn value_of(&self, row: &Row, name: &str) -> Result<f64> {
-        self.number(row, self.position(name).ok_or_else(|| self.lacks(name))?)
-    }
-
-    /// Refuses a time that does not lie behind the one before it in its run.
-    pub(crate) fn check_step(&self, before: f64, after: f64, line: u64) -> Result<()> {
-        if after > before {
-            return Ok(());
-        }
-        let how = if after < before { "time goes back" } else { "time stands still" };
-        let cure = if self.run.is_some() {
-            "sort or thin the samples"
-        } else {
-            "sort the samples, or tell the runs apart with --run"
-        };
-        let message = format!("{how}, from {before} to {after}; {cure}");
-        Err(Error::line(&self.file, line, Some(&self.headers[self.time].name), message))
-    }
-
-    fn read_times(&mut self) -> Result<()> {
-        self.times = self.rows.iter().map(|row| self.time_of(row)).collect::<Result<_>>()?;
-        for (run, rows) in self.runs() {
-            for pair in rows.windows(2) {
-                self.check_step(self.times[pair[0]], self.times[pair[1]], self.rows[pair[1]].line)?;
-            }
-            if rows.len() < 2 {
-                let whose = if run.is_empty() { String::new() } else { format!("run `{run}` has ") };
-                let line = rows.first().map_or(self.header_line, |&i| self.rows[i].line);
-                return Err(Error::line(&self.file, line, None, format!("{whose}1 sample; a run needs at least 2")));
-            }
-        }
-        Ok(())
+    /// What is likely a mistake but can be read.
+    pub(crate) fn doubts(&self) -> Vec<String> {
+        self.source.doubts()
     }
 }
 
-/// Headers of the first row, renamed, each name once.
-fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<Vec<Header>> {
-    let wrong = |message: String| Error::line(file, first.line, None, message);
-    if first.cells.len() == 1 {
-        for (mark, name) in [(';', "semicolon"), ('\t', "tab"), ('|', "bar")] {
-            if first.cells[0].contains(mark) {
-                return Err(wrong(format!("the cells look separated by {name}s; separate them by commas")));
-            }
+/// The MCAP files of a folder in their order: `bag_9.mcap` stands before `bag_10.mcap`.
+pub(crate) fn parts(folder: &Path) -> Result<Vec<Input>> {
+    let failed = |source| Error::Read { file: folder.display().to_string(), source };
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.extension().is_some_and(|e| e == "mcap") {
+            paths.push(path);
         }
     }
-    if first.cells.iter().all(|c| number(c).is_ok()) {
-        return Err(wrong("no header: the first row holds only numbers; put a row of column names before it".into()));
+    paths.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
+    Ok(paths.iter().map(|path| Input::of_path(path)).collect())
+}
+
+#[cfg(feature = "mcap")]
+fn mcap(inputs: Vec<Input>, file: &str, options: &LogOptions) -> Result<Arc<dyn Source>> {
+    Ok(Arc::new(crate::mcap_log::McapLog::open(inputs, file, options)?))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn mcap(_: Vec<Input>, file: &str, _: &LogOptions) -> Result<Arc<dyn Source>> {
+    Err(without(file, "MCAP", "mcap"))
+}
+
+#[cfg(feature = "parquet")]
+fn parquet(input: Input, options: &LogOptions) -> Result<Arc<dyn Source>> {
+    let file = input.file.clone();
+    Ok(Arc::new(crate::parquet_log::ParquetLog::open(vec![input], &file, options, &HashMap::new())?))
+}
+
+#[cfg(not(feature = "parquet"))]
+fn parquet(input: Input, _: &LogOptions) -> Result<Arc<dyn Source>> {
+    Err(without(&input.file, "Parquet", "parquet"))
+}
+
+#[cfg(feature = "parquet")]
+fn data_set(path: &Path, options: &LogOptions) -> Result<Option<Arc<dyn Source>>> {
+    use crate::parquet_log::lerobot;
+    if !lerobot::is(path) {
+        return Ok(None);
     }
-    let mut headers: Vec<Header> = first.cells.iter().map(Header::parse).collect();
-    for (i, header) in headers.iter_mut().enumerate() {
-        if header.name.is_empty() {
-            header.name = format!("column_{}", i + 1);
-        }
-    }
-    for (old, new) in &options.rename {
-        // The whole header is looked for first, so that two columns of one name can be told apart.
-        let at =
-            headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));
-        let Some(at) = at else { return Err(missing(file, "--rename: column", old, &headers)) };
-        headers[at].name.clone_from(new);
-    }
-    for (i, header) in headers.iter().enumerate() {
-        if let Some(other) = headers[..i].iter().find(|h| h.name == header.name) {
-            let message = format!(
-                "column stands twice, as `{}` and as `{}`; remove one or name one otherwise with --rename '{}=...'",
-                other.text, header.text, header.text
-            );
-            return Err(Error::line(file, first.line, Some(&header.name), message));
-        }
-    }
-    Ok(headers)
+    Ok(Some(Arc::new(lerobot::open(path, options)?)))
 }
 
-fn missing(file: &str, kind: &str, name: &str, headers: &[Header]) -> Error {
-    Error::file(file, format!("{kind} `{name}` is not in the file; found: {}", names(headers)))
+#[cfg(not(feature = "parquet"))]
+fn data_set(_: &Path, _: &LogOptions) -> Result<Option<Arc<dyn Source>>> {
+    Ok(None)
 }
 
-fn names(headers: &[Header]) -> String {
-    headers.iter().map(|h| h.name.as_str()).collect::<Vec<_>>().join(", ")
+#[cfg(feature = "ulog")]
+fn ulog(input: Input, options: &LogOptions) -> Result<Arc<dyn Source>> {
+    Ok(Arc::new(crate::ulog::Ulog::open(input, options)?))
 }
 
-fn cell(row: &Row, index: usize) -> &str {
-    row.cells.get(index).unwrap_or_default()
+#[cfg(not(feature = "ulog"))]
+fn ulog(input: Input, _: &LogOptions) -> Result<Arc<dyn Source>> {
+    Err(without(&input.file, "ULog", "ulog"))
 }
 
-/// A cell as a number: missing is NaN, an overflow is infinite, other text is `Err`.
-fn number(text: &str) -> std::result::Result<f64, ()> {
-    if matches!(text, "" | "NA") {
-        return Ok(f64::NAN);
-    }
-    text.parse().map_err(|_| ())
+#[cfg(not(all(feature = "mcap", feature = "parquet", feature = "ulog")))]
+fn without(file: &str, format: &str, feature: &str) -> Error {
+    let cure = format!("build gpsindy with the feature `{feature}`");
+    Error::file(file, format!("a log in {format}, which this build does not read; {cure}"))
 }
-
-/// A cell in quotes, cut where it is long.
-fn shown(text: &str) -> String {
-    let mut short: String = text.chars().take(40).collect();
-    if short.len() < text.len() {
-        short.push_str("...");
-    }
-    format!("{short:?}")
-}
-
-/// UTF-8 without a byte order mark.
-fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(Error::line(file, 1, None, "the file is UTF-16; save it as UTF-8"));
-    }
-    let text = std::str::from_utf8(bytes).map_err(|e| {
-        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u64;
-        let byte = bytes[e.valid_up_to()];
-        Error::line(file, line, None, format!("byte 0x{byte:02x} is not UTF-8; save the file as UTF-8"))
-    })?;
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
-}
-
-/// Where the header begins (byte) and the line it stands in.
-fn skip_comments(text: &str) -> (usize, u64) {
-    let (mut start, mut line) = (0, 1);
-    for piece in text.split_inclusive('\n') {
-        let trimmed = piece.trim();
-        if !(trimmed.is_empty() || trimmed.starts_with('#')) {
-            break;
-        }
-        start += piece.len();
-        line += 1;
-    }
-    (start, line)
-}
-
-/// Line numbers of ascending byte positions. The csv crate's own count is of the blank line before a record.
-struct Lines<'a> {
-    text: &'a str,
-    at: usize,
-    line: u64,
-}
-
-impl Lines<'_> {
-    fn of(&mut self, mut position: usize) -> u64 {
-        let bytes = self.text.as_bytes();
-        while bytes.get(position).is_some_and(|b| matches!(b, b'\r' | b'\n')) {
-            position += 1;
-        }
-        self.line += bytes[self.at..position].iter().filter(|b| **b == b'\n').count() as u64;
-        self.at = position;
-        self.line
-    }
-}
-
-#[cfg(test)]
-mod tests;

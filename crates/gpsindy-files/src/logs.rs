@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::log::{Log, LogOptions};
-use faer::Mat;
-use gpsindy_core::{Channel, Dataset, Run};
+use crate::merge::{Roles, merge};
+use gpsindy_core::{Channel, Dataset, Hold, Progress, Run, Silent};
 use std::io::Read;
 use std::path::Path;
 
@@ -22,6 +22,28 @@ pub struct Logs {
     files: Vec<Log>,
 }
 
+/// Columns that a task reads.
+#[derive(Debug, Clone, Default)]
+pub struct Task {
+    /// Columns that every log must have.
+    pub needed: Vec<String>,
+    /// Columns that a log may lack.
+    pub optional: Vec<String>,
+    /// Which of both are controls.
+    pub controls: Vec<String>,
+    /// What a control does between its own stamps, at the stamps of other topics.
+    pub hold: Hold,
+}
+
+/// What was read.
+#[derive(Debug, Clone)]
+pub struct Assembled {
+    /// One channel a column, in the order asked for.
+    pub data: Dataset,
+    /// What the user should know: one sentence each.
+    pub notes: Vec<String>,
+}
+
 impl Logs {
     /// Reads files; `-` is standard input.
     ///
@@ -31,21 +53,16 @@ impl Logs {
         let mut files = Vec::with_capacity(paths.len());
         for path in paths {
             let path = path.as_ref();
-            let file = path.display().to_string();
-            let (file, bytes) = if path.as_os_str() == "-" {
-                if files.iter().any(|log: &Log| log.file == "stdin") {
-                    return Err(Error::file("stdin", "`-` stands twice; standard input can be read once"));
-                }
-                let mut bytes = Vec::new();
-                std::io::stdin()
-                    .read_to_end(&mut bytes)
-                    .map_err(|source| Error::Read { file: "stdin".into(), source })?;
-                ("stdin".into(), bytes)
-            } else {
-                let bytes = std::fs::read(path).map_err(|source| Error::Read { file: file.clone(), source })?;
-                (file, bytes)
-            };
-            files.push(Log::parse(&file, &bytes, options)?);
+            if path.as_os_str() != "-" {
+                files.push(Log::read(path, options)?);
+                continue;
+            }
+            if files.iter().any(|log: &Log| log.file == "stdin") {
+                return Err(Error::file("stdin", "`-` stands twice; standard input can be read once"));
+            }
+            let mut bytes = Vec::new();
+            std::io::stdin().read_to_end(&mut bytes).map_err(|source| Error::Read { file: "stdin".into(), source })?;
+            files.push(Log::parse("stdin", &bytes, options)?);
         }
         if files.is_empty() {
             return Err(gpsindy_core::Error::invalid("no log was named; hand in at least one").into());
@@ -102,33 +119,53 @@ impl Logs {
     /// # Errors
     /// A file that lacks a needed column, a cell that is no number or infinite.
     pub fn dataset<S: AsRef<str>>(&self, needed: &[S], optional: &[S]) -> Result<Dataset> {
-        let needed = needed.iter().map(AsRef::as_ref);
-        let present = |name: &&str| self.files.iter().any(|log| log.column(name).is_some());
-        let names: Vec<(&str, bool)> = needed
-            .map(|name| (name, true))
-            .chain(optional.iter().map(AsRef::as_ref).filter(present).map(|name| (name, false)))
+        let names = |list: &[S]| list.iter().map(|s| s.as_ref().to_string()).collect();
+        let task = Task { needed: names(needed), optional: names(optional), ..Task::default() };
+        Ok(self.assemble(&task, &Silent)?.data)
+    }
+
+    /// The same where some columns are controls, with what the user should know about the reading.
+    ///
+    /// Topics on their own clocks are merged: a state is missing at the stamps of other topics, a control is held from its
+    /// own (or interpolated).
+    ///
+    /// # Errors
+    /// As [`Logs::dataset`], topics without a common time, and a request to stop.
+    pub fn assemble(&self, task: &Task, progress: &dyn Progress) -> Result<Assembled> {
+        let present = |name: &&String| self.files.iter().any(|log| log.position(name).is_some());
+        let names: Vec<(&String, bool)> = (task.needed.iter().map(|name| (name, true)))
+            .chain(task.optional.iter().filter(present).map(|name| (name, false)))
             .collect();
         let unit =
             |name: &str| self.files.iter().find_map(|log| log.column(name)).map(|h| h.unit.clone()).unwrap_or_default();
         let channels = names.iter().map(|(name, _)| Channel::new(*name).with_unit(unit(name))).collect();
-        let mut runs = Vec::new();
-        for log in &self.files {
-            let mut columns = Vec::with_capacity(names.len());
-            for (name, needed) in &names {
-                columns.push(match log.column(name) {
-                    None if !needed => vec![f64::NAN; log.times().len()],
-                    _ => log.values(name)?,
-                });
+        let held: Vec<bool> = names.iter().map(|(name, _)| task.controls.contains(name)).collect();
+        let (mut runs, mut notes) = (Vec::new(), Vec::new());
+        for (i, log) in self.files.iter().enumerate() {
+            if !progress.report("reading", i, self.files.len()) {
+                return Err(gpsindy_core::Error::Cancelled.into());
             }
-            for (run, rows) in log.runs() {
-                runs.push(Run {
-                    name: self.run_name(log, &run),
-                    time: rows.iter().map(|&i| log.times()[i]).collect(),
-                    values: Mat::from_fn(rows.len(), columns.len(), |i, j| columns[j][rows[i]]),
-                });
+            // Places in the log of the columns that it has, and their places in the dataset.
+            let (mut places, mut targets) = (Vec::new(), Vec::new());
+            for (j, (name, needed)) in names.iter().enumerate() {
+                match log.position(name) {
+                    Some(place) => {
+                        places.push(place);
+                        targets.push(j);
+                    }
+                    None if *needed => return Err(log.lacks(name)),
+                    None => {}
+                }
             }
+            let mut reading = log.read_columns(&places, progress)?;
+            for (column, _) in reading.topics.iter_mut().flat_map(|topic| &mut topic.columns) {
+                *column = targets[*column];
+            }
+            let (found, told) = merge(&log.file, &reading.topics, Roles { held: &held, hold: task.hold })?;
+            runs.extend(found.into_iter().map(|run| Run { name: self.run_name(log, &run.name), ..run }));
+            notes.extend(reading.notes.into_iter().chain(told));
         }
-        Ok(Dataset::new(channels, runs)?)
+        Ok(Assembled { data: Dataset::new(channels, runs)?, notes })
     }
 
     /// Columns of any file that are not among the `used` ones, each once.
@@ -144,17 +181,7 @@ impl Logs {
 
     /// What is likely a mistake but can be read: a time column in another unit than seconds.
     pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        for log in &self.files {
-            let header = log.time_header();
-            if matches!(header.unit.as_str(), "ms" | "us" | "\u{b5}s" | "ns" | "min" | "h" | "d") {
-                warnings.push(format!(
-                    "{}: the time column `{}` is read as seconds, so rates are per {}",
-                    log.file, header.text, header.unit
-                ));
-            }
-        }
-        warnings
+        self.files.iter().flat_map(Log::doubts).collect()
     }
 
     /// The file's name, without folders where that is clear, and the run's.

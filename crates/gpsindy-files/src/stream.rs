@@ -1,7 +1,8 @@
 //! A log that is still being written: one line at a time, with the same rules and messages as a whole file.
 
+use crate::csv_log::{CsvLog, Row, separator};
 use crate::error::{Error, Result};
-use crate::log::{Log, LogOptions, Row};
+use crate::log::{Log, LogOptions};
 use csv::StringRecord;
 
 /// Reads the lines of a log as they come.
@@ -19,7 +20,8 @@ pub struct Stream {
     file: String,
     options: LogOptions,
     line: u64,
-    header: Option<Log>,
+    separator: u8,
+    header: Option<(CsvLog, Log)>,
     /// Run and time of the last sample.
     last: Option<(String, f64)>,
 }
@@ -53,12 +55,12 @@ impl Sample {
 impl Stream {
     /// A log of which nothing was read yet; `file` names it in messages.
     pub fn new(file: &str, options: LogOptions) -> Self {
-        Self { file: file.into(), options, line: 0, header: None, last: None }
+        Self { file: file.into(), options, line: 0, separator: b',', header: None, last: None }
     }
 
     /// The columns, once the header was read.
     pub fn header(&self) -> Option<&Log> {
-        self.header.as_ref()
+        self.header.as_ref().map(|(_, log)| log)
     }
 
     /// Takes the next line, with or without its end; `None` for the header, comments before it and blank lines.
@@ -76,11 +78,18 @@ impl Stream {
         if text.trim().is_empty() || (self.header.is_none() && text.trim_start().starts_with('#')) {
             return Ok(None);
         }
+        if self.header.is_none() {
+            self.separator = separator(text);
+        }
         let row = Row { line: self.line, cells: self.cells(text)? };
-        let Some(log) = &self.header else {
-            self.header = Some(Log::of_header(&self.file, &row, &self.options)?);
+        let Some((log, _)) = &mut self.header else {
+            let log = CsvLog::of_header(&self.file, &row, &self.options)?;
+            self.header = Some((log.clone(), Log::of_csv(log)));
             return Ok(None);
         };
+        if self.last.is_none() {
+            log.start_clock(&row);
+        }
         log.check_row(&row)?;
         let (time, run) = (log.time_of(&row)?, log.run_of(&row).to_string());
         let same = self.last.as_ref().filter(|(name, _)| *name == run);
@@ -97,7 +106,7 @@ impl Stream {
     /// # Errors
     /// A column that the log lacks, a cell that is no number or infinite.
     pub fn values<S: AsRef<str>>(&self, sample: &Sample, names: &[S]) -> Result<Vec<f64>> {
-        let Some(log) = &self.header else {
+        let Some((log, _)) = &self.header else {
             return Err(Error::file(&self.file, "no header was read; hand in its line first"));
         };
         names.iter().map(|name| log.value_of(&sample.row, name.as_ref())).collect()
@@ -105,7 +114,7 @@ impl Stream {
 
     /// Columns that hold a number or nothing in this sample, beside time and run.
     pub fn numeric_columns(&self, sample: &Sample) -> Vec<String> {
-        let columns = self.header.iter().flat_map(Log::columns).map(|h| h.name.clone());
+        let columns = self.header.iter().flat_map(|(log, _)| log.columns()).map(|h| h.name.clone());
         columns.filter(|name| self.values(sample, &[name]).is_ok()).collect()
     }
 
@@ -117,6 +126,7 @@ impl Stream {
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
+            .delimiter(self.separator)
             .trim(csv::Trim::All)
             .from_reader(text.as_bytes());
         let mut cells = StringRecord::new();
@@ -145,8 +155,8 @@ mod tests {
     fn lines_give_the_samples_that_the_whole_file_gives() {
         let text = "\u{feff}# a comment\r\n\r\nt [s],\"x [m], of the cart\",word\r\n0,1.5,a\r\n\r\n0.1,2.5,\"b, c\"\r\n0.2,NA,\n";
         let found = stream(text, None).unwrap();
-        let log = Log::parse("log.csv", text.as_bytes(), &LogOptions::default()).unwrap();
-        assert_eq!(found.iter().map(|s| s.0).collect::<Vec<_>>(), log.times());
+        let log = CsvLog::parse("log.csv", text.as_bytes(), &LogOptions::default()).unwrap();
+        assert_eq!(found.iter().map(|s| s.0).collect::<Vec<_>>(), log.times);
         assert_eq!(found[1].2, log.values("x").unwrap()[1..2]);
         assert!(found[2].2[0].is_nan() && log.values("x").unwrap()[2].is_nan());
         assert_eq!(found.iter().map(|s| s.1).collect::<Vec<_>>(), [true, false, false]);
@@ -164,11 +174,12 @@ mod tests {
             "t,x\n0,1\n# pause\n1,2\n",
             "0,1\n1,2\n",
             "a,x\n0,1\n1,2\n",
-            "t;x\n0;1\n",
+            "t|x\n0|1\n",
+            "t;x\n0;1,5\n1;2\n",
             "t,x,x\n0,1,2\n1,2,3\n",
         ] {
             let options = LogOptions::default();
-            let whole = match Log::parse("log.csv", text.as_bytes(), &options) {
+            let whole = match CsvLog::parse("log.csv", text.as_bytes(), &options) {
                 Ok(log) => log.values("x").unwrap_err(),
                 Err(error) => error,
             };

@@ -1,8 +1,9 @@
 //! Logs: runs of arrays, or CSV files.
 
 use crate::convert::{Matrix, Vector, array1, array2, error, file_error, matrix, vector};
-use gpsindy_core::{Channel, Dataset, Run};
-use gpsindy_files::{Header, LogOptions, Logs};
+use crate::watch::Watch;
+use gpsindy_core::{Channel, Dataset, Hold, Run};
+use gpsindy_files::{Header, LogOptions, Logs, Stamp, Task};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -32,23 +33,29 @@ impl PyDataset {
         Ok(Dataset::new(channels, runs).map_err(error)?.into())
     }
 
-    /// Every column of numbers in the files, and what is likely a mistake in them.
+    /// Columns of logs of any format, and what the user should know about them. Without names every column of numbers.
     #[staticmethod]
-    #[pyo3(signature = (paths, time=None, run=None, rename=Vec::new()))]
-    fn read_csv(
+    #[pyo3(signature = (paths, options, columns=None, controls=Vec::new(), linear=false))]
+    fn read_log(
         py: Python<'_>,
         paths: Vec<PathBuf>,
-        time: Option<String>,
-        run: Option<String>,
-        rename: Vec<(String, String)>,
+        options: &PyLogOptions,
+        columns: Option<Vec<String>>,
+        controls: Vec<String>,
+        linear: bool,
     ) -> PyResult<(Self, Vec<String>)> {
-        let options = LogOptions { time, run, rename };
-        let read = py.detach(|| {
+        let options = options.0.clone();
+        let watch = Arc::new(Watch::default());
+        let progress = Arc::clone(&watch);
+        let hold = if linear { Hold::Linear } else { Hold::Zero };
+        let read = move || {
             let logs = Logs::read(&paths, &options)?;
-            let data = logs.dataset(&logs.numeric_columns(), &[])?;
-            Ok((data.into(), logs.warnings()))
-        });
-        read.map_err(file_error)
+            let needed = columns.unwrap_or_else(|| logs.numeric_columns());
+            let read = logs.assemble(&Task { needed, controls, hold, ..Task::default() }, &*progress)?;
+            Ok((read.data, [logs.warnings(), read.notes].concat()))
+        };
+        let (data, doubts) = watch.run(py, None, move || Ok(read()))?.map_err(file_error)?;
+        Ok((data.into(), doubts))
     }
 
     #[getter]
@@ -111,4 +118,54 @@ impl PyDataset {
 pub(crate) fn parse_header(text: &str) -> (String, String) {
     let header = Header::parse(text);
     (header.name, header.unit)
+}
+
+/// How columns of logs are found.
+#[pyclass(frozen, name = "LogOptions", module = "gpsindy._gpsindy")]
+pub(crate) struct PyLogOptions(LogOptions);
+
+#[pymethods]
+impl PyLogOptions {
+    #[new]
+    #[pyo3(signature = (time=None, run=None, rename=Vec::new(), map=Vec::new(), unit=Vec::new(), offset=Vec::new(), stamp=None, map_file=None))]
+    #[expect(clippy::too_many_arguments, reason = "one a keyword of Python's")]
+    fn new(
+        time: Option<String>,
+        run: Option<String>,
+        rename: Vec<(String, String)>,
+        map: Vec<(String, String)>,
+        unit: Vec<(String, String)>,
+        offset: Vec<(String, f64)>,
+        stamp: Option<&str>,
+        map_file: Option<PathBuf>,
+    ) -> PyResult<Self> {
+        let wrong = |message: String| PyValueError::new_err(message);
+        let stamp = match stamp {
+            None => Stamp::Auto,
+            Some("header") => Stamp::Header,
+            Some("log") => Stamp::Log,
+            Some(other) => return Err(wrong(format!("stamp: expected 'header' or 'log', found {other:?}"))),
+        };
+        let mut options = LogOptions { time, run, rename, map, unit, stamp, offset };
+        if let Some(file) = map_file {
+            options.add_map_file(&file).map_err(file_error)?;
+        }
+        Ok(Self(options))
+    }
+}
+
+/// What a log holds: as JSON, and as text of at most `width` characters a line.
+#[pyfunction]
+pub(crate) fn inspect(
+    py: Python<'_>,
+    path: PathBuf,
+    options: &PyLogOptions,
+    width: usize,
+) -> PyResult<(String, String)> {
+    let options = options.0.clone();
+    let watch = Arc::new(Watch::default());
+    let progress = Arc::clone(&watch);
+    let found =
+        watch.run(py, None, move || Ok(gpsindy_files::inspect(&path, &options, &*progress)))?.map_err(file_error)?;
+    Ok((found.json().to_string(), found.text(width)))
 }

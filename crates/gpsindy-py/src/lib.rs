@@ -27,7 +27,7 @@ mod _gpsindy {
     #[pymodule_export]
     use super::convert::NumericalError;
     #[pymodule_export]
-    use super::dataset::{PyDataset, parse_header};
+    use super::dataset::{PyDataset, PyLogOptions, inspect, parse_header};
     #[pymodule_export]
     use super::diagnose::{diagnose, diagnose_paired, effects, read_effects, render, summary, write_whole};
     #[pymodule_export]

@@ -9,7 +9,7 @@ use clap::Args;
 use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
-use gpsindy_files::{Logs, model_to_toml, read_effects, read_model, write_whole};
+use gpsindy_files::{Logs, Task, model_to_toml, read_effects, read_model, write_whole};
 use std::path::{Path, PathBuf};
 
 /// Diagnose the gap between a simulator and logs of the machine
@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Diagnose {
     /// The nominal model (TOML or JSON); with --simulated the first log of the machine
     model: PathBuf,
-    /// Logs of the machine (CSV)
+    /// Logs of the machine
     #[arg(required_unless_present = "simulated", value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// Logs to verify on
@@ -123,7 +123,7 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
     let settings = Settings { power, ..command.options.settings()? };
     let (diagnosed, identified) = if simulated.is_empty() {
         let model = read_model(&command.model)?;
-        let (train, holdout) = logs(&model, &train, &command.holdout, &command.columns, screen)?;
+        let (train, holdout) = logs(&model, &train, &command.holdout, settings.hold, &command.columns, screen)?;
         (settings.run(&model, &train, &holdout, &screen.progress())?, None)
     } else {
         let (diagnosed, model) = paired(command, settings, &train, seed, screen)?;
@@ -157,7 +157,7 @@ fn paired(
     screen: &Screen,
 ) -> Outcome<(Diagnosed, Model)> {
     let options = &command.simulator;
-    let simulated = Logs::read(&options.simulated, &command.columns.options())?;
+    let simulated = Logs::read(&options.simulated, &command.columns.options()?)?;
     let controls = chosen(&simulated, &options.control)?;
     let mut states = chosen(&simulated, &options.state)?;
     if states.is_empty() {
@@ -167,18 +167,21 @@ fn paired(
         return Err(Failure::input(format!("column `{twice}` has two roles; name it in one option")));
     }
     let (library, constraints) = options.library.settings()?;
+    let between = settings.hold.unwrap_or_default();
     let real = |paths: &[PathBuf]| -> Outcome<Dataset> {
-        let logs = Logs::read(paths, &command.columns.options())?;
+        let logs = Logs::read(paths, &command.columns.options()?)?;
         for log in logs.files() {
             check_states(log, &states)?;
         }
-        dataset(&logs, &controls, &states, &command.columns, screen)
+        let (needed, controls) = (controls.clone(), controls.clone());
+        dataset(&logs, &Task { needed, optional: states.clone(), controls, hold: between }, &command.columns, screen)
     };
     let train = real(train)?;
     let (train, holdout) =
         if command.holdout.is_empty() { hold_out(&train)? } else { (train, real(&command.holdout)?) };
     let needed: Vec<String> = states.iter().chain(&controls).cloned().collect();
-    let simulated = dataset(&simulated, &needed, &[], &command.columns, screen)?;
+    let task = Task { needed, controls: controls.clone(), hold: between, ..Task::default() };
+    let simulated = dataset(&simulated, &task, &command.columns, screen)?;
     let hold: Option<Hold> = settings.hold;
     let identify = Identify { states, controls, library, constraints, hold, seed, ..Identify::default() };
     let found = Paired { identify, diagnose: settings, ..Paired::default() };
@@ -191,16 +194,18 @@ pub(crate) fn logs(
     model: &Model,
     train: &[PathBuf],
     holdout: &[PathBuf],
+    hold: Option<Hold>,
     columns: &Columns,
     screen: &Screen,
 ) -> Outcome<(Dataset, Dataset)> {
-    let train = Logs::read(train, &columns.options())?;
-    let train = model_dataset(&train, model, columns, screen)?;
+    let hold = hold.unwrap_or_default();
+    let train = Logs::read(train, &columns.options()?)?;
+    let train = model_dataset(&train, model, hold, columns, screen)?;
     if holdout.is_empty() {
         return Ok(hold_out(&train)?);
     }
-    let holdout = Logs::read(holdout, &columns.options())?;
-    Ok((train, model_dataset(&holdout, model, columns, screen)?))
+    let holdout = Logs::read(holdout, &columns.options()?)?;
+    Ok((train, model_dataset(&holdout, model, hold, columns, screen)?))
 }
 
 /// Writes the three files of a diagnosis.

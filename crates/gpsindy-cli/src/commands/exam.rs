@@ -88,8 +88,14 @@ fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outco
     let folder = command.suite.join(id);
     let model = read_model(&folder.join("model.toml"))?;
     let quiet = screen.quietly();
-    let (train, holdout) =
-        diagnose::logs(&model, &files(&folder, "real_")?, &files(&folder, "holdout_")?, &command.columns, &quiet)?;
+    let (train, holdout) = diagnose::logs(
+        &model,
+        &files(&folder, "real_")?,
+        &files(&folder, "holdout_")?,
+        settings.hold,
+        &command.columns,
+        &quiet,
+    )?;
     let diagnosed = settings.run(&model, &train, &holdout, &Silent)?;
     diagnose::write(&command.out.join(id), &diagnosed)?;
     Ok(diagnosed)

@@ -82,7 +82,7 @@ pub(crate) fn run(command: &Identify, screen: &Screen) -> Outcome {
         registered.map_err(|e| Failure::Work(format!("Ctrl-C cannot be listened to: {e}")))?;
     }
     let lines = lines_of(path, options.idle)?;
-    let mut stream = Stream::new(&file, command.columns.options());
+    let mut stream = Stream::new(&file, command.columns.options()?);
     let mut following: Option<Following<'_>> = None;
     while let Some(line) = next(&lines, &stop, &file)? {
         let Some(sample) = stream.push(&line)? else { continue };

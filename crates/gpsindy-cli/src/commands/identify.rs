@@ -17,7 +17,7 @@ use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings
 use gpsindy_core::regress::Selection;
 use gpsindy_core::{Choice, Delay, Identify as Settings, Regression, Target};
 use gpsindy_core::{Expression, Scoring, Simulate, Smoother, score};
-use gpsindy_files::{Logs, model_to_toml, write_model};
+use gpsindy_files::{Logs, Task, model_to_toml, write_model};
 use std::path::PathBuf;
 
 /// Logs to a model: equations with standard errors
@@ -30,7 +30,7 @@ use std::path::PathBuf;
                    tail -f -n +1 robot.csv | gpsindy identify - --follow --state x,v --control u --json"
 )]
 pub(crate) struct Identify {
-    /// The logs (CSV), one or more; `-` is standard input
+    /// The logs, one or more: CSV, MCAP, Parquet, ULog or a data set's folder; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
     pub(super) logs: Vec<PathBuf>,
     /// Columns that are states, separated by commas [default: every column of numbers that no other option names]
@@ -159,7 +159,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     if command.follow.follow {
         return follow::run(command, screen);
     }
-    let logs = Logs::read(&command.logs, &command.columns.options())?;
+    let logs = Logs::read(&command.logs, &command.columns.options()?)?;
     let mut settings = settings(command, &logs, seed)?;
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();
     if settings.states.is_empty() {
@@ -172,7 +172,13 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     }
     let unlogged = unlogged(&settings.constraints, &logs);
     let needed: Vec<String> = needed.into_iter().filter(|name| !unlogged.contains(name)).collect();
-    let data = dataset(&logs, &needed, &[], &command.columns, screen)?;
+    let task = Task {
+        needed,
+        controls: settings.controls.clone(),
+        hold: settings.hold.unwrap_or_default(),
+        ..Task::default()
+    };
+    let data = dataset(&logs, &task, &command.columns, screen)?;
     settings.delays = delays(command, &logs)?;
     let progress = screen.progress();
     let found = settings.fit(&data, &progress)?;

@@ -8,6 +8,7 @@ pub(crate) mod exam;
 pub(crate) mod export;
 mod follow;
 pub(crate) mod identify;
+pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod score;
 pub(crate) mod simulate;
@@ -16,8 +17,8 @@ pub(crate) mod smooth;
 use crate::args::{Arguments, Columns, Command, Output};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use gpsindy_core::{Dataset, Model};
-use gpsindy_files::{Log, Logs};
+use gpsindy_core::{Dataset, Hold, Model};
+use gpsindy_files::{Log, Logs, Task};
 use std::path::Path;
 
 /// Runs the command that was asked for.
@@ -27,6 +28,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         pool.map_err(|e| Failure::Work(format!("--threads {threads}: {e}")))?;
     }
     match &arguments.command {
+        Command::Inspect(command) => inspect::run(command, screen),
         Command::Smooth(command) => smooth::run(command, screen),
         Command::Simulate(command) => simulate::run(command, screen),
         Command::Score(command) => score::run(command, screen),
@@ -70,17 +72,15 @@ fn chosen_with(logs: &Logs, options: &[String], others: &[String]) -> Outcome<Ve
 }
 
 /// Cuts logs down to a task's columns, unwraps its angles and tells which columns were ignored.
-fn dataset(
-    logs: &Logs,
-    needed: &[String],
-    optional: &[String],
-    columns: &Columns,
-    screen: &Screen,
-) -> Outcome<Dataset> {
+fn dataset(logs: &Logs, task: &Task, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
     for warning in logs.warnings() {
         screen.warn(&warning);
     }
-    let mut data = logs.dataset(needed, optional)?;
+    let read = logs.assemble(task, &screen.progress())?;
+    for note in &read.notes {
+        screen.warn(note);
+    }
+    let mut data = read.data;
     for angle in &columns.angle {
         let name = logs.resolve(angle)?;
         if data.index_of(&name).is_err() {
@@ -90,7 +90,7 @@ fn dataset(
         }
         data.unwrap_angle(&name)?;
     }
-    let used: Vec<&str> = needed.iter().chain(optional).map(String::as_str).collect();
+    let used: Vec<&str> = task.needed.iter().chain(&task.optional).map(String::as_str).collect();
     let ignored = logs.ignored(&used);
     if !ignored.is_empty() {
         screen.note(&format!("columns ignored: {}", ignored.join(", ")));
@@ -105,12 +105,12 @@ fn columns_of(model: &Model) -> (Vec<String>, Vec<String>) {
 }
 
 /// The columns of a model, in logs that each carry at least one of its states.
-fn model_dataset(logs: &Logs, model: &Model, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
+fn model_dataset(logs: &Logs, model: &Model, hold: Hold, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
     let (controls, states) = columns_of(model);
     for log in logs.files() {
         check_states(log, &states)?;
     }
-    dataset(logs, &controls, &states, columns, screen)
+    dataset(logs, &Task { needed: controls.clone(), optional: states, controls, hold }, columns, screen)
 }
 
 /// Refuses a log without any state of the model: most likely the wrong log, or other names.

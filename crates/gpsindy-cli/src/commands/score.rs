@@ -21,7 +21,7 @@ use std::path::PathBuf;
 pub(crate) struct Score {
     /// The model (TOML or JSON); `-` is standard input
     model: PathBuf,
-    /// The logs (CSV); `-` is standard input
+    /// The logs; `-` is standard input
     #[arg(long, required = true, num_args = 1.., value_name = "LOG")]
     data: Vec<PathBuf>,
     /// Length of the windows, s [default: a tenth of each run]
@@ -40,8 +40,8 @@ pub(crate) fn run(command: &Score, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
     let model = read_model(&command.model)?;
     let system = model.compile()?;
-    let logs = Logs::read(&command.data, &command.columns.options())?;
-    let data = model_dataset(&logs, &model, &command.columns, screen)?;
+    let logs = Logs::read(&command.data, &command.columns.options()?)?;
+    let data = model_dataset(&logs, &model, command.hold.into(), &command.columns, screen)?;
     let simulate = Settings { hold: command.hold.into(), ..Settings::default() };
     let progress = screen.progress();
     let result = score(&system, &data, &Scoring { simulate, window: command.window }, &progress)?;

@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
 use gpsindy_core::{Channel, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System};
-use gpsindy_files::{Logs, Table, read_model};
+use gpsindy_files::{Logs, Table, Task, read_model};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 pub(crate) struct Simulate {
     /// The model (TOML or JSON); `-` is standard input
     model: PathBuf,
-    /// The log (CSV) with the controls and the first state; `-` is standard input
+    /// The log with the controls and the first state; `-` is standard input
     #[arg(long, value_name = "LOG", required_unless_present = "period")]
     data: Option<PathBuf>,
     /// Start at the first sample from this time on, s; delays see the log before it
@@ -77,12 +77,13 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
     let settings = Settings { hold: command.hold.into(), ..Settings::default() };
     let rollouts = match (&command.data, command.period) {
         (Some(log), _) => {
-            let logs = Logs::read(std::slice::from_ref(log), &command.columns.options())?;
+            let logs = Logs::read(std::slice::from_ref(log), &command.columns.options()?)?;
             let (controls, states) = columns_of(&model);
             if states.iter().any(|state| !model.initial.contains_key(state)) {
                 check_states(&logs.files()[0], &states)?;
             }
-            let data = dataset(&logs, &controls, &states, &command.columns, screen)?;
+            let task = Task { needed: controls.clone(), optional: states, controls, hold: settings.hold };
+            let data = dataset(&logs, &task, &command.columns, screen)?;
             let rollout = |run: &Run| {
                 let excitation = Excitation::of_run(&system, run, data.channels(), settings.hold)?;
                 let range = samples(run, command.from, command.to)?;

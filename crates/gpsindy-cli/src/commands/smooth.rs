@@ -7,7 +7,7 @@ use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::gp::Kernel;
 use gpsindy_core::{Channel, Smoothed, Smoother};
-use gpsindy_files::{Logs, Table};
+use gpsindy_files::{Logs, Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy smooth run_1.csv --state x,v --out smooth.csv")]
 pub(crate) struct Smooth {
-    /// The logs (CSV); `-` is standard input
+    /// The logs; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// Columns to smooth, separated by commas [default: every column of numbers]
@@ -44,12 +44,12 @@ pub(crate) fn kernels(option: &str, default: Vec<Kernel>) -> Outcome<Vec<Kernel>
 
 pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
-    let logs = Logs::read(&command.logs, &command.columns.options())?;
+    let logs = Logs::read(&command.logs, &command.columns.options()?)?;
     let states = if command.state.is_empty() { logs.numeric_columns() } else { chosen(&logs, &command.state)? };
     if states.is_empty() {
         return Err(Failure::input("the logs have no column of numbers beside the time; nothing to smooth"));
     }
-    let data = dataset(&logs, &states, &[], &command.columns, screen)?;
+    let data = dataset(&logs, &Task { needed: states.clone(), ..Task::default() }, &command.columns, screen)?;
     let mut smoother = Smoother::default();
     smoother.kernels = kernels(&command.kernel, smoother.kernels)?;
     let progress = screen.progress();

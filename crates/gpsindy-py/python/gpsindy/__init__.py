@@ -25,6 +25,7 @@ from gpsindy.diagnosis import (
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
+from gpsindy.logs import Inspection, inspect, read_log
 from gpsindy.model import Control, Identification, Model, Parameter, State
 from gpsindy.online import Estimate, Online
 from gpsindy.reproduction import AuthorFit, author
@@ -46,6 +47,7 @@ __all__ = [
     "Estimate",
     "GPSINDy",
     "Identification",
+    "Inspection",
     "Model",
     "NotFittedError",
     "NumericalError",
@@ -62,8 +64,10 @@ __all__ = [
     "author",
     "diagnose",
     "effects",
+    "inspect",
     "read_csv",
     "read_effects",
+    "read_log",
     "score",
     "simulate",
     "smooth",

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Dataset",
+    "LogOptions",
     "Model",
     "NumericalError",
     "Online",
@@ -15,6 +16,7 @@ __all__ = [
     "diagnose_paired",
     "effects",
     "identify",
+    "inspect",
     "parse_header",
     "read_effects",
     "render",
@@ -35,6 +37,20 @@ _Record = tuple[list[str], _Array, _Array, _Array, list[float]]
 class NumericalError(RuntimeError): ...
 
 @final
+class LogOptions:
+    def __new__(
+        cls,
+        time: str | None = None,
+        run: str | None = None,
+        rename: Sequence[tuple[str, str]] = ...,
+        map: Sequence[tuple[str, str]] = ...,
+        unit: Sequence[tuple[str, str]] = ...,
+        offset: Sequence[tuple[str, float]] = ...,
+        stamp: str | None = None,
+        map_file: str | None = None,
+    ) -> LogOptions: ...
+
+@final
 class Dataset:
     def __new__(
         cls,
@@ -45,11 +61,12 @@ class Dataset:
         values: Sequence[_Array],
     ) -> Dataset: ...
     @staticmethod
-    def read_csv(
+    def read_log(
         paths: Sequence[str],
-        time: str | None = None,
-        run: str | None = None,
-        rename: Sequence[tuple[str, str]] = ...,
+        options: LogOptions,
+        columns: Sequence[str] | None = None,
+        controls: Sequence[str] = ...,
+        linear: bool = False,
     ) -> tuple[Dataset, list[str]]: ...
     @property
     def columns(self) -> list[str]: ...
@@ -159,3 +176,5 @@ def read_effects(path: str) -> list[_Custom]: ...
 def render(report: str) -> str: ...
 def summary(report: str, width: int, colour: bool) -> str: ...
 def effects() -> list[tuple[str, str, str, str]]: ...
+
+def inspect(path: str, options: LogOptions, width: int) -> tuple[str, str]: ...

@@ -252,7 +252,8 @@ def read_csv(
     """
     files = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
     pairs = list((rename or {}).items())
-    inner, doubts = _gpsindy.Dataset.read_csv([os.fspath(file) for file in files], time, run, pairs)
+    options = _gpsindy.LogOptions(time=time, run=run, rename=pairs)
+    inner, doubts = _gpsindy.Dataset.read_log([os.fspath(file) for file in files], options)
     for doubt in doubts:
         warnings.warn(doubt, DataWarning, stacklevel=2)
     unwrap = names_of(angles)

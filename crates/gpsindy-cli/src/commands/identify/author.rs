@@ -6,17 +6,18 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use gpsindy_core::library::LibrarySettings;
 use gpsindy_core::{Author, AuthorResult};
-use gpsindy_files::{Logs, model_to_toml, write_model};
+use gpsindy_files::{Logs, Task, model_to_toml, write_model};
 use serde_json::json;
 
 pub(super) fn run(command: &Identify, screen: &Screen) -> Outcome {
     refuse_other_options(command)?;
     check_folder_of(command.output.out.as_deref())?;
-    let logs = Logs::read(&command.logs, &command.columns.options())?;
+    let logs = Logs::read(&command.logs, &command.columns.options()?)?;
     let author = settings(command, &logs)?;
     let rates = author.derivatives.iter().map(|(_, column)| column.clone()).collect();
     let needed = [author.states.clone(), author.controls.clone(), rates].concat();
-    let data = dataset(&logs, &needed, &[], &command.columns, screen)?;
+    let task = Task { needed, controls: author.controls.clone(), ..Task::default() };
+    let data = dataset(&logs, &task, &command.columns, screen)?;
     let progress = screen.progress();
     let found = author.fit(&data, &progress)?;
     drop(progress);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn parse(text: &str) -> Result<Log> {
-    Log::parse("log.csv", text.as_bytes(), &LogOptions::default())
+fn parse(text: &str) -> Result<CsvLog> {
+    CsvLog::parse("log.csv", text.as_bytes(), &LogOptions::default())
 }
 
 fn message(text: &str) -> String {
@@ -25,8 +25,9 @@ fn every_kind_of_bad_input_is_one_clear_line() {
         ("t,x\n0,1\n", "log.csv:2: 1 sample; a run needs at least 2"),
         ("0,1\n1,2\n", "log.csv:1: no header: the first row holds only numbers"),
         ("a,x\n0,1\n", "log.csv:1: no column `t` or `time`; name the time column with --time; found: a, x"),
-        ("t;x\n0;1\n", "log.csv:1: the cells look separated by semicolons"),
-        ("t\tx\n0\t1\n", "log.csv:1: the cells look separated by tabs"),
+        ("t|x\n0|1\n", "log.csv:1: the cells look separated by bars"),
+        ("t;x\n0;1,5\n1;2\n", "log.csv:2: column `x`: not a number: \"1,5\"; write the decimals behind a point"),
+        ("t,x\n2024-05-01T12:00:00Z,1\n17,2\n", "log.csv:3: column `t`: not a time like that of the first row: \"17\""),
         (
             "# c\nt,x\n0,1\n1,n/a?\n",
             "log.csv:4: column `x`: not a number: \"n/a?\"; leave the cell empty for a missing value",
@@ -49,7 +50,7 @@ fn every_kind_of_bad_input_is_one_clear_line() {
         ("t,x\n0,1\n1\n", "log.csv:3: 1 cell where the header has 2 cells"),
         ("t,x\n0,1\n1,2,3\n", "log.csv:3: 3 cells where the header has 2 cells"),
         ("t,x\n0,1\n# pause\n1,2\n", "log.csv:3: a comment among the samples"),
-        ("t,x\n0,\"1,5\"\n1,2\n", "log.csv:2: column `x`: not a number: \"1,5\""),
+        ("t,x\n0,\"1,5\"\n1,2\n", "log.csv:2: column `x`: not a number: \"1,5\"; write the decimals behind a point"),
         ("t,x\n0,1\n\n\n1,2\nx,3\n", "log.csv:6: column `t`: not a number: \"x\""),
         ("t,x\n0,1\n1,\"2\n2,3\n", "log.csv:3: column `x`: not a number: \"2\\n2,3"),
     ] {
@@ -61,9 +62,9 @@ fn every_kind_of_bad_input_is_one_clear_line() {
 
 #[test]
 fn a_file_that_is_not_utf8_names_its_line() {
-    let error = Log::parse("log.csv", b"t,x [\xb0C]\n0,1\n1,2\n", &LogOptions::default()).unwrap_err();
+    let error = CsvLog::parse("log.csv", b"t,x [\xb0C]\n0,1\n1,2\n", &LogOptions::default()).unwrap_err();
     assert_eq!(error.to_string(), "log.csv:1: byte 0xb0 is not UTF-8; save the file as UTF-8");
-    let error = Log::parse("log.csv", b"\xff\xfet\0", &LogOptions::default()).unwrap_err();
+    let error = CsvLog::parse("log.csv", b"\xff\xfet\0", &LogOptions::default()).unwrap_err();
     assert!(error.to_string().contains("UTF-16"), "{error}");
 }
 
@@ -75,14 +76,18 @@ fn every_spelling_of_the_format_reads_the_same() {
         "# made by hand\n\n#second, with a comma\nt, x [m],\"heading angle (rad), from x-axis\"\n0, 1, 2\n0.5, NaN, 3",
         "t,x [m],\"heading angle (rad), from x-axis\"\n\n0.0,1e0,+2.0\n\n5e-1,NA,3.\n\n",
         "x [m],time,\"heading angle (rad), from x-axis\"\n1,0,2\n,0.5,3\n",
+        "t;x [m];heading angle (rad), from x-axis\n0;1;2\n0.5;;3\n",
+        "t\tx [m]\t\"heading angle (rad), from x-axis\"\n0\t1\t2\n0.5\t\t3\n",
+        "__time,x [m],\"heading angle (rad), from x-axis\"\n1396293887.125,1,2\n1396293887.625,,3\n",
+        "Time,x [m],\"heading angle (rad), from x-axis\"\n2014-03-31T19:24:47.125Z,1,2\n2014-03-31 19:24:47.625,,3\n",
     ] {
         let log = parse(text).unwrap();
-        assert_eq!(log.times(), [0.0, 0.5], "{text}");
+        assert_eq!(log.times, [0.0, 0.5], "{text}");
         let x = log.values("x").unwrap();
         assert!(x[0] == 1.0 && x[1].is_nan(), "{text}");
         assert_eq!(log.values("heading_angle").unwrap(), [2.0, 3.0], "{text}");
         assert_eq!(log.values("heading angle (rad), from x-axis").unwrap(), [2.0, 3.0], "{text}");
-        assert_eq!(log.column("heading_angle").unwrap().unit, "rad");
+        assert_eq!(log.columns().find(|h| h.name == "heading_angle").unwrap().unit, "rad");
     }
 }
 
@@ -90,7 +95,7 @@ fn every_spelling_of_the_format_reads_the_same() {
 fn columns_that_nobody_asks_for_may_hold_text() {
     let log = parse("t,x,remark\n0,1,start\n1,2,end\n").unwrap();
     assert_eq!(log.values("x").unwrap(), [1.0, 2.0]);
-    assert!(log.is_numeric("x") && !log.is_numeric("remark"));
+    assert!(Source::is_numeric(&log, 0) && !Source::is_numeric(&log, 1));
 }
 
 #[test]
@@ -100,8 +105,9 @@ fn options_find_columns_by_name_and_by_header() {
         time: Some("clock".into()),
         run: Some("trial".into()),
         rename: vec![("v [km/h]".into(), "speed".into())],
+        ..LogOptions::default()
     };
-    let log = Log::parse("log.csv", text, &options).unwrap();
+    let log = CsvLog::parse("log.csv", text, &options).unwrap();
     let names: Vec<&str> = log.columns().map(|h| h.name.as_str()).collect();
     assert_eq!(names, ["v", "speed"]);
     assert_eq!(log.runs(), [("a".to_string(), vec![0, 1]), ("b".to_string(), vec![2, 3])]);
@@ -129,7 +135,7 @@ fn options_that_name_no_column_are_refused() {
             "log.csv:1: column `t`: column stands twice, as `t` and as `x`",
         ),
     ] {
-        let error = Log::parse("log.csv", text, &options).unwrap_err().to_string();
+        let error = CsvLog::parse("log.csv", text, &options).unwrap_err().to_string();
         assert!(error.starts_with(expected), "{error}");
     }
 }
@@ -138,7 +144,7 @@ fn options_that_name_no_column_are_refused() {
 fn a_time_that_goes_back_within_a_run_is_found_among_several() {
     let options = LogOptions { run: Some("run".into()), ..LogOptions::default() };
     let error =
-        Log::parse("log.csv", b"run,t,x\n1,0,1\n2,0,1\n1,1,1\n2,1,1\n1,0.5,1\n", &options).unwrap_err().to_string();
+        CsvLog::parse("log.csv", b"run,t,x\n1,0,1\n2,0,1\n1,1,1\n2,1,1\n1,0.5,1\n", &options).unwrap_err().to_string();
     assert!(error.starts_with("log.csv:6: column `t`: time goes back, from 1 to 0.5"), "{error}");
 }
 
@@ -153,11 +159,24 @@ fn the_real_logs_read_where_they_are_at_hand() {
             continue;
         }
         let bytes = std::fs::read(file.path()).unwrap();
-        let log = Log::parse(&file.path().display().to_string(), &bytes, &LogOptions::default()).unwrap();
+        let log = CsvLog::parse(&file.path().display().to_string(), &bytes, &LogOptions::default()).unwrap();
         for header in log.columns() {
             log.values(&header.name).unwrap();
         }
         read += 1;
     }
     assert!(read > 50, "{read}");
+}
+
+#[test]
+fn a_map_names_a_column_and_leaves_a_name_that_is_there() {
+    let options = LogOptions {
+        map: vec![("v".into(), "speed [m/s]".into()), ("u".into(), "/cmd.data[0]".into())],
+        ..LogOptions::default()
+    };
+    let log = CsvLog::parse("log.csv", b"t,speed [m/s],u\n0,1,2\n1,3,4\n", &options).unwrap();
+    assert_eq!(log.columns().map(|h| h.name.as_str()).collect::<Vec<_>>(), ["v", "u"]);
+    let options = LogOptions { map: vec![("v".into(), "sped".into())], ..LogOptions::default() };
+    let error = CsvLog::parse("log.csv", b"t,speed [m/s],u\n0,1,2\n1,3,4\n", &options).unwrap_err().to_string();
+    assert_eq!(error, "log.csv: --map v: column `sped` is not in the file; did you mean `speed`?; found: t, speed, u");
 }

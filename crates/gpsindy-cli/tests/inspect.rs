@@ -1,0 +1,63 @@
+//! `gpsindy inspect`, and the options that read logs of other formats.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::Folder;
+
+const HELD: &str = "Time,x [m],u,mode\n1700000000.00,1,5,run\n1700000000.01,1.5,5,run\n1700000000.02,2.25,5,run\n\
+                    1700000000.03,2.5,5,run\n1700000000.50,3.125,5,run\n";
+
+#[test]
+fn a_table_is_shown_with_its_clock_its_columns_and_its_faults() {
+    let folder = Folder::new();
+    folder.write("log.csv", HELD);
+    let shown = folder.run("inspect log.csv").done().stdout;
+    for expected in [
+        "log.csv: CSV",
+        "5 samples, 100 Hz",
+        "time `Time`: 1700000000 s to 1700000000.500 s",
+        "1 gap",
+        "u: is 5 throughout",
+        "mode",
+    ] {
+        assert!(shown.contains(expected), "{expected} is not in\n{shown}");
+    }
+    let json = folder.run("inspect log.csv log.csv --json").done().stdout;
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(value["schema"], "gpsindy.inspection/1");
+    assert_eq!(value["logs"][1]["topics"][0]["columns"][0]["unit"], "m");
+    let findings = value["logs"][0]["findings"].as_array().unwrap();
+    let kinds: Vec<&str> = findings.iter().map(|f| f["kind"].as_str().unwrap()).collect();
+    assert!(kinds.contains(&"constant") && kinds.contains(&"gaps"), "{kinds:?}");
+}
+
+#[test]
+fn stamps_that_stand_still_are_inspected_and_refused_by_the_methods() {
+    let folder = Folder::new();
+    folder.write("log.csv", "t,x\n0,1\n0.1,2\n0.1,3\n0.2,4\n");
+    assert!(folder.run("inspect log.csv").done().stdout.contains("1 stamps repeat the one before them"));
+    let refused = folder.run("smooth log.csv");
+    assert!(refused.refused().contains("time stands still"), "{refused:?}");
+}
+
+#[test]
+fn formats_that_are_not_read_say_the_way_out() {
+    let folder = Folder::new();
+    folder.write("old.bag", "#ROSBAG V2.0\n").write("bag.db3", "SQLite format 3\0");
+    assert!(folder.run("inspect old.bag").refused().contains("mcap convert"));
+    assert!(folder.run("smooth bag.db3").refused().contains("mcap convert"));
+    assert!(folder.run("smooth .").refused().contains("neither a LeRobot data set"));
+}
+
+#[test]
+fn maps_serve_tables_too() {
+    let folder = Folder::new();
+    folder.write("log.csv", "t,speed [m/s]\n0,1\n0.1,2\n0.2,3\n");
+    folder.write("map.toml", "[map]\nv = \"speed\"\n");
+    let smoothed = folder.run("smooth log.csv --map-file map.toml --state v").done().stdout;
+    assert!(smoothed.starts_with("t [s],v [m/s],"), "{smoothed}");
+    let refused = folder.run("smooth log.csv --map v=sped --state v");
+    assert!(refused.refused().contains("did you mean `speed`?"), "{refused:?}");
+    folder.write("bad.toml", "[maps]\n");
+    assert!(folder.run("smooth log.csv --map-file bad.toml").refused().starts_with("bad.toml:1: unknown field `maps`"));
+}

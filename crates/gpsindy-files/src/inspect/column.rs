@@ -1,0 +1,197 @@
+//! A column under inspection: counted to its end, its first samples kept for a closer look.
+
+use serde::Serialize;
+
+/// Samples that are kept of a column.
+pub(crate) const KEPT: usize = 5_000;
+
+/// Levels below which steps between values count as quantisation: 16 bits. Finer ones are a number's own digits.
+const LEVELS: f64 = 65_536.0;
+
+/// What a field or column holds.
+#[derive(Debug, Clone, Serialize)]
+pub struct ColumnReport {
+    /// The path to write behind the topic in a map, or the column's name.
+    pub name: String,
+    /// The name after which options know a table's column.
+    pub column: String,
+    /// The type as the format tells it.
+    pub kind: String,
+    /// The unit, empty where the format has none.
+    pub unit: String,
+    /// Whether it holds numbers.
+    pub numeric: bool,
+    /// Values that are there.
+    pub count: usize,
+    /// Share of samples without a value.
+    pub missing: f64,
+    /// Smallest and largest value.
+    pub min: Option<f64>,
+    /// Largest value.
+    pub max: Option<f64>,
+    /// Whether all values are one.
+    pub constant: bool,
+    /// The step between neighbouring levels, where values stand on few.
+    pub step: Option<f64>,
+    /// Share of samples that repeat the one before.
+    pub repeated: f64,
+    /// Jumps by a full turn.
+    pub wraps: usize,
+    /// Full turn of a wrapped angle, where it is one.
+    pub turn: Option<f64>,
+}
+
+/// A column as it is read.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Column {
+    pub(crate) name: String,
+    pub(crate) column: String,
+    pub(crate) kind: String,
+    pub(crate) unit: String,
+    pub(crate) numeric: bool,
+    pub(crate) kept: Vec<f64>,
+    samples: usize,
+    count: usize,
+    min: f64,
+    max: f64,
+    last: f64,
+    repeated: usize,
+    /// Jumps by about 2 pi and by about 360.
+    wraps: [usize; 2],
+}
+
+/// Full turns.
+const TURNS: [f64; 2] = [std::f64::consts::TAU, 360.0];
+
+impl Column {
+    pub(crate) fn new(name: &str, column: &str, kind: &str, unit: &str, numeric: bool) -> Self {
+        let (name, column, kind, unit) = (name.into(), column.into(), kind.into(), unit.into());
+        let (min, max, last) = (f64::INFINITY, f64::NEG_INFINITY, f64::NAN);
+        Self { name, column, kind, unit, numeric, min, max, last, ..Self::default() }
+    }
+
+    /// Takes the next sample.
+    pub(crate) fn push(&mut self, value: f64) {
+        self.samples += 1;
+        if self.kept.len() < KEPT {
+            self.kept.push(value);
+        }
+        if value.is_nan() {
+            return;
+        }
+        self.count += 1;
+        self.min = self.min.min(value);
+        self.max = self.max.max(value);
+        self.repeated += usize::from(value == self.last);
+        for (wraps, turn) in self.wraps.iter_mut().zip(TURNS) {
+            let jump = (value - self.last).abs();
+            *wraps += usize::from(jump > 0.75 * turn && jump < 1.01 * turn);
+        }
+        self.last = value;
+    }
+
+    /// A run ends: the next sample does not follow the last.
+    pub(crate) fn end_run(&mut self) {
+        self.last = f64::NAN;
+    }
+
+    pub(crate) fn report(&self) -> ColumnReport {
+        let some = self.count > 0;
+        let turn = self.turn();
+        ColumnReport {
+            name: self.name.clone(),
+            column: self.column.clone(),
+            kind: self.kind.clone(),
+            unit: self.unit.clone(),
+            numeric: self.numeric,
+            count: self.count,
+            missing: if self.samples == 0 { 0.0 } else { 1.0 - self.count as f64 / self.samples as f64 },
+            min: some.then_some(self.min),
+            max: some.then_some(self.max),
+            constant: self.count > 1 && self.min == self.max,
+            step: self.step(),
+            repeated: if self.count > 1 { self.repeated as f64 / (self.count - 1) as f64 } else { 0.0 },
+            wraps: turn.map_or(0, |(_, wraps)| wraps),
+            turn: turn.map(|(turn, _)| turn),
+        }
+    }
+
+    /// The full turn by which it jumps, and how often: an angle stays within one turn.
+    fn turn(&self) -> Option<(f64, usize)> {
+        let range = self.max - self.min;
+        let fits = |(turn, wraps): (f64, usize)| {
+            (wraps > 0 && range > 0.8 * turn && range < 1.01 * turn).then_some((turn, wraps))
+        };
+        TURNS.into_iter().zip(self.wraps).find_map(fits)
+    }
+
+    /// The distance of neighbouring levels, where all kept values stand on multiples of it and the levels are few.
+    fn step(&self) -> Option<f64> {
+        let mut levels: Vec<f64> = self.kept.iter().copied().filter(|v| v.is_finite()).collect();
+        levels.sort_by(f64::total_cmp);
+        levels.dedup();
+        if levels.len() < 3 {
+            return None;
+        }
+        let range = levels[levels.len() - 1] - levels[0];
+        let step = levels.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+        if range / step > LEVELS {
+            return None;
+        }
+        // Levels in single precision are not on exact multiples.
+        let size = levels[0].abs().max(levels[levels.len() - 1].abs());
+        let slack = 0.02 * step + 2.0 * size * f64::from(f32::EPSILON);
+        if slack > 0.25 * step {
+            return None;
+        }
+        // The mean of the smallest steps is a finer estimate than the smallest one.
+        let steps = levels.windows(2).map(|w| w[1] - w[0]);
+        let single: Vec<f64> = steps.filter(|d| *d < 1.5 * step).collect();
+        let step = single.iter().sum::<f64>() / single.len() as f64;
+        let off = |v: &f64| {
+            let levels = (v - levels[0]) / step;
+            (levels - levels.round()).abs() * step
+        };
+        let slack = slack + 0.02 * step;
+        (levels.iter().filter(|v| off(v) > slack).count() * 50 <= levels.len()).then_some(step)
+    }
+
+    /// Of the changes between kept samples: the share that is a level at most (repeats included), and the mean number of
+    /// samples for which a value stands.
+    pub(crate) fn changes(&self) -> Changes {
+        let step = self.step().unwrap_or(0.0);
+        let values: Vec<f64> = self.kept.iter().copied().filter(|v| !v.is_nan()).collect();
+        let (mut small, mut same, mut longest, mut stands) = (0_usize, 0_usize, 1_usize, 1_usize);
+        let mut lengths: Vec<usize> = Vec::new();
+        for pair in values.windows(2) {
+            let change = (pair[1] - pair[0]).abs();
+            small += usize::from(change <= 1.5 * step);
+            same += usize::from(change == 0.0);
+            if change == 0.0 {
+                stands += 1;
+                longest = longest.max(stands);
+            } else {
+                lengths.push(stands);
+                stands = 1;
+            }
+        }
+        let all = values.len().saturating_sub(1).max(1) as f64;
+        lengths.sort_unstable();
+        let middle = lengths.get(lengths.len() / 2).copied().unwrap_or(stands);
+        let regular = lengths.iter().filter(|l| l.abs_diff(middle) <= 1).count() as f64 / lengths.len().max(1) as f64;
+        Changes { small: small as f64 / all, same: same as f64 / all, held: middle, regular }
+    }
+}
+
+/// How the kept samples of a column change.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Changes {
+    /// Share of changes by one level at most, none included.
+    pub(crate) small: f64,
+    /// Share of no change.
+    pub(crate) same: f64,
+    /// Samples for which a value typically stands.
+    pub(crate) held: usize,
+    /// Share of values that stand so long, give or take one sample.
+    pub(crate) regular: f64,
+}

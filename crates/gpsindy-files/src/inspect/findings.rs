@@ -1,0 +1,177 @@
+//! What spoils an identification: one sentence each, with what to do.
+
+use super::difference::{self, How};
+use super::stamps::median;
+use super::text::short;
+use super::{Sheet, TopicReport};
+use serde::Serialize;
+
+/// Jitter from which steps are called uneven; a tenth of it moves a finite difference by as much as the noise of a good
+/// encoder does.
+const JITTER: f64 = 0.05;
+
+/// Spacing of float32 stamps, relative to the typical step, from which differences over a step suffer.
+const COARSE_STAMPS: f64 = 0.01;
+
+/// Share of changes within a level from which a column is called coarse.
+const COARSE: f64 = 0.5;
+
+/// Share of repeated samples from which a column is called held.
+const HELD: f64 = 0.2;
+
+/// Something that spoils an identification.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// The topic; empty for a table.
+    pub topic: String,
+    /// The field or column, where one is at fault.
+    pub column: Option<String>,
+    /// `jitter`, `gaps`, `repeated_stamps`, `backward_stamps`, `float32_stamps`, `clock_drift`, `constant`, `quantised`,
+    /// `held`, `wrapped`, `difference`, `missing` or `unread`.
+    pub kind: String,
+    /// A sentence.
+    pub text: String,
+}
+
+struct Told<'a> {
+    topic: &'a str,
+    found: &'a mut Vec<Finding>,
+}
+
+impl Told<'_> {
+    fn stamps(&mut self, kind: &str, text: String) {
+        self.found.push(Finding { topic: self.topic.into(), column: None, kind: kind.into(), text });
+    }
+
+    fn column(&mut self, column: &str, kind: &str, text: String) {
+        self.found.push(Finding { topic: self.topic.into(), column: Some(column.into()), kind: kind.into(), text });
+    }
+}
+
+/// What is wrong within a topic.
+pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) {
+    let mut told = Told { topic: &sheet.topic, found };
+    if let Some(why) = &sheet.unread {
+        told.stamps("unread", why.clone());
+    }
+    clock(report, &mut told);
+    for (column, report) in sheet.columns.iter().zip(&report.columns) {
+        if !report.numeric {
+            continue;
+        }
+        let name = &report.name;
+        if report.count == 0 {
+            told.column(name, "missing", "holds no value".into());
+            continue;
+        }
+        if report.constant {
+            let value = report.min.unwrap_or(f64::NAN);
+            told.column(name, "constant", format!("is {value} throughout: it tells nothing and can't be a state"));
+            continue;
+        }
+        if let Some(turn) = report.turn {
+            let unit = if turn > 100.0 { "degrees; convert it to rad" } else { "rad; unwrap it with --angle" };
+            told.column(name, "wrapped", format!("jumps by a full turn, {} times: an angle in {unit}", report.wraps));
+        }
+        let changes = column.changes();
+        // A ramp moves by a level every time; a coarse sensor also stands still.
+        let moves = changes.same > 0.1 && changes.small > changes.same + 0.1;
+        let coarse = report.step.filter(|_| changes.small > COARSE && moves);
+        if let Some(step) = coarse {
+            let share = 100.0 * changes.small;
+            let text = format!(
+                "stands on levels {} apart, and {share:.0} % of its changes are one level or none",
+                short(step)
+            );
+            told.column(name, "quantised", text);
+        } else if changes.same > HELD && changes.held > 1 {
+            let rate = report_rate(sheet) / changes.held as f64;
+            let how = if changes.regular > 0.7 {
+                format!("repeats each value for {} samples: a signal of {} Hz, held", changes.held, short(rate))
+            } else {
+                format!(
+                    "stands still in {:.0} % of its samples: a signal of its own, slower clock, or a command",
+                    100.0 * changes.same
+                )
+            };
+            told.column(name, "held", how);
+        }
+    }
+    for made in difference::find(sheet) {
+        let of = &sheet.columns[made.of].name;
+        let how = match made.how {
+            How::Difference(1) => format!("is the difference of `{of}` from sample to sample"),
+            How::Difference(k) => {
+                format!("is the difference of `{of}` over {k} samples, late by {:.1} samples", k as f64 / 2.0)
+            }
+            How::LowPass(past) => {
+                // A weight of the past is exp(-step / time constant).
+                format!("is the difference of `{of}` through a low pass of {:.1} samples", -1.0 / past.ln())
+            }
+        };
+        let text = format!("{how}: no measurement of its own; leave it out or name it by --derivative");
+        told.column(&sheet.columns[made.column].name, "difference", text);
+    }
+}
+
+fn clock(report: &TopicReport, told: &mut Told<'_>) {
+    let clock = &report.clock;
+    let (Some(period), Some(jitter)) = (clock.period, clock.jitter) else { return };
+    if clock.backward > 0 {
+        told.stamps("backward_stamps", format!("{} stamps lie before the one before them", clock.backward));
+    }
+    if clock.repeated > 0 {
+        told.stamps("repeated_stamps", format!("{} stamps repeat the one before them", clock.repeated));
+    }
+    if jitter > JITTER {
+        let what = if clock.clock == "log" { ", the time of recording: that of sampling would be better" } else { "" };
+        told.stamps("jitter", format!("steps vary by \u{b1}{:.0} % around {} s{what}", 100.0 * jitter, short(period)));
+    }
+    if clock.gaps > 0 {
+        let (longest, at) = (clock.longest.unwrap_or(0.0), clock.longest_at.unwrap_or(0.0));
+        told.stamps("gaps", format!("{} gaps; the longest lasts {} s from {at:.3} s on", clock.gaps, short(longest)));
+    }
+    if let Some(resolution) = clock.resolution.filter(|r| *r > COARSE_STAMPS * period) {
+        let share = 100.0 * resolution / period;
+        let text = format!(
+            "stamps are float32: {resolution:.2e} s apart at the end, {share:.1} % of a step; write them as float64"
+        );
+        told.stamps("float32_stamps", text);
+    }
+    if let Some(drift) = clock.drift {
+        let text = format!(
+            "the clock of the headers and that of the recorder run apart by {:.0} ppm: do not mix topics with and without a header",
+            1e6 * drift
+        );
+        told.stamps("clock_drift", text);
+    }
+}
+
+/// What is wrong between topics: clocks that do not meet.
+pub(crate) fn between(sheets: &[Sheet], found: &mut Vec<Finding>) {
+    let spans: Vec<(&Sheet, f64, f64)> = sheets
+        .iter()
+        .filter(|s| s.stamps.len() > 1)
+        .map(|s| {
+            let of = |pick: fn(f64, f64) -> f64, from: f64| s.stamps.iter().copied().fold(from, pick) + s.origin;
+            (s, of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
+        })
+        .collect();
+    // The topic that the most others meet is taken for right.
+    let meets = |a: &(&Sheet, f64, f64), b: &(&Sheet, f64, f64)| a.1 <= b.2 && b.1 <= a.2;
+    let Some(right) = spans.iter().max_by_key(|a| spans.iter().filter(|b| meets(a, b)).count()) else { return };
+    for alone in spans.iter().filter(|a| !meets(a, right)) {
+        found.push(Finding {
+            topic: alone.0.topic.clone(),
+            column: None,
+            kind: "clock_drift".into(),
+            text: format!("its stamps have no time in common with those of {}; try --stamp log", right.0.topic),
+        });
+    }
+}
+
+/// Samples a second, NaN where there are too few.
+fn report_rate(sheet: &Sheet) -> f64 {
+    let steps: Vec<f64> = sheet.stamps.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0).collect();
+    1.0 / median(steps)
+}

@@ -1,0 +1,159 @@
+//! Every topic of an MCAP log, its fields as the first message has them.
+
+use super::super::Sheet;
+use super::super::column::Column;
+use super::Looked;
+use crate::error::Result;
+use crate::input::Input;
+use crate::log::Stamp;
+use crate::mcap_log::container::{Channel, Event, scan};
+use crate::mcap_log::{json_stamp, stamp_of};
+use crate::message::cdr::Leaf;
+use crate::message::path::{self, Step};
+use crate::message::schema::Schema;
+use crate::message::want::Wants;
+use crate::message::{cdr, json};
+use gpsindy_core::Progress;
+use std::collections::HashMap;
+
+/// A topic as it is read.
+struct Topic {
+    sheet: Sheet,
+    log: Vec<i64>,
+    header: Vec<Option<i64>>,
+    /// Paths to the columns, in their order.
+    paths: Vec<Vec<Step>>,
+}
+
+enum Reader {
+    Cdr { schema: Schema, wants: Box<Wants>, stamped: bool },
+    Json,
+    None,
+}
+
+pub(crate) fn look(inputs: Vec<Input>, file: String, stamp: Stamp, progress: &dyn Progress) -> Result<Looked> {
+    let mut topics: Vec<Topic> = Vec::new();
+    let mut channels: HashMap<(usize, u16), Channel> = HashMap::new();
+    let mut readers: HashMap<(usize, u16), (usize, Reader)> = HashMap::new();
+    let mut outputs: Vec<f64> = Vec::new();
+    let broken = scan(&file, &inputs, progress, &mut |part, event| {
+        match event {
+            Event::Channel(id, channel) => {
+                place(&mut topics, &channel);
+                channels.insert((part, id), channel);
+            }
+            Event::Message { channel, time, data } => {
+                let key = (part, channel);
+                let Some(known) = channels.get(&key) else { return Ok(()) };
+                let (at, reader) = readers.entry(key).or_insert_with(|| {
+                    let at = place(&mut topics, known);
+                    (at, reader(known, data, &mut topics[at]))
+                });
+                topics[*at].take(reader, time, data, &mut outputs);
+            }
+        }
+        Ok(())
+    })?;
+    topics.sort_by(|a, b| a.sheet.topic.cmp(&b.sheet.topic));
+    let sheets = topics.into_iter().map(|topic| topic.finish(stamp)).collect();
+    Ok((file, "MCAP", sheets, broken.into_iter().collect()))
+}
+
+fn place(topics: &mut Vec<Topic>, channel: &Channel) -> usize {
+    if let Some(at) = topics.iter().position(|t| t.sheet.topic == channel.topic) {
+        return at;
+    }
+    let kind = channel.schema.as_ref().map_or(String::new(), |(name, ..)| format!("{name}, "));
+    let sheet = Sheet {
+        topic: channel.topic.clone(),
+        kind: format!("{kind}{}", channel.encoding),
+        runs: vec![0],
+        unread: channel.schema().err(),
+        ..Sheet::default()
+    };
+    topics.push(Topic { sheet, log: Vec::new(), header: Vec::new(), paths: Vec::new() });
+    topics.len() - 1
+}
+
+/// What reads a channel; its first message says which elements its arrays have.
+fn reader(channel: &Channel, data: &[u8], topic: &mut Topic) -> Reader {
+    let schema = match channel.schema() {
+        Ok(schema) => schema,
+        Err(_) => return Reader::None,
+    };
+    let leaves: Vec<Leaf> = match &schema {
+        Some(schema) => cdr::leaves(schema, data).unwrap_or_else(|why| {
+            topic.sheet.unread = Some(format!("its first message can't be read: {why}"));
+            Vec::new()
+        }),
+        None => serde_json::from_slice(data).map(|m| json::leaves(&m)).unwrap_or_default(),
+    };
+    if topic.sheet.columns.is_empty() {
+        let stamp = schema.as_ref().and_then(stamp_of);
+        for leaf in leaves {
+            let is_stamp = stamp.as_ref().is_some_and(|paths| paths.contains(&leaf.path));
+            let name = path::shown(&leaf.path);
+            let number = leaf.number && !is_stamp;
+            topic.sheet.columns.push(Column::new(&name, &name, &leaf.told, "", number));
+            if number {
+                topic.paths.push(leaf.path);
+            }
+        }
+    }
+    let Some(schema) = schema else { return Reader::Json };
+    let mut paths = topic.paths.clone();
+    let stamp = stamp_of(&schema);
+    paths.extend(stamp.iter().flatten().cloned());
+    match Wants::of(&schema, &paths) {
+        Ok(wants) => Reader::Cdr { schema, wants: Box::new(wants), stamped: stamp.is_some() },
+        Err(_) => Reader::None,
+    }
+}
+
+impl Topic {
+    fn take(&mut self, reader: &mut Reader, time: u64, data: &[u8], outputs: &mut Vec<f64>) {
+        outputs.clear();
+        let mut stamp = None;
+        match reader {
+            Reader::None => {}
+            Reader::Cdr { schema, wants, stamped } => {
+                outputs.resize(wants.count, f64::NAN);
+                if cdr::take(schema, wants, data, outputs).is_err() {
+                    outputs.fill(f64::NAN);
+                } else if *stamped {
+                    let (sec, nanosec) = (outputs[wants.count - 2], outputs[wants.count - 1]);
+                    stamp = Some(sec as i64 * 1_000_000_000 + nanosec as i64);
+                }
+            }
+            Reader::Json => {
+                if let Ok(message) = serde_json::from_slice(data) {
+                    outputs.extend(self.paths.iter().map(|path| json::number(&message, path).unwrap_or(f64::NAN)));
+                    stamp = json_stamp(&message);
+                }
+            }
+        }
+        self.log.push(i64::try_from(time).unwrap_or(i64::MAX));
+        self.header.push(stamp);
+        let numbers = self.sheet.columns.iter_mut().filter(|c| c.numeric);
+        for (i, column) in numbers.enumerate() {
+            column.push(outputs.get(i).copied().filter(|v| v.is_finite()).unwrap_or(f64::NAN));
+        }
+    }
+
+    fn finish(mut self, stamp: Stamp) -> Sheet {
+        let every = !self.header.is_empty() && self.header.iter().all(Option::is_some);
+        let moves = self.header.iter().any(|s| *s != self.header[0]);
+        let by_header = every && (moves || self.log.len() == 1) && stamp != Stamp::Log;
+        let header: Vec<i64> = self.header.into_iter().flatten().collect();
+        let chosen = if by_header { &header } else { &self.log };
+        let first = chosen.first().copied().unwrap_or(0);
+        let apart = |a: i64, b: i64| (i128::from(a) - i128::from(b)) as f64 / 1e9;
+        self.sheet.clock = if by_header { "header" } else { "log" }.into();
+        self.sheet.stamps = chosen.iter().map(|t| apart(*t, first)).collect();
+        self.sheet.origin = first as f64 / 1e9;
+        if every && moves {
+            self.sheet.latency = self.log.iter().zip(&header).map(|(log, header)| apart(*log, *header)).collect();
+        }
+        self.sheet
+    }
+}

@@ -1,0 +1,50 @@
+//! Every column of a Parquet table or a LeRobot data set.
+
+use super::super::Sheet;
+use super::super::column::Column;
+use super::Looked;
+use crate::error::Result;
+use crate::parquet_log::ParquetLog;
+use crate::topic::Source;
+use gpsindy_core::Progress;
+
+pub(crate) fn look(log: &ParquetLog, file: String, format: &'static str, progress: &dyn Progress) -> Result<Looked> {
+    let headers = log.columns();
+    let (time, told) = log.clock();
+    let mut sheet = Sheet { clock: time.name.clone(), single: told == "float32", ..Sheet::default() };
+    let mut notes = Vec::new();
+    let mut columns: Vec<Column> = headers
+        .iter()
+        .enumerate()
+        .map(|(i, h)| Column::new(&h.text, &h.name, log.told(i), &h.unit, log.is_numeric(i)))
+        .collect();
+    // The elements of a list at once, the columns otherwise one by one: so little is in memory at a time.
+    let mut at = 0;
+    loop {
+        let mut group: Vec<usize> = (at..headers.len()).take_while(|&i| i == at || log.same_list(at, i)).collect();
+        at += group.len().max(1);
+        group.retain(|&i| log.is_numeric(i));
+        let reading = log.gather(&group, progress, false)?;
+        if sheet.runs.is_empty() {
+            for topic in &reading.topics {
+                sheet.runs.push(sheet.stamps.len());
+                sheet.stamps.extend(&topic.stamps);
+            }
+            sheet.origin = reading.origin;
+            notes = reading.notes;
+        }
+        for topic in reading.topics {
+            for (j, values) in topic.columns {
+                columns[group[j]].end_run();
+                values.into_iter().for_each(|value| columns[group[j]].push(value));
+            }
+        }
+        if at >= headers.len() {
+            break;
+        }
+    }
+    sheet.columns = columns;
+    // Stamps that were made again are no longer float32.
+    sheet.single &= !notes.iter().any(|note| note.contains("made again"));
+    Ok((file, format, vec![sheet], notes))
+}

@@ -1,0 +1,133 @@
+//! Tests of the inspection: a log with one fault each, and what must be said of it.
+
+use super::*;
+use gpsindy_core::Silent;
+
+fn inspected(name: &str, bytes: &[u8]) -> Inspection {
+    let path = std::env::temp_dir().join(format!("gpsindy-inspect-{}-{name}", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    let found = inspect(&path, &LogOptions::default(), &Silent).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    found
+}
+
+/// A table of 400 samples of which each column is a function of the row's number.
+fn table(name: &str, t: impl Fn(usize) -> f64, columns: &[(&str, &dyn Fn(usize) -> f64)]) -> Inspection {
+    let mut text = String::from("t");
+    columns.iter().for_each(|(name, _)| text += &format!(",{name}"));
+    text.push('\n');
+    for i in 0..400 {
+        text += &format!("{:?}", t(i));
+        columns.iter().for_each(|(_, value)| text += &format!(",{:?}", value(i)));
+        text.push('\n');
+    }
+    inspected(name, text.as_bytes())
+}
+
+fn kinds(found: &Inspection) -> Vec<&str> {
+    found.findings.iter().map(|f| f.kind.as_str()).collect()
+}
+
+fn noise(i: usize) -> f64 {
+    let mixed = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f64 / (1_u64 << 24) as f64 - 0.5
+}
+
+fn smooth(i: usize) -> f64 {
+    (i as f64 * 0.013).sin() + 1e-3 * noise(i)
+}
+
+fn even(i: usize) -> f64 {
+    i as f64 * 0.01
+}
+
+#[test]
+fn a_clean_log_has_no_findings() {
+    let found =
+        table("clean.csv", even, &[("x [m]", &smooth), ("v", &|i| (i as f64 * 0.013).cos() + 0.01 * noise(i + 1000))]);
+    assert_eq!(kinds(&found), [""; 0]);
+    let clock = &found.topics[0].clock;
+    assert!((clock.rate.unwrap() - 100.0).abs() < 1e-6 && clock.jitter.unwrap() < 1e-6 && clock.gaps == 0);
+    assert_eq!((found.topics[0].count, found.topics[0].columns[0].unit.as_str()), (400, "m"));
+    assert!(found.text(100).contains("nothing found that spoils an identification"));
+}
+
+#[test]
+fn each_fault_is_named() {
+    let x: (&str, &dyn Fn(usize) -> f64) = ("x", &smooth);
+    let one = |name: &str, value: &dyn Fn(usize) -> f64| {
+        let found = table(&format!("{name}.csv"), even, &[("y", value)]);
+        kinds(&found).join(" ")
+    };
+    assert_eq!(one("constant", &|_| 2.0), "constant");
+    assert_eq!(one("wrapped", &|i| (i as f64 * 0.05).sin().atan2((i as f64 * 0.05).cos())), "wrapped");
+    assert_eq!(one("quantised", &|i| ((i as f64 * 0.01).sin() * 50.0).round() * 0.02), "quantised");
+    assert_eq!(one("held", &|i| smooth(i / 4 * 4)), "held");
+    assert_eq!(kinds(&table("jitter.csv", |i| even(i) + 0.004 * noise(i), &[x])), ["jitter"]);
+    assert_eq!(kinds(&table("gap.csv", |i| even(i) + if i > 200 { 0.5 } else { 0.0 }, &[x])), ["gaps"]);
+    assert_eq!(kinds(&table("repeated.csv", |i| even(if i == 100 { 99 } else { i }), &[x])), ["repeated_stamps"]);
+    assert_eq!(kinds(&table("backward.csv", |i| even(if i == 100 { 98 } else { i }), &[x]))[0], "backward_stamps");
+    let single = table("single.csv", |i| f64::from((3_000.0 + even(i)) as f32), &[x]);
+    assert!(kinds(&single).contains(&"float32_stamps"), "{single:?}");
+    let made = table("made.csv", even, &[x, ("v", &|i| if i == 0 { 0.0 } else { (smooth(i) - smooth(i - 1)) / 0.01 })]);
+    assert_eq!(kinds(&made), ["difference"]);
+    assert!(made.findings[0].text.contains("difference of `x` from sample to sample"), "{made:?}");
+}
+
+#[test]
+fn levels_are_measured() {
+    let found = table("levels.csv", even, &[("y", &|i| ((i as f64 * 0.05).sin() * 300.0).round() * 0.088)]);
+    let step = found.topics[0].columns[0].step.unwrap();
+    assert!((step - 0.088).abs() < 1e-9, "{step}");
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn topics_of_mcap_are_listed_with_their_joints_and_the_drift_of_their_clock() {
+    use crate::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
+    let mut bag = Bag::new(Some(mcap::Compression::Zstd));
+    let joints = bag.channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
+    for i in 0..500_i64 {
+        let t = 1_763_000_000_000_000_000 + i * 10_000_000;
+        // Recorded 2 ms late and by a clock that is 0.1 % fast.
+        let log = t + 2_000_000 + i * 10_000 + i % 7 * 1_000;
+        bag.write(
+            joints,
+            log,
+            &joint_state(t, &["pan", "lift"], &[smooth(i as usize), -0.5 * smooth(i as usize + 77)]),
+        );
+    }
+    let found = inspected("robot.mcap", &bag.done());
+    let topic = &found.topics[0];
+    assert_eq!((found.format.as_str(), topic.topic.as_str(), topic.count), ("MCAP", "/joint_states", 500));
+    assert_eq!(topic.kind, "sensor_msgs/msg/JointState, cdr");
+    let names: Vec<&str> = topic.columns.iter().filter(|c| c.numeric).map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["position[pan]", "position[lift]"]);
+    assert_eq!(topic.clock.clock, "header");
+    assert!((topic.clock.drift.unwrap() - 1e-3).abs() < 1e-5, "{:?}", topic.clock);
+    assert_eq!(kinds(&found), ["clock_drift"]);
+    let text = found.text(100);
+    assert!(text.contains("position[lift]") && text.contains("100 Hz"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 110), "{text}");
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn a_data_set_of_episodes_is_looked_through() {
+    let folder = crate::parquet_log::tests::lerobot(|frame| frame as f32 / 30.0);
+    let found = inspect(&folder, &LogOptions::default(), &Silent).unwrap();
+    std::fs::remove_dir_all(folder).unwrap();
+    let topic = &found.topics[0];
+    assert_eq!((found.format.as_str(), topic.count, topic.runs), ("LeRobot data set", 80, 2));
+    assert!(topic.columns.iter().any(|c| c.name == "observation.state[elbow.pos]" && c.kind == "float32"));
+    assert!(found.notes[0].contains("made again"));
+}
+
+#[cfg(feature = "ulog")]
+#[test]
+fn topics_of_ulog_are_listed_with_their_instances() {
+    let found = inspected("flight.ulg", &crate::ulog::tests::flight());
+    let names: Vec<(&str, usize)> = found.topics.iter().map(|t| (t.topic.as_str(), t.count)).collect();
+    assert_eq!(names, [("motor", 50), ("rate", 100), ("rate:1", 100)]);
+    assert!(found.topics[1].columns.iter().any(|c| c.name == "xyz[2]" && c.kind == "float"));
+}

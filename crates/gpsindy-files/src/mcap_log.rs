@@ -1,0 +1,311 @@
+//! MCAP: topics of messages in CDR with their `ros2msg` schemas, or in JSON.
+//!
+//! The container is read by the `mcap` crate from front to back, so that a file that breaks off gives what stands before
+//! the break; a message is kept only for as long as its wanted numbers take to be read.
+
+use crate::error::{Error, Result};
+use crate::header::Header;
+use crate::input::Input;
+use crate::log::{LogOptions, Stamp};
+use crate::mapped::{self, Place};
+use crate::message::path::{self, Step};
+use crate::message::schema::{Kind, Many, Schema};
+use crate::message::want::Wants;
+use crate::message::{cdr, json};
+use crate::near::hint;
+use crate::stamps::{self, Series};
+use crate::topic::{Reading, Source};
+use gpsindy_core::Progress;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+pub(crate) mod container;
+
+use container::{Channel, Event, scan};
+
+/// An MCAP log, or the parts of one in their order.
+#[derive(Debug)]
+pub(crate) struct McapLog {
+    file: String,
+    inputs: Vec<Input>,
+    headers: Vec<Header>,
+    /// Where each column comes from.
+    places: Vec<Place>,
+    stamp: Stamp,
+    offsets: Vec<(String, f64)>,
+}
+
+impl McapLog {
+    /// Opens a log and looks for the mapped topics and fields.
+    ///
+    /// # Errors
+    /// No map, a topic or field that is not there, a file that is broken before its first message.
+    pub(crate) fn open(inputs: Vec<Input>, file: &str, options: &LogOptions) -> Result<Self> {
+        let channels = container::channels(file, &inputs)?;
+        let mut names: Vec<&str> = channels.iter().map(|c| c.topic.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        let (headers, places) = mapped::columns(file, options, &names, &mut |topic, path| {
+            let steps = path::steps(path)?;
+            for channel in channels.iter().filter(|c| c.topic == topic) {
+                if let Some(schema) = channel.schema()? {
+                    Wants::of(&schema, std::slice::from_ref(&steps))?;
+                }
+            }
+            Ok(())
+        })?;
+        let (stamp, offsets) = (options.stamp, options.offset.clone());
+        Ok(Self { file: file.into(), inputs, headers, places, stamp, offsets })
+    }
+}
+
+/// Reads the wanted numbers of one channel's messages.
+enum Reader {
+    Cdr { schema: Schema, wants: Box<Wants>, stamped: bool },
+    Json(Vec<Vec<Step>>),
+}
+
+/// What is gathered of a topic.
+struct Gathered {
+    topic: String,
+    /// Place among the columns asked for, and the path, in the order of the outputs.
+    columns: Vec<(usize, Vec<Step>)>,
+    log: Vec<i64>,
+    /// The header's stamps; `None` where a message has none.
+    header: Vec<Option<i64>>,
+    values: Vec<Vec<f64>>,
+    broken: usize,
+    /// The names of the last message's fields, for suggestions.
+    last: Vec<u8>,
+}
+
+impl Source for McapLog {
+    fn columns(&self) -> &[Header] {
+        &self.headers
+    }
+
+    fn is_numeric(&self, _: usize) -> bool {
+        true
+    }
+
+    fn read(&self, columns: &[usize], progress: &dyn Progress) -> Result<Reading> {
+        let mut gathered: Vec<Gathered> = Vec::new();
+        for (output, &column) in columns.iter().enumerate() {
+            let Place { topic, steps } = &self.places[column];
+            let at = gathered.iter().position(|g| g.topic == *topic).unwrap_or_else(|| {
+                gathered.push(Gathered::new(topic));
+                gathered.len() - 1
+            });
+            gathered[at].columns.push((output, steps.clone()));
+            gathered[at].values.push(Vec::new());
+        }
+        // By the part of the log and its number of the channel.
+        let mut readers: HashMap<(usize, u16), Option<(usize, Reader)>> = HashMap::new();
+        let mut channels: HashMap<(usize, u16), Channel> = HashMap::new();
+        let mut outputs: Vec<f64> = Vec::new();
+        let broken = scan(&self.file, &self.inputs, progress, &mut |part, event| {
+            match event {
+                Event::Channel(id, channel) => {
+                    channels.insert((part, id), channel);
+                }
+                Event::Message { channel, time, data } => {
+                    let key = (part, channel);
+                    let reader = match readers.entry(key) {
+                        Entry::Occupied(known) => known.into_mut(),
+                        Entry::Vacant(place) => {
+                            let channel = channels.get(&key);
+                            place.insert(channel.map_or(Ok(None), |channel| self.reader(channel, &gathered))?)
+                        }
+                    };
+                    if let Some((at, reader)) = reader {
+                        gathered[*at].take(&self.file, reader, time, data, &mut outputs)?;
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        let mut notes: Vec<String> = broken.into_iter().collect();
+        let mut series = Vec::with_capacity(gathered.len());
+        for one in gathered {
+            series.push(self.finish(one, &mut notes)?);
+        }
+        let option = if self.stamp == Stamp::Log { "" } else { ", or take the time of recording with --stamp log" };
+        let (topics, told) = stamps::topics(&self.file, series, &self.offsets, option)?;
+        notes.extend(told);
+        Ok(Reading { topics, notes })
+    }
+
+    fn lacks(&self, name: &str) -> Error {
+        mapped::lacks(&self.file, &self.headers, name)
+    }
+}
+
+impl McapLog {
+    /// What reads a channel of a wanted topic, and the topic's place.
+    fn reader(&self, channel: &Channel, gathered: &[Gathered]) -> Result<Option<(usize, Reader)>> {
+        let Some(at) = gathered.iter().position(|g| g.topic == channel.topic) else { return Ok(None) };
+        let wrong = |message: String| Error::file(&self.file, format!("topic `{}`: {message}", channel.topic));
+        let mut paths: Vec<Vec<Step>> = gathered[at].columns.iter().map(|(_, steps)| steps.clone()).collect();
+        let reader = match channel.schema().map_err(wrong)? {
+            None => Reader::Json(paths),
+            Some(schema) => {
+                let stamp = stamp_of(&schema);
+                let stamped = stamp.is_some();
+                paths.extend(stamp.into_iter().flatten());
+                let wants = Wants::of(&schema, &paths).map_err(wrong)?;
+                Reader::Cdr { schema, wants: Box::new(wants), stamped }
+            }
+        };
+        Ok(Some((at, reader)))
+    }
+
+    /// The series of a topic on the chosen clock.
+    fn finish(&self, one: Gathered, notes: &mut Vec<String>) -> Result<Series> {
+        let topic = &one.topic;
+        let wrong = |message: String| Error::file(&self.file, message);
+        if one.log.is_empty() {
+            return Err(wrong(format!("topic `{topic}` has no message")));
+        }
+        if one.broken > 0 {
+            notes.push(format!(
+                "{}: topic `{topic}`: {} messages can't be read and were left out",
+                self.file, one.broken
+            ));
+        }
+        let every = one.header.iter().all(Option::is_some);
+        // A header that nobody filled in has the same stamp throughout, mostly zero.
+        let moves = one.header.iter().any(|stamp| *stamp != one.header[0]);
+        let by_header = match self.stamp {
+            Stamp::Log => false,
+            Stamp::Header if !every => {
+                return Err(wrong(format!(
+                    "topic `{topic}` has messages without a stamp in a header; choose --stamp log"
+                )));
+            }
+            Stamp::Header => true,
+            Stamp::Auto if every && !moves && one.log.len() > 1 => {
+                notes.push(format!(
+                    "{}: topic `{topic}`: the stamp in the header never changes; the time of recording was taken",
+                    self.file
+                ));
+                false
+            }
+            Stamp::Auto => every,
+        };
+        for (values, (_, steps)) in one.values.iter().zip(&one.columns) {
+            if values.iter().all(|v| v.is_nan()) {
+                let wanted = path::shown(steps);
+                let found = String::from_utf8_lossy(&one.last);
+                let found = if found.is_empty() { String::new() } else { hint(&wanted, found.lines()) };
+                return Err(wrong(format!("topic `{topic}` has no number at `{wanted}` in any message{found}")));
+            }
+        }
+        Ok(Series {
+            stamps: if by_header { one.header.into_iter().flatten().collect() } else { one.log },
+            topic: one.topic,
+            columns: one.columns.into_iter().map(|(output, _)| output).zip(one.values).collect(),
+        })
+    }
+}
+
+impl Gathered {
+    fn new(topic: &str) -> Self {
+        let topic = topic.to_string();
+        Self {
+            topic,
+            columns: Vec::new(),
+            log: Vec::new(),
+            header: Vec::new(),
+            values: Vec::new(),
+            broken: 0,
+            last: Vec::new(),
+        }
+    }
+
+    /// Takes the numbers of a message. One that can't be read is counted, the first one refused.
+    fn take(&mut self, file: &str, reader: &mut Reader, time: u64, data: &[u8], outputs: &mut Vec<f64>) -> Result<()> {
+        let stamp = match reader.take(data, outputs) {
+            Ok(stamp) => stamp,
+            Err(_) if !self.log.is_empty() => {
+                self.broken += 1;
+                return Ok(());
+            }
+            Err(message) => {
+                return Err(Error::file(file, format!("topic `{}`, first message: {message}", self.topic)));
+            }
+        };
+        self.log.push(i64::try_from(time).unwrap_or(i64::MAX));
+        self.header.push(stamp);
+        for (values, &output) in self.values.iter_mut().zip(outputs.iter()) {
+            // A dataset holds no infinite value: one in a message is a sensor's "nothing".
+            values.push(if output.is_finite() { output } else { f64::NAN });
+        }
+        // The names of the fields, while a column is still without a number.
+        if self.last.is_empty() && outputs[..self.values.len()].iter().any(|v| v.is_nan()) {
+            self.last = reader.fields(data).join("\n").into_bytes();
+        }
+        Ok(())
+    }
+}
+
+impl Reader {
+    /// The numbers of a message, and its header's stamp, ns.
+    fn take(&mut self, data: &[u8], outputs: &mut Vec<f64>) -> std::result::Result<Option<i64>, String> {
+        match self {
+            Self::Cdr { schema, wants, stamped } => {
+                outputs.resize(wants.count, f64::NAN);
+                cdr::take(schema, wants, data, outputs)?;
+                if !*stamped {
+                    return Ok(None);
+                }
+                let (sec, nanosec) = (outputs[wants.count - 2], outputs[wants.count - 1]);
+                Ok(Some(sec as i64 * 1_000_000_000 + nanosec as i64))
+            }
+            Self::Json(paths) => {
+                let message: serde_json::Value = serde_json::from_slice(data).map_err(|e| format!("not JSON: {e}"))?;
+                outputs.clear();
+                outputs.extend(paths.iter().map(|path| json::number(&message, path).unwrap_or(f64::NAN)));
+                Ok(json_stamp(&message))
+            }
+        }
+    }
+
+    fn fields(&self, data: &[u8]) -> Vec<String> {
+        let leaves = match self {
+            Self::Cdr { schema, .. } => cdr::leaves(schema, data).unwrap_or_default(),
+            Self::Json(_) => serde_json::from_slice(data).map(|m| json::leaves(&m)).unwrap_or_default(),
+        };
+        leaves.iter().filter(|leaf| leaf.number).map(|leaf| path::shown(&leaf.path)).collect()
+    }
+}
+
+/// The paths to seconds and nanoseconds of the stamp that a message carries: its header's, else its own.
+pub(crate) fn stamp_of(schema: &Schema) -> Option<[Vec<Step>; 2]> {
+    let message = |index: usize, name: &str| {
+        let field = schema.messages[index].fields.iter().find(|f| f.name == name && f.many == Many::One)?;
+        if let Kind::Message(inner) = field.kind { Some(inner) } else { None }
+    };
+    let times = |index: usize| {
+        let fields = &schema.messages[index].fields;
+        let number = |f: &crate::message::schema::Field| f.many == Many::One && f.kind.size() == Some(4);
+        fields.len() == 2 && fields[0].name == "sec" && fields[1].name == "nanosec" && fields.iter().all(number)
+    };
+    let step = |names: &[&str]| names.iter().map(|n| Step::Field((*n).to_string())).collect::<Vec<_>>();
+    if message(0, "header").and_then(|header| message(header, "stamp")).is_some_and(times) {
+        return Some([step(&["header", "stamp", "sec"]), step(&["header", "stamp", "nanosec"])]);
+    }
+    let own = ["stamp", "timestamp"].into_iter().find(|name| message(0, name).is_some_and(times))?;
+    Some([step(&[own, "sec"]), step(&[own, "nanosec"])])
+}
+
+/// The stamp in a JSON message: `header.stamp`, else `stamp` or `timestamp`, each of `sec` and `nanosec` or `nsec`.
+pub(crate) fn json_stamp(message: &serde_json::Value) -> Option<i64> {
+    let stamp = message.get("header").and_then(|h| h.get("stamp"));
+    let stamp = stamp.or_else(|| message.get("stamp")).or_else(|| message.get("timestamp"))?;
+    let sec = stamp.get("sec")?.as_i64()?;
+    let nanosec = stamp.get("nanosec").or_else(|| stamp.get("nsec"))?.as_i64()?;
+    sec.checked_mul(1_000_000_000)?.checked_add(nanosec)
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

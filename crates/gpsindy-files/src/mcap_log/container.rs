@@ -1,0 +1,206 @@
+//! The container: channels, schemas and messages in the order of the file, up to a break.
+
+use crate::error::{Error, Result};
+use crate::input::Input;
+use crate::message::schema::Schema;
+use gpsindy_core::Progress;
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::HashMap;
+use std::io::{BufReader, Read};
+
+/// Longest record, bytes: this many times the file, for what is packed.
+const PACKED: u64 = 4;
+
+/// And this many at least.
+const LEAST: u64 = 16 << 20;
+
+/// Messages between two reports of progress.
+const REPORT: u64 = 10_000;
+
+/// A source of messages of one kind.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    /// Of the messages: `cdr`, `json`.
+    pub(crate) encoding: String,
+    /// Name, encoding and text of the schema.
+    pub(crate) schema: Option<(String, String, Vec<u8>)>,
+}
+
+impl Channel {
+    /// The schema of its messages; `None` where they are JSON.
+    ///
+    /// # Errors
+    /// A channel that is not read, for the user.
+    pub(crate) fn schema(&self) -> std::result::Result<Option<Schema>, String> {
+        match (self.encoding.as_str(), &self.schema) {
+            ("json", _) => Ok(None),
+            ("cdr", Some((name, encoding, data))) if encoding == "ros2msg" => {
+                let text = std::str::from_utf8(data).map_err(|_| format!("the schema of {name} is not UTF-8"))?;
+                Schema::parse(name, text).map(Some)
+            }
+            ("cdr", Some((_, encoding, _))) => {
+                Err(format!("its messages are CDR with a schema in `{encoding}`, and only `ros2msg` is read"))
+            }
+            ("cdr", None) => Err("its messages are CDR without a schema, which says nothing about their fields".into()),
+            (other, _) => Err(format!(
+                "its messages are `{other}`, which is not read, only `cdr` (ROS 2) and `json`; convert it first"
+            )),
+        }
+    }
+}
+
+/// What stands in the file.
+pub(crate) enum Event<'a> {
+    Channel(u16, Channel),
+    Message {
+        channel: u16,
+        /// Time of recording, ns.
+        time: u64,
+        data: &'a [u8],
+    },
+}
+
+/// Reads the parts of a log; `take` gets the number of the part and what stands there. Returns what to say of a break.
+///
+/// # Errors
+/// What `take` returns, a file that can't be read, or that breaks before its first record; a request to stop.
+pub(crate) fn scan(
+    file: &str,
+    inputs: &[Input],
+    progress: &dyn Progress,
+    take: &mut dyn FnMut(usize, Event<'_>) -> Result<()>,
+) -> Result<Option<String>> {
+    let mut told = None;
+    for (part, input) in inputs.iter().enumerate() {
+        let length = input.len()?;
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_validate_chunk_crcs(true)
+            .with_record_length_limit(usize::try_from(length * PACKED + LEAST).unwrap_or(usize::MAX));
+        let mut reader = LinearReader::new_with_options(options);
+        let mut bytes = BufReader::with_capacity(1 << 20, input.open()?);
+        let mut schemas: HashMap<u16, (String, String, Vec<u8>)> = HashMap::new();
+        let (mut records, mut messages, mut at) = (0_u64, 0_u64, 0_u64);
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                    // No more than what the file can still hold.
+                    let wanted = wanted.min(usize::try_from(length.saturating_sub(at)).unwrap_or(usize::MAX)).max(1);
+                    let buffer = reader.insert(wanted);
+                    let count = bytes.read(&mut buffer[..wanted]).map_err(|e| input.failed(e))?;
+                    at += count as u64;
+                    reader.notify_read(count);
+                }
+                Ok(LinearReadEvent::Record { data, opcode }) => {
+                    records += 1;
+                    match mcap::parse_record(opcode, data) {
+                        Ok(Record::Schema { header, data }) => {
+                            schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
+                        }
+                        Ok(Record::Channel(found)) => {
+                            let schema = schemas.get(&found.schema_id).cloned();
+                            let channel = Channel { topic: found.topic, encoding: found.message_encoding, schema };
+                            take(part, Event::Channel(found.id, channel))?;
+                        }
+                        Ok(Record::Message { header, data }) => {
+                            messages += 1;
+                            if messages % REPORT == 0 && !progress.report("reading", at as usize, length as usize) {
+                                return Err(gpsindy_core::Error::Cancelled.into());
+                            }
+                            let event =
+                                Event::Message { channel: header.channel_id, time: header.log_time, data: &data };
+                            take(part, event)?;
+                        }
+                        Ok(_) => {}
+                        Err(error) => {
+                            told = Some(broken(&input.file, messages, &error));
+                            break;
+                        }
+                    }
+                }
+                Err(error) if records == 0 => {
+                    return Err(Error::file(
+                        &input.file,
+                        format!("the MCAP file is broken from its begin on: {}", words(&error)),
+                    ));
+                }
+                Err(error) => {
+                    told = Some(broken(&input.file, messages, &error));
+                    break;
+                }
+            }
+        }
+    }
+    let _ = file;
+    Ok(told)
+}
+
+fn broken(file: &str, messages: u64, error: &mcap::McapError) -> String {
+    format!("{file}: the file breaks off behind {messages} messages ({}); what stands before was read", words(error))
+}
+
+/// The cause on one line.
+fn words(error: &mcap::McapError) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The channels of a log: from its summary where it has one, else by reading it.
+pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
+    let mut channels: Vec<Channel> = Vec::new();
+    let mut add = |channel: Channel| {
+        if !channels.contains(&channel) {
+            channels.push(channel);
+        }
+    };
+    for input in inputs {
+        if let Some(found) = summary(input) {
+            found.into_iter().for_each(&mut add);
+            continue;
+        }
+        scan(file, std::slice::from_ref(input), &gpsindy_core::Silent, &mut |_, event| {
+            if let Event::Channel(_, channel) = event {
+                add(channel);
+            }
+            Ok(())
+        })?;
+    }
+    Ok(channels)
+}
+
+/// The channels in the summary at the end of a file; `None` where it has none, or none that can be read.
+fn summary(input: &Input) -> Option<Vec<Channel>> {
+    use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+    use std::io::Seek;
+    let length = input.len().ok()?;
+    let limit = usize::try_from(length).ok()?;
+    let options = SummaryReaderOptions::default().with_file_size(length).with_record_length_limit(limit);
+    let mut reader = SummaryReader::new_with_options(options);
+    let mut bytes = input.open().ok()?;
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            SummaryReadEvent::ReadRequest(wanted) => {
+                let wanted = wanted.min(limit).max(1);
+                let count = bytes.read(&mut reader.insert(wanted)[..wanted]).ok()?;
+                reader.notify_read(count);
+            }
+            SummaryReadEvent::SeekRequest(to) => {
+                let position = bytes.seek(to).ok()?;
+                reader.notify_seeked(position);
+            }
+        }
+    }
+    let summary = reader.finish()?;
+    if summary.channels.is_empty() {
+        return None;
+    }
+    let mut found: Vec<_> = summary.channels.into_iter().collect();
+    found.sort_by_key(|(id, _)| *id);
+    let channel = |channel: &mcap::Channel<'_>| Channel {
+        topic: channel.topic.clone(),
+        encoding: channel.message_encoding.clone(),
+        schema: channel.schema.as_ref().map(|s| (s.name.clone(), s.encoding.clone(), s.data.to_vec())),
+    };
+    Some(found.iter().map(|(_, c)| channel(c)).collect())
+}

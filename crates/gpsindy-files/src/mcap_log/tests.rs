@@ -1,0 +1,421 @@
+//! Tests of the MCAP reader with files that the `mcap` crate writes and messages that a writer of the test's own encodes.
+
+use super::*;
+use crate::logs::{Logs, Task};
+use gpsindy_core::{Hold, Silent};
+use mcap::records::MessageHeader;
+use mcap::{Compression, WriteOptions, Writer};
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+/// Writes plain CDR, aligned from the begin of the body.
+pub(crate) struct Cdr {
+    bytes: Vec<u8>,
+    big: bool,
+}
+
+impl Cdr {
+    pub(crate) fn new(big: bool) -> Self {
+        Self { bytes: vec![0, u8::from(!big), 0, 0], big }
+    }
+
+    fn put(mut self, bytes: &[u8]) -> Self {
+        while (self.bytes.len() - 4) % bytes.len() != 0 {
+            self.bytes.push(0);
+        }
+        if self.big {
+            self.bytes.extend(bytes.iter().rev());
+        } else {
+            self.bytes.extend(bytes);
+        }
+        self
+    }
+
+    pub(crate) fn u8(self, v: u8) -> Self {
+        self.put(&[v])
+    }
+
+    pub(crate) fn u16(self, v: u16) -> Self {
+        self.put(&v.to_le_bytes())
+    }
+
+    pub(crate) fn u32(self, v: u32) -> Self {
+        self.put(&v.to_le_bytes())
+    }
+
+    pub(crate) fn i64(self, v: i64) -> Self {
+        self.put(&v.to_le_bytes())
+    }
+
+    pub(crate) fn f32(self, v: f32) -> Self {
+        self.put(&v.to_le_bytes())
+    }
+
+    pub(crate) fn f64(self, v: f64) -> Self {
+        self.put(&v.to_le_bytes())
+    }
+
+    pub(crate) fn text(self, text: &str) -> Self {
+        let mut next = self.u32(text.len() as u32 + 1);
+        next.bytes.extend(text.as_bytes());
+        next.bytes.push(0);
+        next
+    }
+
+    pub(crate) fn stamp(self, ns: i64) -> Self {
+        self.u32((ns / 1_000_000_000) as u32).u32((ns % 1_000_000_000) as u32)
+    }
+
+    pub(crate) fn done(self) -> Vec<u8> {
+        self.bytes
+    }
+}
+
+pub(crate) const JOINT_STATE: &str =
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort
+================================================================================
+MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id
+================================================================================
+MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+
+pub(crate) fn joint_state(ns: i64, names: &[&str], position: &[f64]) -> Vec<u8> {
+    let mut cdr = Cdr::new(false).stamp(ns).text("base").u32(names.len() as u32);
+    for name in names {
+        cdr = cdr.text(name);
+    }
+    cdr = cdr.u32(position.len() as u32);
+    for value in position {
+        cdr = cdr.f64(*value);
+    }
+    cdr.u32(0).u32(0).done()
+}
+
+fn array(values: &[f64]) -> Vec<u8> {
+    // layout: no dimension, offset 0.
+    let mut cdr = Cdr::new(false).u32(0).u32(0).u32(values.len() as u32);
+    for value in values {
+        cdr = cdr.f64(*value);
+    }
+    cdr.done()
+}
+
+pub(crate) const ARRAY: &str = "MultiArrayLayout layout\nfloat64[] data
+================================================================================
+MSG: std_msgs/MultiArrayLayout\nMultiArrayDimension[] dim\nuint32 data_offset
+================================================================================
+MSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n";
+
+/// A log under way.
+pub(crate) struct Bag(Writer<Cursor<Vec<u8>>>);
+
+impl Bag {
+    pub(crate) fn new(compression: Option<Compression>) -> Self {
+        let options = WriteOptions::new().compression(compression).chunk_size(Some(4096));
+        Self(Writer::with_options(Cursor::new(Vec::new()), options).unwrap())
+    }
+
+    pub(crate) fn channel(&mut self, topic: &str, kind: &str, schema: &str) -> u16 {
+        let schema = self.0.add_schema(kind, "ros2msg", schema.as_bytes()).unwrap();
+        self.0.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap()
+    }
+
+    fn json(&mut self, topic: &str) -> u16 {
+        self.0.add_channel(0, topic, "json", &BTreeMap::new()).unwrap()
+    }
+
+    pub(crate) fn write(&mut self, channel_id: u16, ns: i64, data: &[u8]) {
+        let header = MessageHeader { channel_id, sequence: 0, log_time: ns as u64, publish_time: ns as u64 };
+        self.0.write_to_known_channel(&header, data).unwrap();
+    }
+
+    pub(crate) fn done(mut self) -> Vec<u8> {
+        self.0.finish().unwrap();
+        self.0.into_inner().into_inner()
+    }
+}
+
+const BEGIN: i64 = 1_763_000_000_500_000_000;
+
+/// 100 Hz of joints whose message reached the recorder 3 ms late, 50 Hz of commands.
+fn robot(compression: Option<Compression>) -> Vec<u8> {
+    let mut bag = Bag::new(compression);
+    let joints = bag.channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
+    let command = bag.channel("/command", "std_msgs/msg/Float64MultiArray", ARRAY);
+    for i in 0..200_i64 {
+        let t = BEGIN + i * 10_000_000;
+        let (pan, lift) = (i as f64 * 0.1, -(i as f64));
+        // The order of the joints changes on the way.
+        let message = if i % 2 == 0 {
+            joint_state(t, &["pan", "lift"], &[pan, lift])
+        } else {
+            joint_state(t, &["lift", "pan"], &[lift, pan])
+        };
+        bag.write(joints, t + 3_000_000, &message);
+        if i % 2 == 0 {
+            bag.write(command, t + 1_000_000, &array(&[7.0, i as f64]));
+        }
+    }
+    bag.done()
+}
+
+fn options(map: &[(&str, &str)]) -> LogOptions {
+    let map = map.iter().map(|(a, b)| ((*a).to_string(), (*b).to_string())).collect();
+    LogOptions { map, ..LogOptions::default() }
+}
+
+fn assembled(bytes: &[u8], map: &[(&str, &str)], controls: &[&str]) -> crate::Assembled {
+    let logs = Logs::parse("robot.mcap", bytes, &options(map)).unwrap();
+    let own = |list: &[&str]| list.iter().map(|s| (*s).to_string()).collect::<Vec<_>>();
+    let needed = map.iter().map(|(name, _)| (*name).to_string()).collect();
+    let task = Task { needed, controls: own(controls), hold: Hold::Zero, ..Task::default() };
+    logs.assemble(&task, &Silent).unwrap()
+}
+
+const MAP: &[(&str, &str)] = &[("q", "/joint_states.position[pan]"), ("u", "/command.data[1]")];
+
+#[test]
+fn topics_keep_their_clocks_and_joints_are_found_by_name() {
+    for compression in [None, Some(Compression::Zstd), Some(Compression::Lz4)] {
+        let found = assembled(&robot(compression), MAP, &["u"]);
+        assert_eq!(found.notes, [""; 0]);
+        let run = &found.data.runs()[0];
+        // Joints by their header's stamp; the command has no header, so by the time of recording, 1 ms later.
+        assert_eq!(run.time[..4], [0.0, 0.001, 0.01, 0.02]);
+        assert!(run.column(0)[1].is_nan());
+        assert_eq!((run.column(0)[2], run.column(0)[3]), (0.1, 0.2));
+        assert_eq!(run.column(1)[1..5], [0.0, 0.0, 0.0, 2.0]);
+        assert_eq!(run.n_samples(), 300 - 0);
+    }
+}
+
+#[test]
+fn a_log_in_two_topics_gives_what_the_same_log_in_one_table_gives() {
+    let found = assembled(&robot(None), MAP, &["u"]);
+    let mut csv = String::from("t,q,u\n");
+    for i in 0..200_i64 {
+        csv += &format!("{:?},{:?},\n", (i * 10_000_000) as f64 / 1e9, i as f64 * 0.1);
+        if i % 2 == 0 {
+            csv += &format!("{:?},,{i}\n", (i * 10_000_000 + 1_000_000) as f64 / 1e9);
+        }
+    }
+    let logs = Logs::parse("robot.csv", csv.as_bytes(), &LogOptions::default()).unwrap();
+    let task = Task { needed: vec!["q".into(), "u".into()], controls: vec!["u".into()], ..Task::default() };
+    let table = logs.assemble(&task, &Silent).unwrap();
+    let (a, b) = (&found.data.runs()[0], &table.data.runs()[0]);
+    assert_eq!(a.time, b.time[..a.time.len()]);
+    for j in 0..2 {
+        let bits = |run: &gpsindy_core::Run| run.column(j).iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(a), bits(b)[..a.time.len()]);
+    }
+}
+
+#[test]
+fn the_time_of_recording_is_taken_where_asked() {
+    let logs = LogOptions { stamp: Stamp::Log, ..options(&MAP[..1]) };
+    let logs = Logs::parse("robot.mcap", &robot(None), &logs).unwrap();
+    let data = logs.dataset(&["q"], &[]).unwrap();
+    assert_eq!(data.runs()[0].time[..2], [0.0, 0.01]);
+    let logs = LogOptions { stamp: Stamp::Header, ..options(&MAP[1..]) };
+    let logs = Logs::parse("robot.mcap", &robot(None), &logs).unwrap();
+    let error = logs.dataset(&["u"], &[]).unwrap_err().to_string();
+    assert_eq!(error, "robot.mcap: topic `/command` has messages without a stamp in a header; choose --stamp log");
+}
+
+#[test]
+fn wrong_names_suggest_the_right_ones() {
+    let bytes = robot(None);
+    let message = |map: &[(&str, &str)]| match Logs::parse("robot.mcap", &bytes, &options(map)) {
+        Err(error) => error.to_string(),
+        Ok(logs) => logs.dataset(&["q"], &[]).unwrap_err().to_string(),
+    };
+    for (path, expected) in [
+        (
+            "/joint_state.position[pan]",
+            "there is no topic `/joint_state`; did you mean `/joint_states`?; found: /command, /joint_states",
+        ),
+        (
+            "/joint_states.positon[pan]",
+            "there is no field `positon` in sensor_msgs/JointState; did you mean `position`?; found: header, name, position, velocity, effort",
+        ),
+        (
+            "/joint_states.position",
+            "`position` is float64[]; name an element, `position[0]`, or `position[NAME]` by its list of names",
+        ),
+        ("/joint_states.header", "`header` is a message, std_msgs/Header; name a field of it: stamp, frame_id"),
+        ("/joint_states.name[0]", "`name` is text, not a number"),
+        ("/joint_states.header.stamp.sec.x", "`header.stamp.sec` is int32; nothing stands below it"),
+        ("/joint_states.header.stamp.sec[0]", "`header.stamp.sec` is one int32, not an array; remove the brackets"),
+        ("/command.data[pan]", "no list of names goes with `data`; name the element by its index, `data[0]`"),
+    ] {
+        let found = message(&[("q", path)]);
+        assert!(found.ends_with(expected), "{path}\n   found: {found}\nexpected: {expected}");
+        assert!(found.starts_with(&format!("robot.mcap: --map q={path}: ")), "{found}");
+    }
+    let found = message(&[("q", "/joint_states.position[pen]")]);
+    assert!(found.contains("has no number at `position[pen]` in any message; did you mean `position[pan]`"), "{found}");
+    assert!(message(&[]).contains("--map NAME=TOPIC.FIELD"), "{}", message(&[]));
+}
+
+#[test]
+fn a_truncated_log_gives_what_stands_before_the_break() {
+    let whole = robot(Some(Compression::Lz4));
+    let (mut told, mut most) = (0, 0);
+    for length in (0..whole.len()).step_by(41) {
+        let Ok(logs) = Logs::parse("cut.mcap", &whole[..length], &options(&MAP[..1])) else { continue };
+        let task = Task { needed: vec!["q".into()], ..Task::default() };
+        let Ok(found) = logs.assemble(&task, &Silent) else { continue };
+        let run = &found.data.runs()[0];
+        assert!((0..run.n_samples()).all(|i| run.column(0)[i] == i as f64 * 0.1), "{length}");
+        told += usize::from(found.notes.iter().any(|n| n.contains("breaks off behind")));
+        most = most.max(run.n_samples());
+    }
+    assert!(told > 20 && most == 200, "{told} {most}");
+}
+
+#[test]
+fn every_kind_of_number_is_read_in_both_byte_orders() {
+    let text = "bool a\nint8 b\nuint8 c\nint16 d\nuint16 e\nint32 f\nuint32 g\nint64 h\nuint64 i\nfloat32 j\nfloat64 k\nbyte l\nchar m
+string s\nint16[3] n\nPoint[] p\nEmpty o\nfloat64 z
+===\nMSG: my/Point\nfloat32 x\nfloat64[2] y\n===\nMSG: my/Empty\n";
+    let schema = Schema::parse("my/Everything", text).unwrap();
+    for big in [false, true] {
+        let mut cdr = Cdr::new(big).u8(1).u8(0xfe).u8(200).u16(0x8001).u16(40_000).u32(0xffff_fff6).u32(4_000_000_000);
+        cdr = cdr.i64(-5_000_000_000).i64(-1).f32(0.1).f64(0.1).u8(255).u8(7).text("word").u16(1).u16(2).u16(0xfffd);
+        cdr = cdr.u32(2).f32(1.5).f64(2.5).f64(3.5).f32(-1.5).f64(-2.5).f64(-3.5).u8(0).f64(42.0);
+        let bytes = cdr.done();
+        let paths: Vec<Vec<Step>> = [
+            "a",
+            "b",
+            "c",
+            "d",
+            "e",
+            "f",
+            "g",
+            "h",
+            "i",
+            "j",
+            "k",
+            "l",
+            "m",
+            "n[2]",
+            "p[1].x",
+            "p[0].y[1]",
+            "p[1].y[0]",
+            "z",
+            "p[2].x",
+        ]
+        .iter()
+        .map(|p| path::steps(p).unwrap())
+        .collect();
+        let mut wants = Wants::of(&schema, &paths).unwrap();
+        let mut found = vec![0.0; paths.len()];
+        cdr::take(&schema, &mut wants, &bytes, &mut found).unwrap();
+        let expected = [
+            1.0,
+            -2.0,
+            200.0,
+            -32_767.0,
+            40_000.0,
+            -10.0,
+            4e9,
+            -5e9,
+            18_446_744_073_709_551_615.0,
+            f64::from(0.1_f32),
+            0.1,
+            255.0,
+            7.0,
+            -3.0,
+            -1.5,
+            3.5,
+            -2.5,
+            42.0,
+        ];
+        assert_eq!(found[..18], expected);
+        assert!(found[18].is_nan());
+        for length in 0..bytes.len() {
+            assert!(cdr::take(&schema, &mut wants, &bytes[..length], &mut found).is_err(), "{length}");
+        }
+        let leaves = cdr::leaves(&schema, &bytes).unwrap();
+        assert_eq!(leaves.iter().filter(|l| l.number).count(), 13 + 3 + 6 + 1);
+    }
+}
+
+#[test]
+fn json_messages_have_the_same_paths() {
+    let mut bag = Bag::new(None);
+    let joints = bag.json("/joints");
+    for i in 0..3_i64 {
+        let text = format!(
+            r#"{{"header":{{"stamp":{{"sec":{i},"nanosec":5}}}},"name":["a","b"],"position":[{i}.5,-{i}],"on":true,"w":"NaN"}}"#
+        );
+        bag.write(joints, 100 + i, text.as_bytes());
+    }
+    let bytes = bag.done();
+    let map = [("q", "/joints.position[b]"), ("p", "/joints.position[0]"), ("on", "/joints.on")];
+    let found = assembled(&bytes, &map, &[]);
+    let run = &found.data.runs()[0];
+    assert_eq!(run.time, [5e-9, 1.000_000_005, 2.000_000_005]);
+    assert_eq!(
+        (run.column(0), run.column(1), run.column(2)),
+        (&[-0.0, -1.0, -2.0][..], &[0.5, 1.5, 2.5][..], &[1.0; 3][..])
+    );
+    let logs = Logs::parse("j.mcap", &bytes, &options(&[("q", "/joints.positon[0]")])).unwrap();
+    let error = logs.dataset(&["q"], &[]).unwrap_err().to_string();
+    assert!(error.contains("did you mean `position"), "{error}");
+}
+
+#[test]
+fn a_header_that_nobody_filled_in_is_not_a_clock() {
+    let mut bag = Bag::new(None);
+    let joints = bag.channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
+    for i in 0..3_i64 {
+        bag.write(joints, i * 10_000_000, &joint_state(0, &["pan"], &[i as f64]));
+    }
+    let found = assembled(&bag.done(), &MAP[..1], &[]);
+    assert_eq!(found.data.runs()[0].time, [0.0, 0.01, 0.02]);
+    assert!(found.notes[0].contains("never changes"), "{:?}", found.notes);
+}
+
+/// Rounds of the fuzz test in the ordinary run, and in the long one.
+const ROUNDS: usize = 3_000;
+const LONG_ROUNDS: usize = 100_000;
+
+fn fuzz(rounds: usize) {
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move || {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        seed as usize
+    };
+    let wholes = [robot(None), robot(Some(Compression::Zstd)), robot(Some(Compression::Lz4))];
+    for round in 0..rounds {
+        let mut bytes = wholes[round % 3].clone();
+        for _ in 0..=random() % 8 {
+            let at = random() % bytes.len();
+            match random() % 4 {
+                0 => bytes[at] = random() as u8,
+                1 => bytes[at] ^= 1 << (random() % 8),
+                2 => bytes.truncate(at.max(1)),
+                _ => {
+                    let end = (at + 8).min(bytes.len());
+                    bytes[at..end].fill([0, 0x7f, 0xff][random() % 3]);
+                }
+            }
+        }
+        if let Ok(logs) = Logs::parse("fuzz.mcap", &bytes, &options(MAP)) {
+            let _ = logs.dataset(&["q", "u"], &[]);
+        }
+    }
+}
+
+#[test]
+fn broken_bytes_never_panic() {
+    fuzz(ROUNDS);
+}
+
+#[test]
+#[ignore = "minutes"]
+fn broken_bytes_never_panic_in_the_long_run() {
+    fuzz(LONG_ROUNDS);
+}

@@ -1,0 +1,324 @@
+//! Messages in CDR, as ROS 2 writes them: numbers aligned to their size from the begin of the body, arrays after their count.
+//!
+//! Source: OMG, DDS-XTypes 1.3, section 7.4 (PLAIN_CDR and PLAIN_CDR2).
+
+use crate::message::path::Step;
+use crate::message::schema::{Kind, Many, Schema};
+use crate::message::want::{Item, LISTS, Node, Slot, Wants};
+
+/// Elements of an array of numbers that are shown one by one.
+const SHOWN: usize = 32;
+
+/// Elements of an array of messages that are shown one by one.
+const SHOWN_MESSAGES: usize = 8;
+
+/// Fields of a message that are shown at all.
+const MOST_LEAVES: usize = 2_000;
+
+type Broken = String;
+
+/// Takes what is wanted from a message; outputs that it does not carry become NaN.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub(crate) fn take(schema: &Schema, wants: &mut Wants, bytes: &[u8], outputs: &mut [f64]) -> Result<(), Broken> {
+    outputs.fill(f64::NAN);
+    let mut reader = Reader::new(bytes)?;
+    reader.message(schema, 0, Some(&wants.root), &mut wants.slots, outputs)
+}
+
+/// A field of a message, or an element of one.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Leaf {
+    pub(crate) path: Vec<Step>,
+    pub(crate) told: String,
+    /// Whether it is a number, as opposed to text or a long array.
+    pub(crate) number: bool,
+}
+
+/// The fields that a message has, the elements of short arrays one by one, by name where it names them.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub(crate) fn leaves(schema: &Schema, bytes: &[u8]) -> Result<Vec<Leaf>, Broken> {
+    let mut found = Vec::new();
+    Reader::new(bytes)?.leaves(schema, 0, &mut Vec::new(), &[], &mut found)?;
+    Ok(found)
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Reader<'a> {
+    body: &'a [u8],
+    at: usize,
+    big: bool,
+    /// The largest alignment: 8, in the second version 4.
+    most: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn new(bytes: &'a [u8]) -> Result<Self, Broken> {
+        let Some((head, body)) = bytes.split_at_checked(4) else {
+            return Err(format!("{} bytes, fewer than the head of a CDR message has", bytes.len()));
+        };
+        let (big, most) = match head[1] {
+            0 => (true, 8),
+            1 => (false, 8),
+            6 => (true, 4),
+            7 => (false, 4),
+            other => return Err(format!("encapsulation {other} of CDR is not read, only plain CDR")),
+        };
+        Ok(Self { body, at: 0, big, most })
+    }
+
+    /// The next `count` values of `size` bytes.
+    fn block(&mut self, size: usize, count: usize) -> Result<&'a [u8], Broken> {
+        if count == 0 {
+            return Ok(&[]);
+        }
+        let step = size.min(self.most);
+        let begin = self.at.next_multiple_of(step);
+        let end = count.checked_mul(size).and_then(|n| n.checked_add(begin));
+        let Some(bytes) = end.and_then(|end| self.body.get(begin..end)) else {
+            return Err(format!("{} bytes end before its last field does", self.body.len() + 4));
+        };
+        self.at = begin + bytes.len();
+        Ok(bytes)
+    }
+
+    fn count(&mut self) -> Result<usize, Broken> {
+        let bytes = self.block(4, 1)?;
+        let four = [bytes[0], bytes[1], bytes[2], bytes[3]];
+        let count = if self.big { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) } as usize;
+        // Every element takes a byte at least: a count beyond that is broken, and nothing is allocated for it.
+        if count > self.body.len() - self.at {
+            return Err(format!("a count of {count} where {} bytes are left", self.body.len() - self.at));
+        }
+        Ok(count)
+    }
+
+    fn text(&mut self) -> Result<&'a [u8], Broken> {
+        let count = self.count()?;
+        let bytes = self.block(1, count)?;
+        Ok(bytes.strip_suffix(&[0]).unwrap_or(bytes))
+    }
+
+    fn how_many(&mut self, many: Many) -> Result<usize, Broken> {
+        match many {
+            Many::One => Ok(1),
+            Many::Fixed(count) => Ok(count),
+            Many::Listed => self.count(),
+        }
+    }
+
+    fn message(
+        &mut self,
+        schema: &Schema,
+        message: usize,
+        node: Option<&Node>,
+        slots: &mut [Slot],
+        outputs: &mut [f64],
+    ) -> Result<(), Broken> {
+        let fields = &schema.messages[message].fields;
+        if fields.is_empty() {
+            // A structure in C has at least one member; ROS 2 writes one byte for it.
+            self.block(1, 1)?;
+        }
+        let (wanted, lists) = match node {
+            Some(Node::Fields { fields, lists }) => (fields.as_slice(), lists.as_slice()),
+            _ => (&[][..], &[][..]),
+        };
+        for (list, filled) in lists {
+            let mut ahead = *self;
+            for field in &fields[..*list] {
+                ahead.field(schema, field.kind, field.many, None, slots, outputs)?;
+            }
+            ahead.names(fields[*list].many, filled, slots)?;
+        }
+        let mut wanted = wanted.iter().peekable();
+        for (i, field) in fields.iter().enumerate() {
+            let node = wanted.next_if(|(index, _)| *index == i).map(|(_, node)| node);
+            self.field(schema, field.kind, field.many, node, slots, outputs)?;
+        }
+        Ok(())
+    }
+
+    /// Looks the names of slots up in a list.
+    fn names(&mut self, many: Many, filled: &[usize], slots: &mut [Slot]) -> Result<(), Broken> {
+        for &slot in filled {
+            slots[slot].index = None;
+        }
+        for i in 0..self.how_many(many)? {
+            let name = self.text()?;
+            for &slot in filled {
+                if slots[slot].index.is_none() && slots[slot].name.as_bytes() == name {
+                    slots[slot].index = Some(i);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn field(
+        &mut self,
+        schema: &Schema,
+        kind: Kind,
+        many: Many,
+        node: Option<&Node>,
+        slots: &mut [Slot],
+        outputs: &mut [f64],
+    ) -> Result<(), Broken> {
+        let count = self.how_many(many)?;
+        if let Some(size) = kind.size() {
+            let bytes = self.block(size, count)?;
+            match node {
+                Some(Node::Value(places)) => self.put(kind, bytes, 0, places, outputs),
+                Some(Node::Items(items)) => {
+                    for (item, node) in items {
+                        if let (Some(index), Node::Value(places)) = (index_of(*item, slots), node) {
+                            self.put(kind, bytes, index, places, outputs);
+                        }
+                    }
+                }
+                _ => {}
+            }
+            return Ok(());
+        }
+        for i in 0..count {
+            match kind {
+                Kind::Text => {
+                    self.text()?;
+                }
+                Kind::Message(inner) => {
+                    let below = match node {
+                        Some(Node::Items(items)) => {
+                            items.iter().find(|(item, _)| index_of(*item, slots) == Some(i)).map(|(_, node)| node)
+                        }
+                        other => other,
+                    };
+                    self.message(schema, inner, below, slots, outputs)?;
+                }
+                _ => return Err("a wstring, whose width differs between vendors, is not read".into()),
+            }
+        }
+        Ok(())
+    }
+
+    fn put(&self, kind: Kind, block: &[u8], index: usize, places: &[usize], outputs: &mut [f64]) {
+        let size = kind.size().unwrap_or(1);
+        let Some(bytes) = block.get(index * size..(index + 1) * size) else { return };
+        let value = number(kind, bytes, self.big);
+        for &place in places {
+            outputs[place] = value;
+        }
+    }
+
+    fn leaves(
+        &mut self,
+        schema: &Schema,
+        message: usize,
+        path: &mut Vec<Step>,
+        names: &[String],
+        found: &mut Vec<Leaf>,
+    ) -> Result<(), Broken> {
+        let fields = &schema.messages[message].fields;
+        if fields.is_empty() {
+            self.block(1, 1)?;
+        }
+        let mut own: Vec<String> = Vec::new();
+        let mut ahead = *self;
+        for field in fields {
+            if field.kind == Kind::Text && field.many != Many::One && LISTS.contains(&field.name.as_str()) {
+                for _ in 0..ahead.how_many(field.many)? {
+                    own.push(String::from_utf8_lossy(ahead.text()?).into_owned());
+                }
+                break;
+            }
+            ahead.field(schema, field.kind, field.many, None, &mut [], &mut [])?;
+        }
+        let names = if own.is_empty() { names } else { &own };
+        for field in fields {
+            path.push(Step::Field(field.name.clone()));
+            let count = self.how_many(field.many)?;
+            // Names with brackets or that look like an index can't stand in a path.
+            let by_name = count == names.len()
+                && names.iter().all(|n| !n.is_empty() && !n.contains(']') && n.parse::<usize>().is_err());
+            let mut leaf = |path: &[Step], number| {
+                let told = schema.told(field);
+                if found.len() < MOST_LEAVES {
+                    found.push(Leaf { path: path.to_vec(), told, number });
+                }
+            };
+            let item = |i: usize| Step::Item(if by_name { names[i].clone() } else { i.to_string() });
+            match (field.kind, field.kind.size()) {
+                (kind, Some(size)) => {
+                    self.block(size, count)?;
+                    if field.many == Many::One {
+                        leaf(path, true);
+                    } else if count > SHOWN || kind == Kind::U8 && field.many == Many::Listed {
+                        leaf(path, false);
+                    } else {
+                        for i in 0..count {
+                            path.push(item(i));
+                            leaf(path, true);
+                            path.pop();
+                        }
+                    }
+                }
+                (Kind::Message(inner), _) => {
+                    for i in 0..count {
+                        if field.many != Many::One {
+                            path.push(item(i));
+                        }
+                        if i < SHOWN_MESSAGES || by_name {
+                            self.leaves(schema, inner, path, names, found)?;
+                        } else {
+                            self.message(schema, inner, None, &mut [], &mut [])?;
+                        }
+                        if field.many != Many::One {
+                            path.pop();
+                        }
+                    }
+                }
+                _ => {
+                    leaf(path, false);
+                    for _ in 0..count {
+                        if field.kind != Kind::Text {
+                            return Err("a wstring, whose width differs between vendors, is not read".into());
+                        }
+                        self.text()?;
+                    }
+                }
+            }
+            path.pop();
+        }
+        Ok(())
+    }
+}
+
+fn index_of(item: Item, slots: &[Slot]) -> Option<usize> {
+    match item {
+        Item::At(index) => Some(index),
+        Item::Slot(slot) => slots[slot].index,
+    }
+}
+
+/// A number of `kind` in its bytes.
+pub(crate) fn number(kind: Kind, bytes: &[u8], big: bool) -> f64 {
+    let mut eight = [0_u8; 8];
+    for (i, slot) in eight.iter_mut().take(bytes.len()).enumerate() {
+        *slot = if big { bytes[bytes.len() - 1 - i] } else { bytes[i] };
+    }
+    let bits = u64::from_le_bytes(eight);
+    match kind {
+        Kind::Bool => f64::from(u8::from(bits != 0)),
+        Kind::I8 => f64::from(bits as u8 as i8),
+        Kind::U8 | Kind::U16 | Kind::U32 => f64::from(bits as u32),
+        Kind::I16 => f64::from(bits as u16 as i16),
+        Kind::I32 => f64::from(bits as u32 as i32),
+        Kind::I64 => bits as i64 as f64,
+        Kind::U64 => bits as f64,
+        Kind::F32 => f64::from(f32::from_bits(bits as u32)),
+        Kind::F64 => f64::from_bits(bits),
+        Kind::Text | Kind::WideText | Kind::Message(_) => f64::NAN,
+    }
+}

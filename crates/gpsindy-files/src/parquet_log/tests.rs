@@ -1,0 +1,243 @@
+//! Tests of the Parquet reader with files that the `parquet` crate writes.
+
+use super::*;
+use crate::logs::{Logs, Task};
+use gpsindy_core::Silent;
+use parquet::basic::Compression;
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int64Type};
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A column to write: values, and for optional and listed ones their levels.
+pub(crate) enum Cells {
+    Double(Vec<f64>),
+    Optional(Vec<Option<f64>>),
+    /// Lists of so many elements each.
+    Singles(Vec<f32>, usize),
+    Single(Vec<f32>),
+    Integer(Vec<i64>),
+    Text(Vec<&'static str>),
+}
+
+pub(crate) fn written(schema: &str, columns: &[Cells], groups: usize) -> Vec<u8> {
+    let schema = Arc::new(parse_message_type(schema).unwrap());
+    let settings = Arc::new(WriterProperties::builder().set_compression(Compression::SNAPPY).build());
+    let mut bytes = Vec::new();
+    let mut file = SerializedFileWriter::new(&mut bytes, schema, settings).unwrap();
+    for group in 0..groups {
+        fn part<T>(values: &[T], group: usize, groups: usize) -> &[T] {
+            let size = values.len() / groups;
+            &values[group * size..(group + 1) * size]
+        }
+        let mut rows = file.next_row_group().unwrap();
+        for cells in columns {
+            let mut column = rows.next_column().unwrap().unwrap();
+            match cells {
+                Cells::Double(v) => {
+                    column.typed::<DoubleType>().write_batch(part(v, group, groups), None, None).unwrap();
+                }
+                Cells::Single(v) => {
+                    column.typed::<FloatType>().write_batch(part(v, group, groups), None, None).unwrap();
+                }
+                Cells::Integer(v) => {
+                    column.typed::<Int64Type>().write_batch(part(v, group, groups), None, None).unwrap();
+                }
+                Cells::Text(v) => {
+                    let texts: Vec<ByteArray> = part(v, group, groups).iter().map(|t| ByteArray::from(*t)).collect();
+                    column.typed::<ByteArrayType>().write_batch(&texts, None, None).unwrap();
+                }
+                Cells::Optional(v) => {
+                    let v = part(v, group, groups);
+                    let defined: Vec<i16> = v.iter().map(|v| i16::from(v.is_some())).collect();
+                    let values: Vec<f64> = v.iter().flatten().copied().collect();
+                    column.typed::<DoubleType>().write_batch(&values, Some(&defined), None).unwrap();
+                }
+                Cells::Singles(v, width) => {
+                    let v = part(v, group, groups);
+                    let repeated: Vec<i16> = (0..v.len()).map(|i| i16::from(i % width != 0)).collect();
+                    column.typed::<FloatType>().write_batch(v, Some(&vec![3; v.len()]), Some(&repeated)).unwrap();
+                }
+            }
+            column.close().unwrap();
+        }
+        rows.close().unwrap();
+    }
+    file.close().unwrap();
+    bytes
+}
+
+fn table(groups: usize) -> Vec<u8> {
+    let schema = "message schema { REQUIRED DOUBLE t; OPTIONAL DOUBLE x; REQUIRED INT64 n; REQUIRED BYTE_ARRAY remark (UTF8); REQUIRED INT64 trial; }";
+    let columns = [
+        Cells::Double(vec![0.0, 0.1, 0.2, 0.0, 0.1, 0.2]),
+        Cells::Optional(vec![Some(1.0), None, Some(3.0), Some(4.0), Some(f64::NAN), Some(6.0)]),
+        Cells::Integer(vec![1, 2, 3, 4, 5, i64::MAX]),
+        Cells::Text(vec!["a", "b", "c", "d", "e", "f"]),
+        Cells::Integer(vec![7, 7, 7, 8, 8, 8]),
+    ];
+    written(schema, &columns, groups)
+}
+
+fn options(run: Option<&str>) -> LogOptions {
+    LogOptions { run: run.map(Into::into), ..LogOptions::default() }
+}
+
+#[test]
+fn a_table_reads_as_the_same_table_in_csv_does() {
+    let csv = b"t,x,n,remark,trial\n0,1,1,a,7\n0.1,,2,b,7\n0.2,3,3,c,7\n0,4,4,d,8\n0.1,,5,e,8\n0.2,6,9223372036854775807,f,8\n";
+    let csv = Logs::parse("a.parquet", csv, &options(Some("trial"))).unwrap();
+    for groups in [1, 2, 3] {
+        let found = Logs::parse("a.parquet", &table(groups), &options(Some("trial"))).unwrap();
+        assert_eq!(found.columns(), csv.columns());
+        assert_eq!(found.numeric_columns(), csv.numeric_columns());
+        let (a, b) = (found.dataset(&["x", "n"], &[]).unwrap(), csv.dataset(&["x", "n"], &[]).unwrap());
+        for (a, b) in a.runs().iter().zip(b.runs()) {
+            assert_eq!((&a.name, &a.time), (&b.name, &b.time));
+            for j in 0..2 {
+                let bits =
+                    |run: &gpsindy_core::Run| run.column(j).iter().map(|v| v.is_nan() || *v == 0.0).collect::<Vec<_>>();
+                assert_eq!(bits(a), bits(b));
+                assert!(a.column(j).iter().zip(b.column(j)).all(|(a, b)| a == b || a.is_nan()));
+            }
+        }
+    }
+}
+
+#[test]
+fn errors_name_the_row_and_the_column() {
+    let message = |options: &LogOptions, column: &str| {
+        let read = Logs::parse("a.parquet", &table(1), options).and_then(|logs| logs.dataset(&[column], &[]));
+        read.unwrap_err().to_string()
+    };
+    let found = message(&options(None), "x");
+    assert_eq!(
+        found,
+        "a.parquet: row 4, column `t`: time goes back, from 0.2 to 0; sort the rows, or tell the runs apart with --run"
+    );
+    assert!(message(&options(Some("trail")), "x").contains("did you mean `trial`?"));
+    assert_eq!(message(&options(Some("trial")), "remark"), "a.parquet: column `remark` holds text, not numbers");
+    assert!(message(&options(Some("trial")), "y").starts_with("a.parquet: column `y` is not in the table"));
+    let time = LogOptions { time: Some("clock".into()), ..LogOptions::default() };
+    assert!(message(&time, "x").starts_with("a.parquet: time column `clock` is not in the table"));
+}
+
+#[test]
+fn stamps_of_a_calendar_keep_their_nanoseconds() {
+    let schema = "message schema { REQUIRED INT64 time (TIMESTAMP(NANOS,true)); REQUIRED DOUBLE x; }";
+    let begin = 1_763_000_000_123_456_789;
+    let columns = [Cells::Integer(vec![begin, begin + 1, begin + 10_000_000]), Cells::Double(vec![1.0, 2.0, 3.0])];
+    let logs = Logs::parse("a.parquet", &written(schema, &columns, 1), &LogOptions::default()).unwrap();
+    assert_eq!(logs.dataset(&["x"], &[]).unwrap().runs()[0].time, [0.0, 1e-9, 0.01]);
+}
+
+/// Writes a data set of two episodes in two files into a folder of its own.
+pub(crate) fn lerobot(stamp: impl Fn(usize) -> f32) -> PathBuf {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    static COUNT: AtomicUsize = AtomicUsize::new(0);
+    let folder = std::env::temp_dir().join(format!(
+        "gpsindy-lerobot-{}-{}",
+        std::process::id(),
+        COUNT.fetch_add(1, Ordering::Relaxed)
+    ));
+    std::fs::create_dir_all(folder.join("meta")).unwrap();
+    std::fs::create_dir_all(folder.join("data/chunk-000")).unwrap();
+    let info = r#"{"codebase_version":"v3.0","fps":30,"features":{
+        "observation.state":{"dtype":"float32","shape":[2],"names":["shoulder_pan.pos","elbow.pos"]},
+        "action":{"dtype":"float32","shape":[2],"names":{"motors":["shoulder_pan.pos","elbow.pos"]}}}}"#;
+    std::fs::write(folder.join("meta/info.json"), info).unwrap();
+    let list =
+        |name: &str| format!("OPTIONAL group {name} (LIST) {{ REPEATED group list {{ OPTIONAL FLOAT element; }} }}");
+    let schema = format!(
+        "message schema {{ {} {} REQUIRED FLOAT timestamp; REQUIRED INT64 frame_index; REQUIRED INT64 episode_index; }}",
+        list("observation.state"),
+        list("action")
+    );
+    for episode in 0..2_i64 {
+        let frames = 40_usize;
+        let columns = [
+            Cells::Singles((0..2 * frames).map(|i| i as f32 + 100.0 * episode as f32).collect(), 2),
+            Cells::Singles((0..2 * frames).map(|i| -(i as f32)).collect(), 2),
+            Cells::Single((0..frames).map(&stamp).collect()),
+            Cells::Integer((0..frames as i64).collect()),
+            Cells::Integer(vec![episode; frames]),
+        ];
+        let path = folder.join(format!("data/chunk-000/file-00{episode}.parquet"));
+        std::fs::write(path, written(&schema, &columns, 2)).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn a_data_set_of_episodes_is_runs_with_named_elements() {
+    let folder = lerobot(|frame| frame as f32 / 30.0);
+    let map = vec![
+        ("q".to_string(), "observation.state[elbow.pos]".to_string()),
+        ("u".into(), "action[shoulder_pan.pos]".into()),
+    ];
+    let logs = Logs::read(&[&folder], &LogOptions { map, ..LogOptions::default() }).unwrap();
+    let task = Task { needed: vec!["q".into(), "u".into()], controls: vec!["u".into()], ..Task::default() };
+    let found = logs.assemble(&task, &Silent).unwrap();
+    assert_eq!(found.data.runs().len(), 2);
+    let run = &found.data.runs()[1];
+    assert!(run.name.ends_with(":1"), "{}", run.name);
+    assert_eq!(run.column(0)[..3], [101.0, 103.0, 105.0]);
+    assert_eq!(run.column(1)[..3], [0.0, -2.0, -4.0]);
+    // Not the float32 0.033333335.
+    assert_eq!(run.time[..3], [0.0, 1.0 / 30.0, 2.0 / 30.0]);
+    assert!(found.notes[0].contains("made again as frame_index / 30 Hz"), "{:?}", found.notes);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn stamps_that_disagree_with_the_frames_are_left_and_told() {
+    let folder = lerobot(|frame| frame as f32 / 29.0);
+    let logs = Logs::read(&[&folder], &LogOptions::default()).unwrap();
+    let task = Task { needed: vec!["action_elbow_pos".into()], ..Task::default() };
+    let found = logs.assemble(&task, &Silent).unwrap();
+    assert_eq!(found.data.runs()[0].time[1], f64::from(1.0_f32 / 29.0));
+    assert!(found.notes[0].contains("do not agree"), "{:?}", found.notes);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// Rounds of the fuzz test in the ordinary run, and in the long one.
+const ROUNDS: usize = 3_000;
+const LONG_ROUNDS: usize = 100_000;
+
+fn fuzz(rounds: usize) {
+    let mut seed = 0x2545_f491_4f6c_dd1d_u64;
+    let mut random = move || {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        seed as usize
+    };
+    let whole = table(2);
+    for _ in 0..rounds {
+        let mut bytes = whole.clone();
+        for _ in 0..=random() % 6 {
+            let at = random() % bytes.len();
+            match random() % 5 {
+                0 => bytes.truncate(at.max(4)),
+                1 => bytes[at] = [0, 0x7f, 0xff, 0x80][random() % 4],
+                _ => bytes[at] ^= 1 << (random() % 8),
+            }
+        }
+        if let Ok(logs) = Logs::parse("fuzz.parquet", &bytes, &options(Some("trial"))) {
+            let _ = logs.dataset(&["x", "n"], &[]);
+        }
+    }
+}
+
+#[test]
+fn broken_bytes_never_panic() {
+    fuzz(ROUNDS);
+}
+
+#[test]
+#[ignore = "minutes"]
+fn broken_bytes_never_panic_in_the_long_run() {
+    fuzz(LONG_ROUNDS);
+}
