@@ -13,6 +13,7 @@ pub(crate) mod lanes;
 pub use experiment::{Experiment, Hold, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::lockstep::{Job, roll_together};
+pub(crate) use lanes::tangent::tangent;
 
 use crate::error::{Error, Result};
 use crate::model::System;

@@ -11,7 +11,7 @@ use crate::diagnose::fit::fitted::Fitted;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::whitening::Whitener;
 use crate::model::System;
-use crate::refine::{Experiment, Job, lanes::Lanes, roll_together};
+use crate::refine::{Experiment, Job, lanes::Lanes, roll_together, tangent};
 use nalgebra::{DMatrix, DVector};
 
 const LANES: usize = 8;
@@ -379,7 +379,7 @@ fn stepped_responses(
     let jobs: Vec<Job> = windows.flat_map(|w| parameters.iter().map(move |p| job(w, p))).collect();
     let empty: Vec<DVector<f64>> = blocks.iter().map(|b| DVector::zeros(b.residual.len())).collect();
     let mut out = vec![empty; parameters.len()];
-    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+    let mut receive = |job: usize, sample: usize, c: usize, value: f64| {
         let (w, set) = (job / parameters.len(), job % parameters.len());
         let window = experiment.windows[w];
         let row = (sample - window.first) * n_columns + c;
@@ -388,7 +388,13 @@ fn stepped_responses(
             let base = measured / experiment.noise[c] - blocks[w].residual[row];
             out[set][w][row] = value / experiment.noise[c] - base;
         }
-    });
+    };
+    // A straight line from the fitted rollout tells where a suspect would take it, without a rollout of its own.
+    let refined = &fitted.refined;
+    match tangent(&fitted.system, experiment, &refined.parameters, &refined.initial) {
+        Some(tangent) => tangent.roll(system, experiment, &jobs, &experiment.columns, &mut receive),
+        None => roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut receive),
+    }
     out
 }
 
