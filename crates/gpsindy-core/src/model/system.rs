@@ -4,7 +4,8 @@ use super::Model;
 use super::engine::{self, Drive, Rows, Steps};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Tape};
-use std::sync::Arc;
+
+use std::sync::{Arc, Mutex};
 
 /// Anybody's simulator: rates of the states as a function of time, states and controls.
 ///
@@ -80,6 +81,9 @@ pub(crate) struct Follower {
     pub(crate) is_linear: bool,
 }
 
+/// Something computed of a system, shared among its copies.
+type Kept = Arc<Mutex<Option<Arc<dyn std::any::Any + Send + Sync>>>>;
+
 /// A model compiled for evaluation.
 ///
 /// The rates are functions of the variables states (n), controls (m), inputs with a history (h)
@@ -95,6 +99,7 @@ pub struct System {
     simulator: Option<Arc<dyn Dynamics>>,
     /// What goes to a simulator that steps by itself.
     drive: Option<Drive>,
+    kept: Kept,
 }
 
 impl std::fmt::Debug for System {
@@ -216,6 +221,7 @@ impl System {
             followers: Vec::new(),
             simulator,
             drive,
+            kept: Kept::default(),
         })
     }
 
@@ -333,6 +339,11 @@ impl System {
     /// What goes to a simulator that steps by itself, where there is one.
     pub(crate) fn drive(&self) -> Option<&Drive> {
         self.drive.as_ref()
+    }
+
+    /// A place for what was computed of this system last and may be wanted again.
+    pub(crate) fn kept(&self) -> &Kept {
+        &self.kept
     }
 
     /// The user's own simulator, where there is one.

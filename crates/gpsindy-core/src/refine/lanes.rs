@@ -4,6 +4,7 @@
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
 pub(crate) mod lockstep;
+pub(crate) mod tangent;
 
 use super::experiment::{Log, Past};
 use super::history::{History, Stages, histories};

@@ -14,6 +14,7 @@ pub(crate) use crate::data::Hold;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::lockstep::{Job, roll_together};
+pub(crate) use lanes::tangent::tangent;
 
 use crate::error::{Error, Result};
 use crate::model::System;

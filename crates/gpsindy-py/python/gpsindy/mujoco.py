@@ -28,6 +28,10 @@ except ImportError as missing:
     raise ImportError("gpsindy.mujoco needs the package mujoco, 4 or newer: pip install 'gpsindy[mujoco]'") from missing
 
 
+#: Copies from which on the engine's work is shared among threads.
+_WORTH_THREADS = 256
+
+
 @dataclass(frozen=True)
 class Setting:
     """A number of the engine's model that the logs may correct.
@@ -220,7 +224,9 @@ class Simulator:
     def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
         size = max(16, 1 << (len(x) - 1).bit_length())
         if size not in self._batches:
-            self._batches[size] = _Copies(self._mj, self._settings, size, self._threads)
+            # A thread that waits for few rows costs more than it does.
+            threads = self._threads if size >= _WORTH_THREADS else 1
+            self._batches[size] = _Copies(self._mj, self._settings, size, threads)
         return self._batches[size].step(x, u, force, parameters, dt)
 
     def corrected(self, model: Model) -> str:

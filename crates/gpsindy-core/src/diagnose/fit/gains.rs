@@ -14,7 +14,7 @@ use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::{MOST_STRAINED, STEP};
 use crate::model::System;
-use crate::refine::{Job, lanes::Lanes, roll_together};
+use crate::refine::{Job, lanes::Lanes, roll_together, tangent};
 use nalgebra::{DMatrix, DVector};
 
 /// Columns that are rolled out at once: the width of the widest vector registers in doubles.
@@ -383,7 +383,7 @@ fn stepped_responses(
     let jobs: Vec<Job> = windows.flat_map(|w| parameters.iter().map(move |p| job(w, p))).collect();
     let empty: Vec<DVector<f64>> = blocks.iter().map(|b| DVector::zeros(b.residual.len())).collect();
     let mut out = vec![empty; parameters.len()];
-    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+    let mut receive = |job: usize, sample: usize, c: usize, value: f64| {
         let (w, set) = (job / parameters.len(), job % parameters.len());
         let window = experiment.windows[w];
         let row = (sample - window.first) * n_columns + c;
@@ -392,7 +392,13 @@ fn stepped_responses(
             let base = measured / experiment.noise[c] - blocks[w].residual[row];
             out[set][w][row] = value / experiment.noise[c] - base;
         }
-    });
+    };
+    // A straight line from the fitted rollout tells where a suspect would take it, without a rollout of its own.
+    let contestant = at.contestant;
+    match tangent(&contestant.system, experiment, &contestant.refined.parameters, &contestant.refined.initial) {
+        Some(tangent) => tangent.roll(system, experiment, &jobs, &experiment.columns, &mut receive),
+        None => roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut receive),
+    }
     out
 }
 

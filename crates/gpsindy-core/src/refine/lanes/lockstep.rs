@@ -10,7 +10,7 @@ use crate::refine::Experiment;
 use crate::refine::history::Stages;
 
 /// Lanes that run through a tape together.
-const L: usize = 4;
+pub(super) const L: usize = 4;
 
 /// Rows of one call at most, so that a call's memory stays within the processor's own.
 const MOST_ROWS: usize = 2048;
@@ -32,7 +32,7 @@ pub(crate) struct Job {
 }
 
 /// Up to `L` jobs of the same window.
-struct Group<'a> {
+pub(super) struct Group<'a> {
     lanes: Lanes<'a, L>,
     /// Number of its first job, and how many there are.
     first: usize,
@@ -46,6 +46,8 @@ struct Group<'a> {
     arguments: Vec<[f64; L]>,
     beside: Vec<[f64; L]>,
     nodes: Vec<Node<L>>,
+    /// States of the first lane at the beginning of every step, where they are wanted.
+    trail: Option<Vec<Vec<f64>>>,
 }
 
 /// Rolls all `jobs` out; `receive(job, sample, place, value)` for every sample of its window and every one of `columns`,
@@ -71,28 +73,36 @@ pub(crate) fn roll_together(
     }
 }
 
+/// All states at the beginning of every step, of every job; `None` where one fails.
+pub(super) fn paths(system: &System, experiment: &Experiment, jobs: &[Job]) -> Option<Vec<Vec<Vec<f64>>>> {
+    let engine = system.engine()?;
+    let groups: Vec<Group<'_>> = (0..jobs.len())
+        .map(|i| Group { trail: Some(Vec::new()), ..Group::new(system, experiment, jobs, i, 1) })
+        .collect();
+    let walked = walk(system, engine, groups, Some(&[]), &mut |_, _, _, _| {});
+    let paths: Vec<Vec<Vec<f64>>> = walked.into_iter().filter_map(|g| g.trail).collect();
+    paths.iter().flatten().flatten().all(|v| v.is_finite()).then_some(paths)
+}
+
 /// Steps all groups to their last samples.
-fn walk(
+fn walk<'a>(
     system: &System,
     engine: &dyn Steps,
-    mut groups: Vec<Group<'_>>,
+    mut groups: Vec<Group<'a>>,
     columns: Option<&[usize]>,
     receive: &mut dyn FnMut(usize, usize, usize, f64),
-) {
+) -> Vec<Group<'a>> {
     let mut rows = Buffer::default();
     loop {
         let mut due: Vec<(usize, f64)> = Vec::with_capacity(groups.len());
         for (g, group) in groups.iter_mut().enumerate() {
-            if group.part == 0 {
-                group.enter();
-                group.show(columns, receive);
-            }
+            group.begin(columns, receive);
             if group.sample < group.last {
                 due.push((g, group.next_step(engine.period())));
             }
         }
         if due.is_empty() {
-            return;
+            return groups;
         }
         // Steps of one length go together; nearly always that is all of them.
         due.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -100,7 +110,7 @@ fn walk(
             let dt = same[0].1;
             rows.clear();
             for &(g, _) in same {
-                groups[g].put(system, dt, &mut rows);
+                groups[g].put(system, dt, None, &mut rows);
             }
             rows.step(engine, system, dt);
             let mut taken = 0;
@@ -113,24 +123,43 @@ fn walk(
 
 /// What goes to the simulator in one call, and what comes back.
 #[derive(Default)]
-struct Buffer {
-    count: usize,
+pub(super) struct Buffer {
+    pub(super) count: usize,
     states: Vec<f64>,
     commands: Vec<f64>,
     forces: Vec<f64>,
     parameters: Vec<f64>,
-    next: Vec<f64>,
+    pub(super) next: Vec<f64>,
 }
 
 impl Buffer {
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.count = 0;
         for part in [&mut self.states, &mut self.commands, &mut self.forces, &mut self.parameters] {
             part.clear();
         }
     }
 
-    fn step(&mut self, engine: &dyn Steps, system: &System, dt: f64) {
+    /// Commands, forces and parameters of a row.
+    pub(super) fn arguments(&self, row: usize) -> impl Iterator<Item = f64> {
+        let parts = [&self.commands, &self.forces, &self.parameters];
+        parts.into_iter().flat_map(move |part| {
+            let width = part.len() / self.count.max(1);
+            part[row * width..(row + 1) * width].iter().copied()
+        })
+    }
+
+    /// Adds a row whose arguments are as many as those of `like`.
+    pub(super) fn push(&mut self, states: &[f64], arguments: &[f64], like: &Self) {
+        let (m, f) = (like.commands.len() / like.count.max(1), like.forces.len() / like.count.max(1));
+        self.states.extend_from_slice(states);
+        self.commands.extend_from_slice(&arguments[..m]);
+        self.forces.extend_from_slice(&arguments[m..m + f]);
+        self.parameters.extend_from_slice(&arguments[m + f..]);
+        self.count += 1;
+    }
+
+    pub(super) fn step(&mut self, engine: &dyn Steps, system: &System, dt: f64) {
         let n = system.simulator().map_or(0, |s| s.n_states());
         self.next.clear();
         self.next.resize(self.count * n, f64::NAN);
@@ -160,7 +189,13 @@ impl Buffer {
 }
 
 impl<'a> Group<'a> {
-    fn new(system: &'a System, experiment: &'a Experiment, jobs: &[Job], first: usize, count: usize) -> Self {
+    pub(super) fn new(
+        system: &'a System,
+        experiment: &'a Experiment,
+        jobs: &[Job],
+        first: usize,
+        count: usize,
+    ) -> Self {
         let job = |lane: usize| &jobs[first + lane.min(count - 1)];
         let window = experiment.windows[job(0).window];
         let log = &experiment.logs[window.log];
@@ -191,8 +226,22 @@ impl<'a> Group<'a> {
             arguments: drive.map(|d| filled(d.arguments.registers())).unwrap_or_default(),
             beside: drive.map(|d| filled(d.beside.registers())).unwrap_or_default(),
             nodes: Vec::new(),
+            trail: None,
             lanes,
         }
+    }
+
+    /// Shows the sample, where one begins.
+    pub(super) fn begin(&mut self, columns: Option<&[usize]>, receive: &mut dyn FnMut(usize, usize, usize, f64)) {
+        if self.part == 0 {
+            self.enter();
+            self.show(columns, receive);
+        }
+    }
+
+    /// A state of a lane.
+    pub(super) fn state(&self, j: usize, lane: usize) -> f64 {
+        self.x[j][lane]
     }
 
     /// Looks at the inputs of the sample that begins.
@@ -223,7 +272,7 @@ impl<'a> Group<'a> {
     }
 
     /// Length of the next step, s.
-    fn next_step(&self, period: f64) -> f64 {
+    pub(super) fn next_step(&self, period: f64) -> f64 {
         let time = &self.lanes.log.time;
         let whole = time[self.sample + 1] - time[self.sample];
         let rest = whole - self.part as f64 * period;
@@ -241,21 +290,43 @@ impl<'a> Group<'a> {
         self.lanes.log.time[self.sample] + self.part as f64 * period
     }
 
-    fn put(&mut self, system: &System, dt: f64, rows: &mut Buffer) {
-        let (Some(drive), Some(engine), Some(simulator)) = (system.drive(), system.engine(), system.simulator()) else {
-            return;
-        };
+    /// Adds its rows to a call; arguments are those of the states `at`, where they are given.
+    pub(super) fn put(&mut self, system: &System, dt: f64, at: Option<&[f64]>, rows: &mut Buffer) {
+        let Some(engine) = system.engine() else { return };
+        if let Some(trail) = &mut self.trail {
+            trail.push(self.x.iter().map(|x| x[0]).collect());
+        }
         let t = self.now(engine.period());
         self.lanes.load_inputs(&mut self.inputs, self.sample, t, t + dt);
         let n = self.x.len();
         for registers in [&mut self.arguments, &mut self.beside] {
             registers[..n].copy_from_slice(&self.x);
+            for (register, &value) in registers.iter_mut().zip(at.unwrap_or_default()) {
+                *register = [value; L];
+            }
             for (register, stages) in registers[n..].iter_mut().zip(&self.inputs) {
                 *register = stages[1];
             }
         }
-        self.arguments[drive.arguments.n_variables()] = [t; L];
-        self.beside[drive.beside.n_variables()] = [t; L];
+        if let Some(drive) = system.drive() {
+            self.arguments[drive.arguments.n_variables()] = [t; L];
+            self.beside[drive.beside.n_variables()] = [t; L];
+        }
+        self.fill(system, rows);
+    }
+
+    /// The same rows once more, with the arguments of other states, all inputs being as they were.
+    pub(super) fn put_again(&mut self, system: &System, at: &[f64], rows: &mut Buffer) {
+        for (register, &value) in self.arguments.iter_mut().zip(at) {
+            *register = [value; L];
+        }
+        self.fill(system, rows);
+    }
+
+    fn fill(&mut self, system: &System, rows: &mut Buffer) {
+        let (Some(drive), Some(engine), Some(simulator)) = (system.drive(), system.engine(), system.simulator()) else {
+            return;
+        };
         drive.arguments.evaluate(&mut self.arguments);
         let (n, m, f) = (simulator.n_states(), simulator.n_controls(), engine.n_forces());
         let argument = |i: usize, lane: usize| drive.arguments.output(&self.arguments, i)[lane];
@@ -269,7 +340,7 @@ impl<'a> Group<'a> {
     }
 
     /// Takes its rows out of what the simulator answered; returns how many values that were.
-    fn take(&mut self, system: &System, period: f64, dt: f64, next: &[f64]) -> usize {
+    pub(super) fn take(&mut self, system: &System, period: f64, dt: f64, next: &[f64]) -> usize {
         let n = system.simulator().map_or(0, |s| s.n_states());
         let before = (!self.lanes.late.is_empty()).then(|| self.x.clone());
         let beside = self.rates_beside(system, dt);

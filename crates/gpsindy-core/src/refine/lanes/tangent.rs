@@ -1,0 +1,213 @@
+//! Straight-line responses of a simulator that steps: what small changes of its inputs and parameters do to a rollout.
+//!
+//! Along one rollout the simulator is differentiated once, at every step and by all its arguments, in calls of many
+//! rows. Any number of suspects is then screened without another call: `d' = A d + B (a - a0)`, where `d` is how far
+//! the states have moved and `a` what a suspect hands to the simulator.
+
+use super::lockstep::{Buffer, Group, Job, L};
+use crate::model::System;
+use crate::refine::{Experiment, Window};
+use std::sync::Arc;
+
+/// Share of a typical size by which a value is moved for a difference.
+const DIFFERENCE: f64 = 1e-5;
+
+/// Steps whose rows go to the simulator together.
+const TOGETHER: usize = 64;
+
+/// A step of the rollout: states, arguments, terms beside, and the derivatives of the next states.
+struct Step {
+    x: Vec<f64>,
+    arguments: Vec<f64>,
+    next: Vec<f64>,
+    /// Row after row: by the states (n x n), then by the arguments (n x a).
+    by_states: Vec<f64>,
+    by_arguments: Vec<f64>,
+}
+
+/// The derivatives along the rollouts of all windows.
+pub(crate) struct Tangent {
+    parameters: Vec<f64>,
+    initial: Vec<Vec<f64>>,
+    windows: Vec<Window>,
+    steps: Vec<Vec<Step>>,
+}
+
+/// The tangent of a system at a point; made where the one that the system keeps belongs to another.
+pub(crate) fn tangent(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[f64],
+    initial: &[Vec<f64>],
+) -> Option<Arc<Tangent>> {
+    let mut kept = system.kept().lock().ok()?;
+    let belongs =
+        |t: &Arc<Tangent>| t.parameters == parameters && t.initial == initial && t.windows == experiment.windows;
+    let known = kept.as_ref().and_then(|any| any.clone().downcast::<Tangent>().ok());
+    if let Some(found) = known.filter(belongs) {
+        return Some(found);
+    }
+    let made = Arc::new(Tangent::new(system, experiment, parameters, initial)?);
+    *kept = Some(made.clone());
+    Some(made)
+}
+
+impl Tangent {
+    /// Rolls every window out and differentiates at every step; `None` where the simulator fails.
+    fn new(system: &System, experiment: &Experiment, parameters: &[f64], initial: &[Vec<f64>]) -> Option<Self> {
+        let mut steps = Vec::with_capacity(experiment.windows.len());
+        let jobs: Vec<Job> = initial
+            .iter()
+            .enumerate()
+            .map(|(window, start)| Job { window, parameters: parameters.to_vec(), initial: start.clone() })
+            .collect();
+        let paths = super::lockstep::paths(system, experiment, &jobs)?;
+        for (i, path) in paths.iter().enumerate() {
+            steps.push(along(system, experiment, &jobs[i..=i], path)?);
+        }
+        Some(Self {
+            parameters: parameters.to_vec(),
+            initial: initial.to_vec(),
+            windows: experiment.windows.clone(),
+            steps,
+        })
+    }
+
+    /// As [`super::lockstep::roll_together`], for systems that change a little of what this one was made of.
+    pub(crate) fn roll(
+        &self,
+        system: &System,
+        experiment: &Experiment,
+        jobs: &[Job],
+        columns: &[usize],
+        receive: &mut dyn FnMut(usize, usize, usize, f64),
+    ) {
+        let Some(engine) = system.engine() else { return };
+        let period = engine.period();
+        let mut rows = Buffer::default();
+        let mut first = 0;
+        while first < jobs.len() {
+            let same = jobs[first..].iter().take_while(|j| j.window == jobs[first].window).count().min(L);
+            let mut group = Group::new(system, experiment, jobs, first, same);
+            for step in &self.steps[jobs[first].window] {
+                group.begin(Some(columns), receive);
+                let dt = group.next_step(period);
+                rows.clear();
+                group.put(system, dt, Some(&step.x), &mut rows);
+                self.next(step, &group, &mut rows);
+                group.take(system, period, dt, &rows.next);
+            }
+            group.begin(Some(columns), receive);
+            first += same;
+        }
+    }
+
+    /// The next states of every row of a group.
+    fn next(&self, step: &Step, group: &Group<'_>, rows: &mut Buffer) {
+        let (n, a) = (step.x.len(), step.arguments.len());
+        rows.next.clear();
+        for lane in 0..rows.count {
+            let moved: Vec<f64> = (0..n).map(|j| group.state(j, lane) - step.x[j]).collect();
+            let changed: Vec<f64> = rows.arguments(lane).zip(&step.arguments).map(|(now, then)| now - then).collect();
+            for j in 0..n {
+                let by_states: f64 = moved.iter().zip(&step.by_states[j * n..]).map(|(d, s)| d * s).sum();
+                let by_arguments: f64 = changed.iter().zip(&step.by_arguments[j * a..]).map(|(d, s)| d * s).sum();
+                rows.next.push(step.next[j] + by_states + by_arguments);
+            }
+        }
+    }
+}
+
+/// The derivatives along one window's path of states.
+fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>]) -> Option<Vec<Step>> {
+    let (engine, simulator) = (system.engine()?, system.simulator()?);
+    let (n, period) = (simulator.n_states(), engine.period());
+    let scale = &experiment.scale;
+    let mut group = Group::new(system, experiment, job, 0, 1);
+    let mut steps: Vec<Step> = Vec::with_capacity(path.len());
+    let sizes = argument_sizes(system);
+    let mut pending = Buffer::default();
+    let mut since = 0;
+    let mut last = None;
+    for (k, x) in path.iter().enumerate() {
+        group.begin(None, &mut |_, _, _, _| {});
+        let dt = group.next_step(period);
+        if k > since && (k - since >= TOGETHER || last != Some(dt)) {
+            finish(&mut steps[since..], engine, system, last?, &mut pending, (n, scale, &sizes))?;
+            since = k;
+        }
+        last = Some(dt);
+        let mut own = Buffer::default();
+        group.put(system, dt, Some(&x[..n]), &mut own);
+        let arguments: Vec<f64> = own.arguments(0).collect();
+        pending.push(&x[..n], &arguments, &own);
+        for j in 0..n {
+            let mut moved = x[..n].to_vec();
+            moved[j] += DIFFERENCE * scale[j];
+            let mut there = Buffer::default();
+            group.put_again(system, &moved, &mut there);
+            let arguments: Vec<f64> = there.arguments(0).collect();
+            pending.push(&moved, &arguments, &own);
+        }
+        for (i, size) in sizes.iter().enumerate() {
+            let mut arguments = arguments.clone();
+            arguments[i] += DIFFERENCE * size;
+            pending.push(&x[..n], &arguments, &own);
+        }
+        steps.push(Step {
+            x: x[..n].to_vec(),
+            arguments,
+            next: Vec::new(),
+            by_states: Vec::new(),
+            by_arguments: Vec::new(),
+        });
+        // The added states go on as they did.
+        let next = path.get(k + 1).map_or_else(|| x[..n].to_vec(), |next| next[..n].to_vec());
+        group.take(system, period, dt, &next);
+    }
+    if since < steps.len() {
+        finish(&mut steps[since..], engine, system, last?, &mut pending, (n, scale, &sizes))?;
+    }
+    Some(steps)
+}
+
+/// Calls the simulator for the rows of some steps, and keeps what it says as derivatives.
+fn finish(
+    steps: &mut [Step],
+    engine: &dyn crate::model::Steps,
+    system: &System,
+    dt: f64,
+    pending: &mut Buffer,
+    (n, scale, sizes): (usize, &[f64], &[f64]),
+) -> Option<()> {
+    pending.step(engine, system, dt);
+    let (rows, a) = (1 + n + sizes.len(), sizes.len());
+    for (k, step) in steps.iter_mut().enumerate() {
+        let of = |row: usize, j: usize| pending.next[(k * rows + row) * n + j];
+        step.next = (0..n).map(|j| of(0, j)).collect();
+        step.by_states = vec![0.0; n * n];
+        step.by_arguments = vec![0.0; n * a];
+        for j in 0..n {
+            for i in 0..n {
+                step.by_states[j * n + i] = (of(1 + i, j) - of(0, j)) / (DIFFERENCE * scale[i]);
+            }
+            for i in 0..a {
+                step.by_arguments[j * a + i] = (of(1 + n + i, j) - of(0, j)) / (DIFFERENCE * sizes[i]);
+            }
+        }
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        if !(finite(&step.next) && finite(&step.by_states) && finite(&step.by_arguments)) {
+            return None;
+        }
+    }
+    pending.clear();
+    Some(())
+}
+
+/// Typical sizes of commands, forces and parameters of the simulator.
+fn argument_sizes(system: &System) -> Vec<f64> {
+    let model = system.model();
+    let ones = model.controls.len() + model.ports.len();
+    let own = system.engine().map_or(0, |e| e.n_parameters());
+    std::iter::repeat_n(1.0, ones).chain(model.parameters.iter().take(own).map(|p| p.typical())).collect()
+}
