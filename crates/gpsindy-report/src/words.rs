@@ -252,7 +252,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
 pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
     let closure = &report.closure;
     let range = match (closure.low, closure.high) {
-        (Some(low), Some(high)) if low < high => {
+        (Some(low), Some(high)) if percent_closed(low) != percent_closed(high) => {
             format!(" ({} interval {} to {})", percent(report.level()), percent_closed(low), percent_closed(high))
         }
         _ => String::new(),

@@ -61,7 +61,7 @@ pub(crate) fn report(
         verdict => verdict,
     };
     let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, doubt, keep };
+    let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, keep };
     let causes = if detected.gap { judged.causes() } else { Vec::new() };
     let augmented = if keep { augmented } else { nominal.system.model().clone() };
     if detected.gap && outcome.best.hypotheses.is_empty() {
@@ -140,16 +140,20 @@ fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
 /// tenth. Three and more are an argument: few cases have so many, and eight of 19 outside the catalogue took them.
 /// Then by how well the sizes agree between parts: those of true causes have p-values that are spread evenly.
 fn imitated(stabilities: &[Option<Stability>]) -> f64 {
-    let beforehand: f64 = match stabilities.len() {
+    let least = stabilities.iter().flatten().map(|s| s.p_value).reduce(f64::min);
+    // The smallest of several is paid for.
+    imitates(stabilities.len(), least.map(|p| p * stabilities.len() as f64))
+}
+
+/// The same of one of `effects` named together, by the chance of its own disagreement, where that was told.
+fn imitates(effects: usize, p_value: Option<f64>) -> f64 {
+    let beforehand: f64 = match effects {
         0 | 1 => 0.02,
         2 => 0.1,
         _ => 0.75,
     };
-    let told = stabilities.iter().flatten().map(|s| s.p_value);
-    let Some(least) = told.reduce(f64::min) else { return beforehand };
-    // The smallest of several is paid for.
-    let p_value = (least * stabilities.len() as f64).clamp(1e-12, 1.0);
-    let odds = beforehand / (1.0 - beforehand) * CROWDED * p_value.powf(CROWDED - 1.0);
+    let Some(p_value) = p_value else { return beforehand };
+    let odds = beforehand / (1.0 - beforehand) * CROWDED * p_value.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
     odds / (1.0 + odds)
 }
 
@@ -216,7 +220,6 @@ struct Judged<'a> {
     nominal: &'a Contestant,
     outcome: &'a Outcome,
     stabilities: &'a [Option<Stability>],
-    doubt: f64,
     keep: bool,
 }
 
@@ -302,7 +305,8 @@ impl Judged<'_> {
             let real = is_real(best, removed, 1);
             return all.push(cause(self.confidence, best, place, real, self.keep, Vec::new()));
         };
-        let sound = (1.0 - self.doubt) * is_real(best, removed, best.added[place].len());
+        let own = self.stabilities[place].as_ref().map(|s| s.p_value);
+        let sound = (1.0 - imitates(self.stabilities.len(), own)) * is_real(best, removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
         let best_bic = fits.iter().map(|f| -2.0 * f.evidence.score()).fold(f64::INFINITY, f64::min);
         // The effect that each contestant has in this one's place.
