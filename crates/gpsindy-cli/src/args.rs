@@ -1,6 +1,8 @@
 //! The arguments of the program and those that several commands share.
 
-use crate::commands::{completions, demo, diagnose, effects, exam, export, identify, man, score, simulate, smooth};
+use crate::commands::{
+    completions, demo, diagnose, effects, exam, export, fleet, identify, man, score, simulate, smooth,
+};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gpsindy_core::Hold;
 use gpsindy_files::LogOptions;
@@ -50,6 +52,7 @@ pub(crate) enum Command {
     Diagnose(Box<diagnose::Diagnose>),
     Exam(exam::Exam),
     Effects(effects::Effects),
+    Fleet(Box<fleet::Fleet>),
     Demo(demo::Demo),
     Completions(completions::Completions),
     Man(man::Man),

@@ -10,6 +10,7 @@ pub mod diagnose;
 mod differentiate;
 mod error;
 mod expression;
+pub mod fleet;
 pub mod gp;
 mod identify;
 pub mod library;
