@@ -17,5 +17,5 @@ mod task;
 
 pub use gather::compare;
 pub use manifest::Manifest;
-pub use run::{Fleet, Shard, Summary};
+pub use run::{Attempt, Fleet, Shard, Summary};
 pub use task::Task;

@@ -22,6 +22,9 @@ pub struct Manifest {
 /// One entry as text: keys and values.
 type Entry = BTreeMap<String, Vec<String>>;
 
+/// One entry's covariates by name.
+type Values = BTreeMap<String, f64>;
+
 impl Manifest {
     /// Reads a manifest; paths in it are relative to its folder, and may hold `*`.
     ///
@@ -104,11 +107,11 @@ fn files(entry: &Entry, key: &str, folder: &Path) -> std::result::Result<Vec<Pat
 }
 
 /// Names of the covariates and each entry's values: numbers as they are, texts as one column of 0 and 1 a value but the first.
-fn covariates(entries: &[Entry]) -> CoreResult<(Vec<String>, Vec<BTreeMap<String, f64>>)> {
+fn covariates(entries: &[Entry]) -> CoreResult<(Vec<String>, Vec<Values>)> {
     let keys: BTreeSet<&String> =
         entries.iter().flat_map(BTreeMap::keys).filter(|k| !KEYS.contains(&k.as_str())).collect();
     let mut names = Vec::new();
-    let mut values: Vec<BTreeMap<String, f64>> = vec![BTreeMap::new(); entries.len()];
+    let mut values = vec![Values::new(); entries.len()];
     for key in keys {
         let mut texts = Vec::with_capacity(entries.len());
         for (k, entry) in entries.iter().enumerate() {

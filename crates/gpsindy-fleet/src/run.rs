@@ -45,6 +45,17 @@ pub struct Fleet {
     pub shard: Option<Shard>,
 }
 
+/// What became of one task.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Attempt {
+    /// It was done now.
+    Done,
+    /// Its report was there.
+    Found,
+    /// It failed, and why.
+    Failed(String),
+}
+
 /// What a run of a fleet did.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summary {
@@ -81,47 +92,56 @@ impl Fleet {
         let is_own = |k: usize| self.shard.is_none_or(|s| k % s.parts == s.part - 1);
         let own: Vec<&Task> = manifest.tasks.iter().enumerate().filter(|(k, _)| is_own(*k)).map(|(_, t)| t).collect();
         let whole = Whole { progress, finished: AtomicUsize::new(0), total: own.len() };
-        let work = || -> Vec<std::result::Result<bool, (Task, gpsindy_files::Error)>> {
-            let one = |task: &&Task| {
-                let done = if whole.go_on() { self.one(task, out, &whole) } else { Err(CoreError::Cancelled.into()) };
-                whole.finished.fetch_add(1, Ordering::Relaxed);
-                whole.go_on();
-                let told = match &done {
-                    Err(gpsindy_files::Error::Core(CoreError::Cancelled)) => Ok(()),
-                    Err(error) => task.tell(out, Some(&error.to_string())),
-                    Ok(_) => task.tell(out, None),
-                };
-                done.and_then(|done| told.map(|()| done)).map_err(|error| ((*task).clone(), error))
-            };
-            own.par_iter().map(one).collect()
+        let one = |task: &&Task| {
+            let attempt = if whole.go_on() { self.attempt(task, out, &whole) } else { Err(CoreError::Cancelled.into()) };
+            whole.finished.fetch_add(1, Ordering::Relaxed);
+            whole.go_on();
+            attempt
         };
-        let results = match self.jobs {
+        let work = || own.par_iter().map(one).collect::<Result<Vec<Attempt>>>();
+        let attempts = match self.jobs {
             None => work(),
             Some(jobs) => {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
                 pool.map_err(|e| CoreError::invalid(format!("{jobs} jobs: {e}")))?.install(work)
             }
-        };
+        }?;
         let mut summary = Summary { elsewhere: manifest.tasks.len() - own.len(), ..Summary::default() };
-        for result in results {
-            match result {
-                Ok(true) => summary.done += 1,
-                Ok(false) => summary.found += 1,
-                Err((_, gpsindy_files::Error::Core(CoreError::Cancelled))) => return Err(CoreError::Cancelled.into()),
-                Err((task, error)) => summary.failed.push((task, error.to_string())),
+        for (task, attempt) in own.into_iter().zip(attempts) {
+            match attempt {
+                Attempt::Done => summary.done += 1,
+                Attempt::Found => summary.found += 1,
+                Attempt::Failed(error) => summary.failed.push((task.clone(), error)),
             }
         }
         Ok(summary)
     }
 
-    /// Whether there was anything to do.
-    fn one(&self, task: &Task, out: &Path, progress: &dyn Progress) -> Result<bool> {
+    /// Does one task unless its report is there; a failure is told below `out` and is no error here.
+    ///
+    /// # Errors
+    /// A request to stop, or a folder that can't be written.
+    pub fn attempt(&self, task: &Task, out: &Path, progress: &dyn Progress) -> Result<Attempt> {
+        match self.one(task, out, progress) {
+            Ok(attempt) => {
+                task.tell(out, None)?;
+                Ok(attempt)
+            }
+            Err(gpsindy_files::Error::Core(CoreError::Cancelled)) => Err(CoreError::Cancelled.into()),
+            Err(error) => {
+                task.tell(out, Some(&error.to_string()))?;
+                Ok(Attempt::Failed(error.to_string()))
+            }
+        }
+    }
+
+    fn one(&self, task: &Task, out: &Path, progress: &dyn Progress) -> Result<Attempt> {
         let folder = self.folder(task, out)?;
         if folder.join("report.json").is_file() {
-            return Ok(false);
+            return Ok(Attempt::Found);
         }
         task.run(&self.diagnose, &self.options, &folder, progress)?;
-        Ok(true)
+        Ok(Attempt::Done)
     }
 }
 

@@ -6,6 +6,7 @@ mod author;
 mod convert;
 mod dataset;
 mod diagnose;
+mod fleet;
 mod identify;
 mod model;
 mod online;
@@ -30,6 +31,8 @@ mod _gpsindy {
     use super::dataset::{PyDataset, parse_header};
     #[pymodule_export]
     use super::diagnose::{diagnose, diagnose_paired, effects, read_effects, render, summary, write_whole};
+    #[pymodule_export]
+    use super::fleet::{fleet_compare, fleet_task, fleet_tasks};
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

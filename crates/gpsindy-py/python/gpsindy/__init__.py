@@ -25,6 +25,7 @@ from gpsindy.diagnosis import (
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
+from gpsindy.fleets import Fleet, fleet
 from gpsindy.model import Control, Identification, Model, Parameter, State
 from gpsindy.online import Estimate, Online
 from gpsindy.reproduction import AuthorFit, author
@@ -44,6 +45,7 @@ __all__ = [
     "Effect",
     "Errors",
     "Estimate",
+    "Fleet",
     "GPSINDy",
     "Identification",
     "Model",
@@ -62,6 +64,7 @@ __all__ = [
     "author",
     "diagnose",
     "effects",
+    "fleet",
     "read_csv",
     "read_effects",
     "score",
