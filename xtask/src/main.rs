@@ -1,11 +1,12 @@
 //! What a developer runs: `cargo xtask test` checks everything, `cargo xtask data` writes `data/` again,
-//! `cargo xtask picture` the picture of docs/.
+//! `cargo xtask picture` the picture of docs/, `cargo xtask site` the site.
 #![forbid(unsafe_code)]
 
 mod data;
 mod picture;
 mod python;
 mod shell;
+mod site;
 
 use std::process::ExitCode;
 
@@ -15,6 +16,7 @@ cargo xtask rust     the Rust part of it
 cargo xtask python   the Python part of it
 cargo xtask data     write the generated logs of data/ again (same seed, same files)
 cargo xtask picture  draw docs/hare_lynx.svg again
+cargo xtask site     build the site of docs/ into target/site/public, run its snippets, check its links
 ";
 
 fn main() -> ExitCode {
@@ -25,6 +27,7 @@ fn main() -> ExitCode {
         "python" => python::test(),
         "data" => data::write(&shell::root().join("data")),
         "picture" => picture::hare_lynx(),
+        "site" => site::build(true),
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);
             Ok(())
