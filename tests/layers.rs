@@ -10,7 +10,7 @@ const LAYERS: &[(u8, &[&str])] = &[
     (2, &["gp", "regress", "library", "model"]),
     (3, &["smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose"]),
-    (5, &["paired"]),
+    (5, &["paired", "fleet"]),
 ];
 
 /// Modules that must not import each other although they share a layer.

@@ -6,6 +6,7 @@ mod package;
 mod picture;
 mod python;
 mod shell;
+mod site;
 mod skipped;
 mod tools;
 
@@ -22,6 +23,7 @@ cargo xtask msrv          everything compiles with the oldest Rust that Cargo.to
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg again
 cargo xtask effects       write docs/effects again from the catalogue
+cargo xtask site          build the site of docs/ into target/site/public, run its snippets, check its links
 ";
 
 fn main() -> ExitCode {
@@ -41,6 +43,7 @@ fn main() -> ExitCode {
             let arguments = "run --release -p gpsindy-report --example effects -- docs/effects";
             shell::run("cargo", arguments.split(' '), &[])
         }
+        "site" => site::build(true),
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);
             Ok(())

@@ -4,7 +4,8 @@ use crate::shell::{complain, root, run};
 use std::process::{Command, Stdio};
 
 /// The crates that are published, in the order in which they need each other.
-pub(crate) const PUBLISHED: [&str; 4] = ["gpsindy-core", "gpsindy-files", "gpsindy-report", "gpsindy-cli"];
+pub(crate) const PUBLISHED: [&str; 5] =
+    ["gpsindy-core", "gpsindy-files", "gpsindy-report", "gpsindy-fleet", "gpsindy-cli"];
 
 /// Licences, doubles, sources, then yanked crates and advisories where their data base can be had.
 pub(crate) fn deny() -> Result<(), String> {

@@ -1,7 +1,7 @@
 //! The arguments of the program and those that several commands share.
 
 use crate::commands::{
-    completions, demo, diagnose, effects, exam, export, identify, inspect, man, score, simulate, smooth,
+    completions, demo, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
 };
 use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -54,6 +54,7 @@ pub(crate) enum Command {
     Diagnose(Box<diagnose::Diagnose>),
     Exam(exam::Exam),
     Effects(effects::Effects),
+    Fleet(Box<fleet::Fleet>),
     Demo(demo::Demo),
     Completions(completions::Completions),
     Man(man::Man),

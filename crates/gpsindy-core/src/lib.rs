@@ -116,6 +116,7 @@ pub mod diagnose;
 mod differentiate;
 mod error;
 pub mod expression;
+pub mod fleet;
 pub mod gp;
 mod identify;
 pub mod library;

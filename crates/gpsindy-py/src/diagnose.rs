@@ -33,7 +33,7 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    fn settings(self) -> PyResult<Diagnose> {
+    pub(crate) fn settings(self) -> PyResult<Diagnose> {
         Ok(Diagnose {
             effects: self.effects,
             without: self.without,

@@ -6,6 +6,7 @@ mod author;
 mod convert;
 mod dataset;
 mod diagnose;
+mod fleet;
 mod identify;
 mod model;
 mod online;
@@ -32,6 +33,8 @@ mod _gpsindy {
     use super::diagnose::{
         augmented_toml, diagnose, diagnose_paired, effects, read_effects, render, report_json, summary, write_whole,
     };
+    #[pymodule_export]
+    use super::fleet::{fleet_compare, fleet_task, fleet_tasks};
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

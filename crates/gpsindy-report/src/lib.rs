@@ -5,6 +5,7 @@
 //! - [`render`]: the page `report.html`, self-contained, for a wide screen, a phone and paper
 //! - [`summary`]: what a terminal shows
 //! - [`effect_page`], [`effects_index`]: the pages of docs/effects
+//! - [`fleet`]: the page of a whole fleet
 //! - [`scorecard`]: an exam's answers against its diagnoses
 //! - [`SCHEMA`]: the JSON Schema of `report.json`
 #![forbid(unsafe_code)]
@@ -13,6 +14,7 @@
 mod chart;
 mod effects;
 mod figures;
+pub mod fleet;
 mod html;
 mod power;
 mod provenance;

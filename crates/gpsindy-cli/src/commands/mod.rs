@@ -6,6 +6,7 @@ pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod exam;
 pub(crate) mod export;
+pub(crate) mod fleet;
 mod follow;
 pub(crate) mod identify;
 pub(crate) mod inspect;
@@ -35,6 +36,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         Command::Diagnose(command) => diagnose::run(command, arguments.global.seed, screen),
         Command::Exam(command) => exam::run(command, screen),
         Command::Effects(command) => effects::run(command, screen),
+        Command::Fleet(command) => fleet::run(command, screen),
         Command::Identify(command) => identify::run(command, arguments.global.seed, screen),
         Command::Export(command) => export::run(command, screen),
         Command::Demo(command) => demo::run(command, screen),

@@ -25,6 +25,7 @@ from gpsindy.diagnosis import (
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
+from gpsindy.fleets import Fleet, fleet
 from gpsindy.logs import Inspection, inspect, read_log
 from gpsindy.model import Control, Identification, Model, Parameter, Port, State
 from gpsindy.online import Estimate, Online
@@ -46,6 +47,7 @@ __all__ = [
     "Effect",
     "Errors",
     "Estimate",
+    "Fleet",
     "GPSINDy",
     "Identification",
     "Inspection",
@@ -67,6 +69,7 @@ __all__ = [
     "author",
     "diagnose",
     "effects",
+    "fleet",
     "inspect",
     "read_csv",
     "read_effects",

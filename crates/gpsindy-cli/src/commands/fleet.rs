@@ -1,0 +1,108 @@
+//! `gpsindy fleet`: one diagnosis for each unit and period, then the comparison.
+
+use crate::args::Columns;
+use crate::commands::diagnose::Options;
+use crate::failure::{Failure, Outcome};
+use crate::screen::Screen;
+use clap::Args;
+use gpsindy_core::fleet::FleetReport;
+use gpsindy_fleet::{Fleet as Run, Manifest, Shard, compare};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Diagnose every machine of a fleet, and compare them
+///
+/// The manifest (TOML or CSV) has one entry a unit and period: unit, logs, model, and where wanted holdout and since; other columns are
+/// covariates such as load and temperature. Reports go to DIR/tasks, the comparison to DIR/fleet.json and DIR/fleet.html. A second run
+/// does only what is missing.
+#[derive(Debug, Args)]
+#[command(before_help = "Example: gpsindy fleet fleet.toml --out fleet")]
+pub(crate) struct Fleet {
+    /// The manifest (TOML or CSV); paths in it are relative to its folder
+    manifest: PathBuf,
+    /// Folder of the reports and of the comparison; made where it does not exist
+    #[arg(long, short, value_name = "DIR")]
+    out: PathBuf,
+    /// Do part K of N of the tasks only, for schedulers; the comparison is written once all parts are there
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// Tasks at a time [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    #[command(flatten)]
+    options: Options,
+    #[command(flatten)]
+    columns: Columns,
+}
+
+pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
+    let manifest = Manifest::read(&command.manifest)?;
+    let fleet = Run {
+        diagnose: command.options.settings()?,
+        options: command.columns.options()?,
+        jobs: command.jobs.map(usize::from),
+        shard: command.shard,
+    };
+    std::fs::create_dir_all(&command.out)
+        .map_err(|e| Failure::input(format!("--out: {}: {e}", command.out.display())))?;
+    let progress = screen.progress();
+    let done = fleet.run(&manifest, &command.out, &progress)?;
+    drop(progress);
+    for (task, error) in &done.failed {
+        screen.warn(&format!("unit {}: no diagnosis: {error}", task.unit));
+    }
+    screen.note(&format!("{} done, {} were there, {} failed", done.done, done.found, done.failed.len()));
+    let missing = fleet.missing(&manifest, &command.out);
+    if missing > 0 {
+        screen.note(&format!("{missing} tasks of other parts are missing; the last part to end writes the comparison"));
+        return Ok(());
+    }
+    let report = compare(&manifest, &fleet, &command.out)?;
+    if screen.json() {
+        let json = serde_json::to_string_pretty(&report).map_err(|e| Failure::Work(format!("fleet.json: {e}")))?;
+        screen.out(&(json + "\n"))?;
+    } else {
+        screen.out(&text(&report))?;
+        screen.out(&format!("\ncomparison: {}\n", command.out.join("fleet.html").display()))?;
+    }
+    if report.units.is_empty() {
+        return Err(Failure::Work("no unit has a diagnosis".into()));
+    }
+    Ok(())
+}
+
+/// What a terminal shows.
+fn text(report: &FleetReport) -> String {
+    let mut text = String::new();
+    // Writing to a String can't fail.
+    let _ = writeln!(text, "{} reports, {} failed", report.units.len(), report.failed.len());
+    if report.odd.is_empty() {
+        let _ = writeln!(text, "no unit stands out from the fleet");
+    }
+    for odd in &report.odd {
+        let _ = writeln!(
+            text,
+            "{}: {} {} in {} is {:.4}, the fleet has {:.4} with a spread of {:.2} (false discovery rate {:.1e})",
+            odd.unit,
+            odd.effect,
+            odd.parameter,
+            odd.state,
+            odd.value,
+            odd.population,
+            odd.spread,
+            odd.false_discovery_rate
+        );
+    }
+    for change in &report.changes {
+        let day = if change.date.is_empty() { format!("day {:.0}", change.since) } else { change.date.clone() };
+        let _ = writeln!(
+            text,
+            "{}: {} {} in {} went from {:.4} to {:.4} since {day} (probability {:.2})",
+            change.unit, change.effect, change.parameter, change.state, change.from, change.to, change.probability
+        );
+    }
+    for note in &report.notes {
+        let _ = writeln!(text, "{note}");
+    }
+    text
+}

@@ -1,0 +1,21 @@
+//! Every threshold of the comparison, with its reason.
+
+/// Fewest units from which a spread can be told: with fewer, any unit is as odd as the others.
+pub(super) const FEWEST_UNITS: usize = 4;
+
+/// Fewest periods in which a change can be told from one odd period: two on either side, and one to see the scatter.
+pub(super) const FEWEST_PERIODS: usize = 5;
+
+/// Rounds in which odd units are taken out of the fleet that predicts the others. Each round adds units or ends.
+pub(super) const ROUNDS: usize = 10;
+
+/// Sizes of a change that are weighed, in units of the scatter of one period: from one that only a long history shows to one that a
+/// glance shows. Equal weights; a finer list moves no probability by more than a rounding.
+pub(super) const SIZES: [f64; 4] = [0.5, 1.5, 4.5, 13.5];
+
+/// Expected share of series with a change before any was seen, and how many series that belief is worth. A fleet of a few units then
+/// needs clear evidence, a large one says by itself how often its units change.
+pub(super) const PRIOR_CHANGE: (f64, f64) = (0.02, 20.0);
+
+/// Grid of a variance's logarithm, as powers of ten of the values' own variance: below, a spread is nothing; above, it would exceed them.
+pub(super) const DECADES: (f64, f64) = (-6.0, 1.0);

@@ -1,0 +1,141 @@
+//! Collects the reports of a fleet and compares them; one report is in memory at a time.
+
+use crate::date;
+use crate::manifest::Manifest;
+use crate::run::Fleet;
+use crate::task::Task;
+use gpsindy_core::diagnose::report::{Cause, Diagnosis};
+use gpsindy_core::fleet::report::{Failed, FleetReport, Unit, UnitCause};
+use gpsindy_core::fleet::{Compare, Observation, Quantity};
+use gpsindy_files::{Error, Result, write_whole};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Standard deviations from one end of a 95 % interval to the other.
+const INTERVAL: f64 = 2.0 * 1.96;
+
+/// Standard deviations up to the size that an exclusion names: 5 % and 95 % points of a normal variable, one-sided.
+const EXCLUSION: f64 = 2.0 * 1.645;
+
+/// Effect, state and name of a size.
+type Name = (String, String, String);
+
+/// What the reports say of each size, and of where it is absent.
+#[derive(Default)]
+struct Sizes {
+    units: BTreeMap<Name, String>,
+    found: BTreeMap<Name, Vec<Observation>>,
+    /// Effect and state, observation of a size of 0.
+    absent: Vec<(String, String, Observation)>,
+}
+
+/// Reads the reports below `out`, compares the units, and writes `fleet.json` and `fleet.html` there.
+///
+/// # Errors
+/// A report that can't be read, a file that can't be written.
+pub fn compare(manifest: &Manifest, fleet: &Fleet, out: &Path) -> Result<FleetReport> {
+    let mut report = FleetReport::new();
+    let mut sizes = Sizes::default();
+    for task in &manifest.tasks {
+        if let Some(error) = task.failed(out) {
+            report.failed.push(Failed { unit: task.unit.clone(), since: task.since.clone(), error });
+            continue;
+        }
+        let folder = fleet.folder(task, out)?;
+        let path = folder.join("report.json");
+        let file = path.display().to_string();
+        let text = std::fs::read_to_string(&path).map_err(|source| Error::Read { file: file.clone(), source })?;
+        let diagnosis: Diagnosis = serde_json::from_str(&text).map_err(|e| {
+            gpsindy_core::Error::invalid(format!("{file}: {e}; remove the folder to have it made again"))
+        })?;
+        sizes.add(task, &diagnosis, &manifest.covariates);
+        let key = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        report.units.push(unit(task, &diagnosis, key));
+    }
+    let quantities = sizes.quantities(&manifest.covariates);
+    let found = Compare::default().run(&quantities)?;
+    (report.population, report.odd, report.changes) = (found.population, found.odd, found.changes);
+    if manifest.tasks.iter().any(|task| task.since.as_deref().is_some_and(date::is_date)) {
+        for change in &mut report.changes {
+            change.date = date::date(change.since).unwrap_or_default();
+        }
+    }
+    if quantities.is_empty() && !report.units.is_empty() {
+        report.notes.push("no effect was found in two units or periods: there is nothing to compare".into());
+    }
+    let json = serde_json::to_string_pretty(&report).map_err(|e| gpsindy_core::Error::invalid(e.to_string()))? + "\n";
+    write_whole(&out.join("fleet.html"), gpsindy_report::fleet::render(&report).as_bytes())?;
+    write_whole(&out.join("fleet.json"), json.as_bytes())?;
+    Ok(report)
+}
+
+fn unit(task: &Task, diagnosis: &Diagnosis, key: String) -> Unit {
+    let cause = |cause: &Cause| UnitCause {
+        effect: cause.effect.clone(),
+        state: cause.state.clone(),
+        probability: cause.probability,
+        sizes: cause.parameters.iter().map(|p| (p.name.clone(), p.value)).collect(),
+    };
+    Unit {
+        unit: task.unit.clone(),
+        since: task.since.clone(),
+        verdict: diagnosis.verdict.to_string(),
+        causes: diagnosis.included().map(cause).collect(),
+        closure: diagnosis.closure.closed,
+        key,
+        covariates: task.covariates.clone(),
+    }
+}
+
+impl Sizes {
+    fn add(&mut self, task: &Task, diagnosis: &Diagnosis, covariates: &[String]) {
+        let observation = |value: f64, deviation: f64| Observation {
+            unit: task.unit.clone(),
+            since: task.since.as_deref().and_then(date::days),
+            value,
+            deviation,
+            covariates: covariates.iter().map(|name| task.covariates[name]).collect(),
+        };
+        for cause in diagnosis.included() {
+            // A wrong parameter is named by its variable: its size is called `value` in every such cause.
+            let of = |name: &str| match cause.variables.first() {
+                Some(parameter) if cause.effect == "parameter_error" => parameter.clone(),
+                _ => name.to_string(),
+            };
+            for parameter in &cause.parameters {
+                let (Some(low), Some(high)) = (parameter.low, parameter.high) else { continue };
+                let deviation = (high - low) / INTERVAL;
+                if deviation > 0.0 {
+                    let name = (cause.effect.clone(), cause.state.clone(), of(&parameter.name));
+                    self.units.entry(name.clone()).or_insert_with(|| parameter.unit.clone());
+                    self.found.entry(name).or_default().push(observation(parameter.value, deviation));
+                }
+            }
+        }
+        for excluded in &diagnosis.excluded {
+            let deviation = excluded.above / EXCLUSION;
+            if deviation > 0.0 {
+                self.absent.push((excluded.effect.clone(), excluded.state.clone(), observation(0.0, deviation)));
+            }
+        }
+    }
+
+    /// One quantity a size that at least two units or periods have. A unit in which the effect is ruled out above a size has it at zero,
+    /// with that error; one whose logs say nothing of it is left out.
+    fn quantities(self, covariates: &[String]) -> Vec<Quantity> {
+        let Self { units, found, absent } = self;
+        let of = |(name, mut observations): (Name, Vec<Observation>)| {
+            let (effect, state, parameter) = name.clone();
+            // Only the size that scales an effect is zero where the effect is absent.
+            let scales = matches!(parameter.as_str(), "c" | "tau");
+            let is_there =
+                |o: &Observation, all: &[Observation]| all.iter().any(|f| f.unit == o.unit && f.since == o.since);
+            let zeros = absent.iter().filter(|(e, s, _)| scales && (e, s) == (&effect, &state)).map(|(_, _, o)| o);
+            let zeros: Vec<Observation> = zeros.filter(|o| !is_there(o, &observations)).cloned().collect();
+            observations.extend(zeros);
+            let unit = units.get(&name).cloned().unwrap_or_default();
+            Quantity { effect, state, parameter, unit, covariates: covariates.to_vec(), observations }
+        };
+        found.into_iter().map(of).filter(|quantity| quantity.observations.len() > 1).collect()
+    }
+}
