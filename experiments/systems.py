@@ -1,8 +1,8 @@
 """Further systems by the default, and the comparison that the paper leaves open: derivatives over time or over the state.
 
 `gp-time` takes the derivative of the Gaussian process over time; `gp-state` the paper's second process from smoothed states
-to differences; `weak` integrals, nothing differentiated: the three with the same regression and no second look. `default` is
-`weak` and the second look through the integrator.
+to differences; `weak` integrals, nothing differentiated: the three with the same regression and no refinement. `default` is
+`weak` and the refinement through the integrator.
 """
 
 from __future__ import annotations

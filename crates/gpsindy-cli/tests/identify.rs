@@ -44,6 +44,7 @@ fn the_model_goes_to_the_file_and_the_summary_to_the_screen() {
     let ran = folder.run(&format!("{arguments} --out m.toml")).done();
     assert!(ran.stdout.starts_with("equations from 1 run, 21 samples:\n\n  hare' = "), "{}", ran.stdout);
     assert!(ran.stdout.contains("hare': hare*lynx") && ran.stdout.contains("lynx': hare*lynx"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("rollouts over whole runs of the logs that were learnt from"), "{}", ran.stdout);
     assert!(ran.stdout.ends_with("\nmodel: m.toml\n") && ran.stderr.contains("columns ignored: year\n"), "{ran:?}");
     // Without --out the same model goes to stdout, so that it can be piped.
     let piped = folder.run(&arguments).done();
@@ -167,7 +168,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("--state x --lambda much", "--lambda must be auto or a number, found `much`"),
         ("--state x --lambda -1", "--lambda must be at least 0, found -1"),
         ("--state x --control u --delay u=soon", "--delay u=soon: expected auto, auto:SECONDS or a number of seconds"),
-        ("--state x --train-fraction 0", "`train-fraction` must be above 0 and at most 1, found 0"),
+        ("--state x --train-fraction 0", "--train-fraction must be above 0 and at most 1, found 0"),
         ("--state word", "log.csv:2: column `word`: not a number: \"a\""),
         ("--state x --out no/m.toml", "--out: folder no does not exist; create it first"),
         ("--state x --kernel gauss", "--kernel: "),
@@ -212,4 +213,102 @@ fn the_authors_pipeline_runs_on_one_log_and_refuses_what_it_lacks() {
     }
     let alone = folder.run(&format!("identify {} --state x1,x2 --gp-input x1=x2", data("lotka_volterra.csv")));
     assert!(alone.refused().contains("--preset author"), "{alone:?}");
+}
+
+#[test]
+fn a_column_that_counts_the_years_becomes_no_state() {
+    let folder = Folder::new();
+    let ran = folder.run(&format!("identify {} --degree 2", data("hare_lynx.csv"))).done();
+    assert!(ran.stderr.contains("no state, being a straight line of time: year"), "{}", ran.stderr);
+    assert!(!ran.stdout.contains("name = \"year\""), "{}", ran.stdout);
+}
+
+#[test]
+fn a_library_that_is_too_large_gives_way_to_one_that_follows_the_logs() {
+    let folder = Folder::new();
+    let ran = folder.run(&format!("identify {} --state hare,lynx --json", data("hare_lynx.csv"))).done();
+    let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert!(result["rollout"]["pooled"].as_f64().unwrap() < 0.5, "{}", result["rollout"]);
+    assert!(ran.stderr.contains("degree 2"), "{}", ran.stderr);
+}
+
+#[test]
+fn a_poor_model_says_so_first_and_ends_with_status_1() {
+    let folder = Folder::new();
+    // The digits of multiples of the golden ratio: nothing foretells them.
+    let value = |i: u32| (f64::from(i) * 0.618_034 * 997.0).fract();
+    let rows: String = (0..150).map(|i| format!("{},{}\n", 0.1 * f64::from(i), value(i * i % 151))).collect();
+    folder.write("noise.csv", &format!("t,x\n{rows}"));
+    let ran = folder.run("identify noise.csv --state x --out m.toml");
+    assert_eq!(ran.status, 1, "{ran:?}");
+    assert!(ran.stdout.starts_with("POOR: ") && ran.stderr.contains("--accept-poor"), "{ran:?}");
+    assert!(folder.read("m.toml").contains("[identification]"));
+    let accepted = folder.run("identify noise.csv --state x --accept-poor --json").done();
+    let result: serde_json::Value = serde_json::from_str(&accepted.stdout).unwrap();
+    assert_eq!(result["poor"], true);
+}
+
+#[test]
+fn held_out_logs_are_scored_and_not_learnt_from() {
+    let folder = Folder::new();
+    let log = |offset: f64| -> String {
+        let rows = (0..100).map(|i| 0.05 * f64::from(i)).map(|t| format!("{t},{}\n", (offset - 0.7 * t).exp()));
+        format!("t,x\n{}", rows.collect::<String>())
+    };
+    folder.write("a.csv", &log(0.0));
+    folder.write("b.csv", &log(0.4));
+    let arguments = "identify a.csv --state x --degree 1";
+    let alone = folder.run(&format!("{arguments} --json")).done();
+    let held_out = folder.run(&format!("{arguments} --holdout b.csv --json")).done();
+    let [alone, held_out] =
+        [alone, held_out].map(|ran| -> serde_json::Value { serde_json::from_str(&ran.stdout).unwrap() });
+    assert_eq!(alone["model"], held_out["model"]);
+    assert_eq!([&alone["scored_on"], &held_out["scored_on"]], ["training", "holdout"]);
+    let rest = folder.run(&format!("{arguments} --train-fraction 0.5 --out m.toml")).done();
+    assert!(rest.stdout.contains("the rest of every run, which was not learnt from"), "{}", rest.stdout);
+    let same = folder.run(&format!("{arguments} --holdout a.csv"));
+    assert!(same.status == 2 && same.stderr.contains("both a log to learn from and one of --holdout"), "{same:?}");
+}
+
+#[test]
+fn what_controls_do_between_samples_is_kept_in_the_model_and_used() {
+    let folder = Folder::new();
+    let u = |t: f64| (3.0 * t).sin();
+    // x' = u between samples by a straight line.
+    let mut x = 0.0;
+    let rows: String = (0..120)
+        .map(|i| 0.2 * f64::from(i))
+        .map(|t| {
+            let row = format!("{t},{x},{}\n", u(t));
+            x += 0.1 * (u(t) + u(t + 0.2));
+            row
+        })
+        .collect();
+    folder.write("log.csv", &format!("t,x,u\n{rows}"));
+    folder.run("identify log.csv --state x --control u --degree 1 --out m.toml").done();
+    assert!(folder.read("m.toml").contains("hold = \"linear\""), "{}", folder.read("m.toml"));
+    let score = |hold: &str| -> f64 {
+        let ran = folder.run(&format!("score m.toml --data log.csv --json {hold}")).done();
+        let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        result["rollout"]["pooled"].as_f64().unwrap()
+    };
+    assert_eq!(score(""), score("--hold linear"));
+    assert!(score("--hold zero") > 10.0 * score(""));
+    let simulate = |hold: &str| folder.run(&format!("simulate m.toml --data log.csv {hold}")).done().stdout;
+    assert_eq!(simulate(""), simulate("--hold linear"));
+    assert_ne!(simulate(""), simulate("--hold zero"));
+}
+
+#[test]
+fn mistakes_in_states_and_degree_are_named() {
+    let folder = Folder::new();
+    let log = data("hare_lynx.csv");
+    for (options, expected) in [
+        ("--state t,hare", "`t` is the time, along which states move; leave it out"),
+        ("--state hare --degree -1", "expected a whole number from 0 to 9"),
+        ("--state hare --degree two", "expected a whole number from 0 to 9"),
+    ] {
+        let ran = folder.run(&format!("identify {log} {options}"));
+        assert!(ran.status == 2 && ran.stderr.contains(expected), "{options}: {ran:?}");
+    }
 }

@@ -2,6 +2,8 @@
 
 use crate::error::{Error, Result};
 use faer::Mat;
+#[cfg(feature = "serde")]
+use serde::{Deserialize, Serialize};
 
 /// A logged quantity.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -48,6 +50,20 @@ impl Run {
         self.values.col_as_slice(channel)
     }
 
+    /// Whether column `c` climbs or falls in a straight line of time, within a millionth of its range: the digits of a log. A
+    /// clock or a row number does.
+    pub fn is_line_of_time(&self, c: usize) -> bool {
+        let (time, values) = (&self.time, self.column(c));
+        let last = values.len().saturating_sub(1);
+        if last < 2 {
+            return false;
+        }
+        let size = (values[last] - values[0]).abs();
+        let slope = (values[last] - values[0]) / (time[last] - time[0]);
+        let off = |i: usize| (values[i] - values[0] - slope * (time[i] - time[0])).abs();
+        size > 0.0 && (0..=last).all(|i| off(i) <= 1e-6 * size)
+    }
+
     /// Typical sampling period, s: the median of the steps. NaN for fewer than two samples.
     pub fn period(&self) -> f64 {
         let mut steps: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
@@ -61,6 +77,8 @@ impl Run {
 
 /// What a control does between two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Hold {
     /// It keeps the value of the last sample.
     #[default]

@@ -154,6 +154,7 @@ pub(crate) fn report(py: Python<'_>, found: Identification) -> PyResult<(PyModel
         Ok(entry)
     });
     report.set_item("states", states.collect::<PyResult<Vec<_>>>()?)?;
+    report.set_item("poor", found.is_poor())?;
     let delays = found.delays.into_iter().map(|d| (d.control, d.delay, d.standard_error));
     report.set_item("delays", delays.collect::<Vec<_>>())?;
     report.set_item("window", found.window)?;

@@ -188,6 +188,12 @@ impl PyModel {
     }
 
     /// Whether the equations call the user's own simulator, so that there is no file of the model.
+    /// What controls do between samples by default.
+    #[getter]
+    fn hold(&self) -> &'static str {
+        if self.model.hold() == Hold::Linear { "linear" } else { "zero" }
+    }
+
     #[getter]
     fn calls_simulator(&self) -> bool {
         self.simulator.is_some()

@@ -1,11 +1,12 @@
 //! `gpsindy demo`: the two main jobs, identify and diagnose, on data that the program carries.
 
+use crate::commands::identify::{Fit, On};
 use crate::commands::{diagnose, identify};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::{Diagnose, Diagnosed, hold_out};
-use gpsindy_core::{Dataset, Identification, Identify, Score, Scoring, score};
+use gpsindy_core::{Dataset, Identification, Identify, Scoring, score};
 use gpsindy_files::{LogOptions, Logs, parse_model, write_model, write_whole};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -53,15 +54,15 @@ pub(crate) fn run(command: &Demo, screen: &Screen) -> Outcome {
 }
 
 /// Equations from the log of predator and prey.
-fn learn(screen: &Screen) -> Outcome<(Dataset, Identification, Score)> {
+fn learn(screen: &Screen) -> Outcome<(Dataset, Identification, Fit)> {
     let data =
         Logs::parse("lotka_volterra.csv", PREY.as_bytes(), &LogOptions::default())?.dataset(&["x1", "x2"], &[])?;
     let settings = Identify { states: vec!["x1".into(), "x2".into()], ..Identify::default() };
     let progress = screen.progress();
     let mut found = settings.fit(&data, &progress)?;
     found.model.name = "predator_prey".into();
-    let fit = score(&found.model.compile()?, &data, &Scoring::default(), &progress)?;
-    Ok((data, found, fit))
+    let score = score(&found.model.compile()?, &data, &Scoring::default(), &progress)?;
+    Ok((data, found, Fit { score, on: On::Training }))
 }
 
 /// What the simulator of the pendulum lacks.

@@ -4,7 +4,7 @@ mod author;
 mod choices;
 mod result;
 
-pub(crate) use result::{as_json, rounded, summary, summary_of};
+pub(crate) use result::{Fit, On, as_json, rounded, summary, summary_of};
 
 use crate::args::{AutoHold, Columns, Output, pair};
 use crate::commands::follow::{self, FollowOptions};
@@ -16,7 +16,7 @@ use clap::Args;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use gpsindy_core::regress::Selection;
 use gpsindy_core::{Choice, Delay, Identify as Settings, Regression, Target};
-use gpsindy_core::{Expression, Scoring, Simulate, Smoother, score};
+use gpsindy_core::{Dataset, Expression, Identification, Progress, Run, Scoring, Simulate, Smoother, score};
 use gpsindy_files::{Logs, Task, model_to_toml, write_model};
 use std::path::PathBuf;
 
@@ -33,6 +33,9 @@ pub(crate) struct Identify {
     /// The logs, one or more: CSV, MCAP, Parquet, ULog or a data set's folder; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
     pub(super) logs: Vec<PathBuf>,
+    /// Logs that nothing is learnt from and the model is scored on
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    holdout: Vec<PathBuf>,
     /// Columns that are states, separated by commas [default: every column of numbers that no other option names]
     #[arg(long, value_name = "COLUMN")]
     state: Vec<String>,
@@ -70,7 +73,7 @@ impl Identify {
 #[command(next_help_heading = "Candidate terms")]
 pub(crate) struct LibraryOptions {
     /// Highest degree of the polynomials, 0 to 9
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = degree, allow_hyphen_values = true)]
     degree: usize,
     /// Sine and cosine of every state and control
     #[arg(long)]
@@ -143,6 +146,19 @@ struct MethodOptions {
     /// Leave the refinement out: some terms may then only make up for errors of the smoother
     #[arg(long)]
     no_refine: bool,
+    /// Where the equations are an approximation of a controlled motion: look for more of them and let them vote, in about five
+    /// times the time
+    #[arg(long)]
+    consensus: bool,
+    /// End with status 0 even where the model predicts the logs no better than the mean or than standing still
+    #[arg(long)]
+    accept_poor: bool,
+}
+
+/// A degree as text.
+fn degree(text: &str) -> Result<usize, String> {
+    let degree = text.parse::<usize>().ok().filter(|degree| *degree <= 9);
+    degree.ok_or_else(|| "expected a whole number from 0 to 9".into())
 }
 
 pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
@@ -159,10 +175,14 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     if command.follow.follow {
         return follow::run(command, screen);
     }
+    if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {
+        return Err(Failure::input(format!("{} is both a log to learn from and one of --holdout", twice.display())));
+    }
     let logs = Logs::read(&command.logs, &command.columns.options()?)?;
     let mut settings = settings(command, &logs, seed)?;
+    let by_default = settings.states.is_empty();
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();
-    if settings.states.is_empty() {
+    if by_default {
         settings.states = all_states(&logs, &[&settings.controls[..], &rates[..]].concat(), screen);
         settings.states.extend(unlogged(&settings.constraints, &logs));
     }
@@ -179,12 +199,14 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
         ..Task::default()
     };
     let data = dataset(&logs, &task, &command.columns, screen)?;
+    if by_default {
+        leave_clocks_out(&mut settings.states, &data, screen);
+    }
     settings.delays = delays(command, &logs)?;
+    let scored_on = Scored::new(command, &settings, &task, &data, screen)?;
     let progress = screen.progress();
     let found = settings.fit(&data, &progress)?;
-    let simulate = Simulate { hold: found.hold, ..Simulate::default() };
-    let scoring = Scoring { simulate, window: None };
-    let fit = found.model.compile().and_then(|system| score(&system, &data, &scoring, &progress)).ok();
+    let fit = scored_on.score(&found, &progress)?;
     drop(progress);
     for note in &found.notes {
         screen.warn(&note.to_string());
@@ -192,14 +214,82 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     if let Some(path) = &command.output.out {
         write_model(path, &found.model)?;
     }
-    let summary = summary(&data, &found, fit.as_ref());
+    let summary = summary(&data, &found, Some(&fit));
     match &command.output.out {
-        _ if screen.json() => screen.out(&format!("{}\n", as_json(&found, fit.as_ref()))),
-        Some(path) => screen.out(&format!("{summary}\nmodel: {}\n", path.display())),
+        _ if screen.json() => screen.out(&format!("{}\n", as_json(&found, Some(&fit))))?,
+        Some(path) => screen.out(&format!("{summary}\nmodel: {}\n", path.display()))?,
         None => {
             screen.note(&summary);
-            screen.out(&model_to_toml(&found.model)?)
+            screen.out(&model_to_toml(&found.model)?)?;
         }
+    }
+    match result::poor(&found) {
+        Some(how) if !command.method.accept_poor => {
+            Err(Failure::Work(format!("{how}; --accept-poor ends with status 0 all the same")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Takes columns that are a straight line of time out of the states, unless nothing else is left.
+fn leave_clocks_out(states: &mut Vec<String>, data: &Dataset, screen: &Screen) {
+    let is_clock = |name: &String| {
+        let column = data.index_of(name).ok();
+        column.is_some_and(|c| data.runs().iter().all(|run| run.is_line_of_time(c)))
+    };
+    let (clocks, moving): (Vec<String>, Vec<String>) = states.iter().cloned().partition(is_clock);
+    if !clocks.is_empty() && !moving.is_empty() {
+        let names = clocks.join(", ");
+        screen.note(&format!("no state, being a straight line of time: {names} (name it with --state to keep it)"));
+        *states = moving;
+    }
+}
+
+/// What a model is scored on.
+enum Scored {
+    /// The logs of --holdout.
+    Holdout(Dataset),
+    /// What --train-fraction left of the logs.
+    Rest(Dataset),
+    /// The very logs that were learnt from.
+    Training(Dataset),
+}
+
+impl Scored {
+    fn new(command: &Identify, settings: &Settings, task: &Task, data: &Dataset, screen: &Screen) -> Outcome<Self> {
+        if !command.holdout.is_empty() {
+            let logs = Logs::read(&command.holdout, &command.columns.options()?)?;
+            return Ok(Self::Holdout(dataset(&logs, task, &command.columns, &screen.quietly())?));
+        }
+        if settings.train_fraction >= 1.0 {
+            return Ok(Self::Training(data.clone()));
+        }
+        let runs = data.runs().iter().map(|run| {
+            let (from, to) = (run.time[0], run.time[run.n_samples() - 1]);
+            let first = run.time.partition_point(|&t| t <= from + settings.train_fraction * (to - from));
+            Run {
+                name: run.name.clone(),
+                time: run.time[first..].to_vec(),
+                values: run.values.subrows(first, run.n_samples() - first).to_owned(),
+            }
+        });
+        let runs: Vec<Run> = runs.filter(|run| run.n_samples() > 1).collect();
+        match runs.is_empty() {
+            true => Ok(Self::Training(data.clone())),
+            false => Ok(Self::Rest(Dataset::new(data.channels().to_vec(), runs)?)),
+        }
+    }
+
+    fn score(&self, found: &Identification, progress: &dyn Progress) -> Outcome<Fit> {
+        let (data, on) = match self {
+            Self::Holdout(data) => (data, On::Holdout),
+            Self::Rest(data) => (data, On::Rest),
+            Self::Training(data) => (data, On::Training),
+        };
+        let simulate = Simulate { hold: found.hold, ..Simulate::default() };
+        let scoring = Scoring { simulate, window: None };
+        let score = score(&found.model.compile()?, data, &scoring, progress)?;
+        Ok(Fit { score, on })
     }
 }
 
@@ -249,6 +339,18 @@ impl LibraryOptions {
     }
 }
 
+/// The time column is what states move along, so it is none.
+fn refuse_time(command: &Identify) -> Outcome {
+    let named = command.columns.time.as_deref();
+    let is_time = |name: &str| named.map_or(matches!(name, "t" | "time"), |time| time == name);
+    match command.state.iter().flat_map(|names| names.split(',')).map(str::trim).find(|name| is_time(name)) {
+        Some(time) => {
+            Err(Failure::input(format!("--state: `{time}` is the time, along which states move; leave it out")))
+        }
+        None => Ok(()),
+    }
+}
+
 /// The settings that the options ask for; states are left empty where no option names them.
 pub(super) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Settings> {
     let (library, method) = (&command.library, &command.method);
@@ -258,6 +360,7 @@ pub(super) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
     };
     let mut settings = Settings { seed, hold: method.hold.into(), ..start };
     (settings.library, settings.constraints) = library.settings()?;
+    refuse_time(command)?;
     settings.states = chosen_with(logs, &command.state, &unlogged(&settings.constraints, logs))
         .map_err(|failure| failure.with(UNLOGGED_VELOCITY))?;
     settings.controls = chosen(logs, &command.control)?;
@@ -285,9 +388,15 @@ pub(super) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
         settings.choice = Choice::Rows(Selection::Fixed(level(&method.lambda)?));
     }
     settings.standardize |= method.standardize;
-    settings.train_fraction = method.train_fraction.unwrap_or(settings.train_fraction);
+    if let Some(fraction) = method.train_fraction {
+        if !(fraction > 0.0 && fraction <= 1.0) {
+            return Err(Failure::input(format!("--train-fraction must be above 0 and at most 1, found {fraction}")));
+        }
+        settings.train_fraction = fraction;
+    }
     settings.ensemble = method.ensemble;
     settings.refine = method.refine || (settings.refine && !method.no_refine);
+    settings.consensus |= method.consensus;
     Ok(settings)
 }
 

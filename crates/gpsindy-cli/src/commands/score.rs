@@ -7,7 +7,9 @@ use crate::failure::Outcome;
 use crate::screen::Screen;
 use crate::text::{aligned, count, short};
 use clap::Args;
-use gpsindy_core::{Channel, Dataset, Errors, Model, Score as Scores, Scoring, Simulate as Settings, System, score};
+use gpsindy_core::{
+    Channel, Dataset, Errors, Hold, Model, Score as Scores, Scoring, Simulate as Settings, System, score,
+};
 use gpsindy_files::{Logs, Table, read_model};
 use serde_json::json;
 use std::path::PathBuf;
@@ -29,9 +31,9 @@ pub(crate) struct Score {
     /// Length of the windows, s [default: a tenth of each run]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     window: Option<f64>,
-    /// What a control does between its samples
-    #[arg(long, value_enum, default_value_t = Between::Zero)]
-    hold: Between,
+    /// What a control does between its samples [default: what the model was identified with, else zero]
+    #[arg(long, value_enum)]
+    hold: Option<Between>,
     #[command(flatten)]
     columns: Columns,
     #[command(flatten)]
@@ -43,11 +45,14 @@ pub(crate) fn run(command: &Score, screen: &Screen) -> Outcome {
     let models = command.models.iter().map(|file| read_model(file)).collect::<gpsindy_files::Result<Vec<Model>>>()?;
     let systems = models.iter().map(Model::compile).collect::<gpsindy_core::Result<Vec<System>>>()?;
     let logs = Logs::read(&command.data, &command.columns.options()?)?;
-    let data = model_dataset(&logs, &models, command.hold.into(), &command.columns, screen)?;
-    let simulate = Settings { hold: command.hold.into(), ..Settings::default() };
-    let scoring = Scoring { simulate, window: command.window };
+    let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();
+    let data = model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
     let progress = screen.progress();
-    let scores = systems.iter().map(|system| score(system, &data, &scoring, &progress));
+    let scored = |(system, &hold): (&System, &Hold)| {
+        let simulate = Settings { hold, ..Settings::default() };
+        score(system, &data, &Scoring { simulate, window: command.window }, &progress)
+    };
+    let scores = systems.iter().zip(&holds).map(scored);
     let scores = scores.collect::<gpsindy_core::Result<Vec<Scores>>>()?;
     drop(progress);
     let scored: Vec<Scored> = names(&models, &command.models).into_iter().zip(scores).collect();

@@ -43,9 +43,9 @@ pub(crate) struct Simulate {
     /// Time between the rows, s, where no control comes from a log [default: the log's samples, else a thousandth of the whole]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     period: Option<f64>,
-    /// What a control does between its samples
-    #[arg(long, value_enum, default_value_t = Between::Zero)]
-    hold: Between,
+    /// What a control does between its samples [default: what the model was identified with, else zero]
+    #[arg(long, value_enum)]
+    hold: Option<Between>,
     #[command(flatten)]
     columns: Columns,
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
         model.initial.insert(name.clone(), *value);
     }
     let system = model.compile()?;
-    let settings = Settings { hold: command.hold.into(), ..Settings::default() };
+    let settings = Settings { hold: command.hold.map_or_else(|| model.hold(), Into::into), ..Settings::default() };
     let kept = kept_controls(&model, command)?;
     let rollouts = match &command.data {
         None => vec![(model.name.clone(), without_log(command, &system, &settings, &kept)?)],

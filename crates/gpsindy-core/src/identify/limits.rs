@@ -33,6 +33,10 @@ pub(crate) const ROUNDING: f64 = 1e-9;
 /// errors of 1e-6 of the state a pace, and most of it is common to both sides. Argument.
 pub(crate) const FLOOR: f64 = 1e-7;
 
+/// Share of a column's spread below which residuals are compared with what the integration errs by; it never errs by more.
+/// Argument.
+pub(crate) const NEAR_CLEAN: f64 = 0.01;
+
 /// Rounds of dropping, adding and exchanging terms. Searches end by themselves long before. Convention.
 pub(crate) const ROUNDS: usize = 25;
 
@@ -98,6 +102,20 @@ pub(crate) const SURE: f64 = 0.01;
 
 /// Samples of a run, or rows of a regression, that it takes at least: one more than a parabola has parameters. Argument.
 pub(crate) const FEWEST: usize = 4;
+
+/// Share of a smoother's noise below which a recursion contradicts it: its own estimate scatters by far less. Convention.
+pub(crate) const CONTRADICTED: f64 = 0.5;
+
+/// Samples that a column is foretold from: two for each of four frequencies. Convention.
+pub(crate) const RECURSION: usize = 8;
+
+/// Share of the logs' variance that rollouts of whole runs may miss for the motion to count as foretold by equations: half of
+/// it. Noise and chaos miss all of it and more. Convention.
+pub(crate) const FORETOLD: f64 = 0.5;
+
+/// Share of the logs' variance that whole-run rollouts may miss before smaller libraries are tried, too. A tenth: an R2 of 0.9 is
+/// where ODEBench (d'Ascoli et al. 2024) calls a system reconstructed.
+pub(crate) const CLOSE: f64 = 0.1;
 
 /// Folds of the cross-validation, batch and online. Hastie, Tibshirani and Friedman 2009, section 7.10: five or ten.
 pub(crate) const FOLDS: usize = 5;

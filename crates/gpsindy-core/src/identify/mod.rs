@@ -22,7 +22,7 @@ pub use author::{Author, AuthorResult};
 pub use names::Regression;
 pub use notes::Note;
 pub use online::{Estimate, Online, OnlineSettings};
-pub use result::{DelayReport, Identification, StateReport};
+pub use result::{DelayReport, Fidelity, Identification, StateReport};
 pub use settings::{Choice, Delay, Identify, Target};
 
 use crate::data::Dataset;
@@ -36,7 +36,6 @@ use algorithm1::timing::time;
 use prepare::prepare;
 use report::report;
 use support::scope::Scope;
-use support::starts::starts;
 
 impl Identify {
     /// Learns the equations of `data`.
@@ -51,16 +50,16 @@ impl Identify {
         let timings = time(self, &logs, &motion, progress)?;
         let rows = rows(self, &logs, &motion, timings.best.hold, &timings.best.delay_values())?;
         let mut regressed = regress(self, logs.frame_with(&timings.best.delays), &rows, progress)?;
-        let scope = Scope { settings: self, logs: &logs, motion: &motion, timings: &timings, progress };
+        let scope = Scope { settings: self, logs: &logs, motion: &motion, timings: &timings, rows: &rows, progress };
         if self.choice == Choice::Rollout {
             scope.choose_by_rollout(&mut regressed)?;
         }
         let mut notes = [motion.notes.clone(), logs.notes.clone()].concat();
         // Search the support, lengthen, agree.
-        let refined = if self.refine { scope.refine(&starts(&regressed), &mut notes)? } else { None };
+        let refined = if self.refine { scope.refine(&regressed, &mut notes)? } else { None };
         let found = match refined {
-            Some(member) => member.found(self.ensemble > 0),
-            None => scope.unrefined(&regressed, inclusion(self, &regressed, &rows)?),
+            Some(found) => found,
+            None => scope.unrefined(&regressed, inclusion(self, &regressed, &rows)?)?,
         };
         if self.hold.is_none() && found.hold == Hold::Linear {
             notes.push(Note::Interpolated);

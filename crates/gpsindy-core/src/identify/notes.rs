@@ -28,6 +28,18 @@ pub enum Note {
         /// Its position.
         position: String,
     },
+    /// A state is a straight line of time.
+    LineOfTime {
+        /// The state.
+        state: String,
+    },
+    /// The terms are those of the regression: the terms of the best evidence predict whole runs less well.
+    TermsKept {
+        /// Highest degree of the library that they came from, where it is below the one asked for.
+        degree: Option<usize>,
+        /// Whether their coefficients are those of the regression, too.
+        unrefined: bool,
+    },
     /// The equations are those of the regression, since the refinement could not run.
     NotRefined {
         /// Why.
@@ -61,8 +73,24 @@ impl fmt::Display for Note {
             }
             Self::UnloggedVelocity { velocity, position } => write!(
                 f,
-                "`{velocity}` is not in the logs and was taken from the slope of `{position}`: standard errors of its equation come out too small"
+                "`{velocity}` is not in the logs: the regression took the slope of `{position}` for it, a refinement compares `{position}` alone"
             ),
+            Self::LineOfTime { state } => {
+                write!(f, "`{state}` is a straight line of time: a clock or a row number is no state; leave it out")
+            }
+            Self::TermsKept { degree, unrefined } => {
+                let what = if *unrefined { "the equations" } else { "the terms" };
+                match degree {
+                    Some(degree) => write!(
+                        f,
+                        "{what} are those of a regression with degree {degree}: they follow whole runs better than what the larger library leads to"
+                    ),
+                    None => write!(
+                        f,
+                        "{what} are those of the regression: what the evidence of short rollouts prefers follows whole runs less well"
+                    ),
+                }
+            }
             Self::NotRefined { reason } => write!(f, "no refinement through the integrator: {reason}"),
             Self::Restless => f.write_str("the refinement stopped before it came to rest"),
             Self::Consensus { members } => write!(

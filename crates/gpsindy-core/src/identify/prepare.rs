@@ -15,6 +15,10 @@ use std::sync::Arc;
 pub(crate) struct Logs {
     /// Training part: states, controls, then logged derivatives.
     pub(crate) data: Dataset,
+    /// The same with nothing in the columns that no sensor measured: the refinement compares with this.
+    pub(crate) measured: Dataset,
+    /// States that no sensor measured.
+    pub(crate) unmeasured: Vec<usize>,
     /// Column of every state's logged derivative, where there is one.
     pub(crate) rates: Vec<Option<usize>>,
     /// Equations without a term, with what is known beforehand; delays that are to be estimated are 0.
@@ -23,10 +27,14 @@ pub(crate) struct Logs {
 }
 
 /// Finds the columns, takes velocities that no log carries from slopes, cuts the training part and makes the library.
-pub(crate) fn prepare(settings: &Identify, data: &Dataset, progress: &dyn Progress) -> Result<Logs> {
-    let (data, notes) = settings.with_velocities(data, progress)?;
-    let longest_delay = sensible_delay(&data);
-    let (data, rates) = training(settings, &data)?;
+pub(crate) fn prepare(settings: &Identify, logged: &Dataset, progress: &dyn Progress) -> Result<Logs> {
+    let (whole, mut notes) = settings.with_velocities(logged, progress)?;
+    let longest_delay = sensible_delay(logged);
+    let (data, rates) = training(settings, &whole)?;
+    let is_measured = |s: &usize| logged.index_of(&settings.states[*s]).is_ok();
+    let unmeasured: Vec<usize> = (0..settings.states.len()).filter(|s| !is_measured(s)).collect();
+    let measured = without(&data, &unmeasured)?;
+    notes.extend(lines_of_time(&data, settings.states.len()));
     let (n, m) = (settings.states.len(), settings.controls.len());
     let library = Arc::new(Library::new(&settings.states, &settings.controls, &settings.library)?);
     settings.constraints.check(&settings.states, &library)?;
@@ -35,7 +43,7 @@ pub(crate) fn prepare(settings: &Identify, data: &Dataset, progress: &dyn Progre
     let delays = delays(settings, period, longest_delay)?;
     let frame = Equations::new(states, controls, &library, &settings.constraints, delays)?;
     let frame = Equations { derivative_given: rates.iter().map(Option::is_some).collect(), ..frame };
-    Ok(Logs { data, rates, frame, notes })
+    Ok(Logs { data, measured, unmeasured, rates, frame, notes })
 }
 
 impl Logs {
@@ -58,6 +66,22 @@ impl Logs {
     pub(crate) fn controls(&self) -> Vec<usize> {
         (self.n_states()..self.n_states() + self.frame.controls.len()).collect()
     }
+}
+
+/// `data` with nothing but missing values in these columns.
+fn without(data: &Dataset, columns: &[usize]) -> Result<Dataset> {
+    let runs = data.runs().iter().map(|run| {
+        let value = |i: usize, j: usize| if columns.contains(&j) { f64::NAN } else { run.values[(i, j)] };
+        Run { values: Mat::from_fn(run.n_samples(), run.values.ncols(), value), ..run.clone() }
+    });
+    Dataset::new(data.channels().to_vec(), runs.collect())
+}
+
+/// A remark for every state that is a straight line of time in every run: a clock or a row number, most likely.
+fn lines_of_time(data: &Dataset, n_states: usize) -> Vec<Note> {
+    let is_line = |c: usize| data.runs().iter().all(|run| run.is_line_of_time(c));
+    let lines = (0..n_states).filter(|&c| is_line(c));
+    lines.map(|c| Note::LineOfTime { state: data.channels()[c].name.clone() }).collect()
 }
 
 /// Mean sampling period, s.

@@ -3,7 +3,7 @@
 use crate::identify::algorithm1::regress::Chosen;
 use crate::identify::equations::Equations;
 use crate::identify::notes::Note;
-use crate::identify::result::{DelayReport, Identification, StateReport};
+use crate::identify::result::{DelayReport, Fidelity, Identification, StateReport};
 use crate::model::IdentificationRecord;
 use crate::refine::Hold;
 
@@ -20,6 +20,7 @@ pub(crate) struct Found {
     pub(crate) noise: Vec<f64>,
     pub(crate) window: Option<f64>,
     pub(crate) hold: Hold,
+    pub(crate) fidelity: Option<Fidelity>,
 }
 
 /// `chosen` is the regression of every state whose equation was not given, `kernels` those of the smoother.
@@ -53,6 +54,7 @@ pub(crate) fn report(found: Found, chosen: &[Option<Chosen>], kernels: &[String]
         standard_errors: found.errors,
         inclusion_probabilities: found.inclusion,
         lambda: states.iter().map(|s| s.level.unwrap_or(0.0)).collect(),
+        hold: (!equations.controls.is_empty()).then_some(found.hold),
     });
-    Identification { model, states, delays, window: found.window, hold: found.hold, notes }
+    Identification { model, states, delays, window: found.window, hold: found.hold, fidelity: found.fidelity, notes }
 }

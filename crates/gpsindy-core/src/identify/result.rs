@@ -18,8 +18,41 @@ pub struct Identification {
     pub window: Option<f64>,
     /// What the controls were taken to do between samples: simulate the model with the same.
     pub hold: Hold,
+    /// How far rollouts lie from the logs that were learnt from; none of a log that was followed as it grew, and where no
+    /// state moves.
+    pub fidelity: Option<Fidelity>,
     /// What a reader of the result should know.
     pub notes: Vec<Note>,
+}
+
+impl Identification {
+    /// Whether the model predicts the very logs that it was learnt from no better than the mean of each column, or than
+    /// standing still.
+    pub fn is_poor(&self) -> bool {
+        self.fidelity.is_some_and(|fidelity| fidelity.is_poor())
+    }
+}
+
+/// How far rollouts lie from the logs that a model was learnt from.
+///
+/// Errors are root mean squares over samples and states, each state in units of its standard deviation over all logs: 1 is as
+/// bad as predicting the mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Fidelity {
+    /// Length of the rollouts, s: whole runs, or for as long as the noise of a start takes to outgrow the motion.
+    pub length: f64,
+    /// Error of rollouts from the smoothed states; none where one diverges.
+    pub error: Option<f64>,
+    /// Error of staying where each rollout starts.
+    pub still: f64,
+}
+
+impl Fidelity {
+    /// Whether the rollouts are no better than the mean, or than standing still.
+    pub fn is_poor(&self) -> bool {
+        self.error.is_none_or(|error| error >= self.still.min(1.0))
+    }
 }
 
 /// How the equation of one state was learnt.

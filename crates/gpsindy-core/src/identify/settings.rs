@@ -52,7 +52,7 @@ pub enum Choice {
 /// | `ensemble` | 0 | above 0: inclusion probabilities, by the evidence with `refine`, by so many bootstraps without |
 /// | `refine` | true | the refinement through the integrator: coefficients and terms on the raw samples |
 /// | `window` | `None` | length of the rollouts of the refinement, s; `None`: as long as they stay on course |
-/// | `consensus` | true | where long rollouts leave the logs of a controlled motion: a vote of several sets of equations |
+/// | `consensus` | false | where long rollouts leave the logs of a controlled motion: a vote of several sets of equations |
 /// | `hold` | `None` | what controls do between samples; `None`: held, unless interpolated is the better explanation |
 /// | `seed` | 0 | of the bootstraps |
 #[derive(Debug, Clone)]
@@ -116,7 +116,7 @@ impl Default for Identify {
             ensemble: 0,
             refine: true,
             window: None,
-            consensus: true,
+            consensus: false,
             hold: None,
             seed: 0,
         }

@@ -15,6 +15,7 @@ pub use port::Port;
 pub(crate) use system::Follower;
 pub use system::{Dynamics, Input, InputKind, System};
 
+use crate::data::Hold;
 use crate::error::Result;
 use crate::expression::Expression;
 #[cfg(feature = "serde")]
@@ -220,9 +221,18 @@ pub struct IdentificationRecord {
     /// The weight of the 1-norm, one a state.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub lambda: Vec<f64>,
+    /// What the controls were taken to do between samples, where there are controls: simulations do the same unless told
+    /// otherwise.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub hold: Option<Hold>,
 }
 
 impl Model {
+    /// What controls do between samples by default: what the model was learnt with, else held.
+    pub fn hold(&self) -> Hold {
+        self.identification.as_ref().and_then(|record| record.hold).unwrap_or_default()
+    }
+
     /// Checks names, expressions and references.
     ///
     /// # Errors

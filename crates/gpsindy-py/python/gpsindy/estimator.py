@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import importlib
 import inspect
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,14 +17,17 @@ from gpsindy._layout import Layout, chosen, lay_out, runs_of
 from gpsindy._tables import Array, is_list_of_runs, names_of, readonly, tables
 from gpsindy.dataset import Dataset
 from gpsindy.errors import NotFittedError
-from gpsindy.model import Hold, Model, Progress
+from gpsindy.model import Hold, Model, Progress, rounded
 from gpsindy.scoring import score
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Kernel = Literal["auto", "se", "matern12", "matern32", "matern52", "periodic", "rq"]
+DerivativeMethod = Literal["weak", "given", "difference", "gp-time", "gp-state", "gp-control"]
+Regressor = Literal["subset", "lasso", "sqrt-lasso", "stlsq", "ssr-coefficient", "ssr-residual", "least-squares"]
+
 _VELOCITY = re.compile(r"\s*\w+\s*'\s*=\s*([A-Za-z]\w*)\s*")
-_NUMBER = re.compile(r"(?<![A-Za-z_0-9.])(\d+\.?\d*(?:[eE][-+]?\d+)?)")
 
 
 class GPSINDy:
@@ -114,6 +119,8 @@ class GPSINDy:
         How the equation of each state was learnt.
     notes_ : tuple of str
         What a reader of the result should know.
+    poor_ : bool
+        Whether rollouts follow the logs no better than the mean of each column, or than standing still; ``fit`` warns of it.
 
     Examples
     --------
@@ -141,9 +148,9 @@ class GPSINDy:
         keep: Sequence[str] = (),
         sign: Sequence[str] = (),
         smoother: Literal["gp"] | None = "gp",
-        kernel: str = "auto",
-        derivative_method: str = "weak",
-        regressor: str = "subset",
+        kernel: Kernel | str = "auto",
+        derivative_method: DerivativeMethod = "weak",
+        regressor: Regressor = "subset",
         lam: float | Literal["auto"] = "auto",
         select: Literal["cv", "cv-best", "bic", "rollout"] = "cv",
         delays: Mapping[str, float | Literal["auto"]] | None = None,
@@ -154,7 +161,7 @@ class GPSINDy:
         ensemble: int = 0,
         refine: bool = True,
         window: float | None = None,
-        consensus: bool = True,
+        consensus: bool = False,
         random_state: int | None = None,
     ) -> None:
         self.degree = degree
@@ -244,6 +251,13 @@ class GPSINDy:
         self.hold_: Hold = report["hold"]
         self.report_ = tuple(report["states"])
         self.notes_ = tuple(report["notes"])
+        self.poor_: bool = report["poor"]
+        if self.poor_:
+            warnings.warn(
+                "the model predicts the logs it was learnt from no better than their mean or than standing still; "
+                "see notes_ and report_, and try other terms or a known equation (fix)",
+                stacklevel=2,
+            )
         self._terms = record.terms
         return self
 
@@ -294,6 +308,11 @@ class GPSINDy:
         self._check_fitted("coefficients")
         return self.coef_
 
+    def get_feature_names_out(self, input_features: Any = None) -> Array:
+        """Names of the terms, as scikit-learn asks for them; ``input_features`` is not used."""
+        self._check_fitted("get_feature_names_out")
+        return np.array(self._terms, dtype=object)
+
     def get_feature_names(self) -> list[str]:
         """Names of the terms, in the order of the columns of ``coef_``."""
         self._check_fitted("get_feature_names")
@@ -302,7 +321,7 @@ class GPSINDy:
     def equations(self, precision: int = 3) -> list[str]:
         """Right sides of the equations, numbers with this many significant digits."""
         self._check_fitted("equations")
-        return [_rounded(state.equation, precision) for state in self.model_.states]
+        return [rounded(state.equation, precision) for state in self.model_.states]
 
     def print(self, lhs: Sequence[str] | None = None, precision: int = 3) -> None:
         """Prints the equations; ``lhs`` replaces the left sides."""
@@ -420,6 +439,15 @@ class GPSINDy:
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "model_")
 
+    def _repr_html_(self) -> str:
+        """The settings and, once fitted, the equations, as a notebook shows them."""
+        head = f"<code>{html.escape(repr(self))}</code>"
+        return head + self.model_._repr_html_() if hasattr(self, "model_") else head
+
+    def _repr_latex_(self) -> str | None:
+        """The equations, once fitted."""
+        return self.model_._repr_latex_() if hasattr(self, "model_") else None
+
     def __repr__(self) -> str:
         defaults = inspect.signature(type(self).__init__).parameters
         changed = [f"{n}={v!r}" for n, v in self.get_params().items() if not _same(v, defaults[n].default)]
@@ -437,10 +465,6 @@ def _number(value: Any, name: str) -> float:
         return float(value)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected a number or 'auto', found {value!r}") from None
-
-
-def _rounded(equation: str, precision: int) -> str:
-    return _NUMBER.sub(lambda found: f"{float(found.group()):.{max(1, precision)}g}", equation)
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,6 +25,8 @@ Target = Literal["latex", "sympy", "python", "c", "rust", "julia", "modelica"]
 Method = Literal["auto", "rosenbrock", "rk4", "euler"]
 Simulator = Callable[[float, Array, Array], Any]
 Progress = Callable[[str, int, int], object]
+
+_NUMBER = re.compile(r"(?<![A-Za-z_0-9.])(\d+\.?\d*(?:[eE][-+]?\d+)?)")
 
 
 @dataclass(frozen=True)
@@ -258,6 +262,11 @@ class Model:
         return dict(self._inner.initial)
 
     @property
+    def hold(self) -> Hold:
+        """What controls do between samples by default: what the model was identified with, else "zero"."""
+        return "linear" if self._inner.hold == "linear" else "zero"
+
+    @property
     def identification(self) -> Identification | None:
         """How the model was learnt, where it was."""
         record = self._inner.identification
@@ -335,7 +344,7 @@ class Model:
         t: Any,
         u: Any = None,
         *,
-        hold: Hold = "zero",
+        hold: Hold | None = None,
         method: Method = "auto",
         tolerance: float = 1e-8,
     ) -> Rollout:
@@ -349,8 +358,8 @@ class Model:
             Increasing times, s.
         u : array of shape (n_samples, n_controls), mapping or frame, optional
             Controls at the times ``t``.
-        hold : {"zero", "linear"}
-            What controls do between samples.
+        hold : {"zero", "linear"}, optional
+            What controls do between samples. Default: what the model was identified with, else "zero".
         method : {"auto", "rosenbrock", "rk4", "euler"}
             ``auto`` has step control and goes over to an implicit method where the model is stiff; the last two make one step
             between samples.
@@ -365,11 +374,11 @@ class Model:
         time = _increasing(t)
         initial = self._initial(x0)
         controls = self._controls(u, len(time))
-        x, y = self._inner.simulate(initial, time, controls, (hold, method, tolerance))
+        x, y = self._inner.simulate(initial, time, controls, (hold or self.hold, method, tolerance))
         return Rollout(self.name, readonly(time), x, y, tuple(state.name for state in self.states))
 
     def score(
-        self, logs: Any, *, window: float | None = None, hold: Hold = "zero", progress: Progress | None = None
+        self, logs: Any, *, window: float | None = None, hold: Hold | None = None, progress: Progress | None = None
     ) -> Score:
         """Errors of predictions on logs; see :func:`gpsindy.score`."""
         return score(self, logs, window=window, hold=hold, progress=progress)
@@ -433,9 +442,31 @@ class Model:
     def __hash__(self) -> int:
         return hash((self.name, self.states, self.controls, self.parameters))
 
+    def _repr_latex_(self) -> str:
+        """The equations as a notebook shows them, with four significant digits."""
+        lines = self.export("latex").splitlines()
+        body = "\n".join(line for line in lines if not line.startswith(("%", "\\begin", "\\end")))
+        return "$$\\begin{aligned}\n" + rounded(body, 4) + "\n\\end{aligned}$$"
+
+    def _repr_html_(self) -> str:
+        """The equations as a table for a notebook, with four significant digits."""
+        cell = '<td style="text-align:left">{}</td>'.format
+        rows = (
+            f"<tr>{cell(html.escape(state.name) + '&prime;')}{cell('= ' + html.escape(rounded(state.equation, 4)))}"
+            f"{cell(html.escape(state.unit))}</tr>"
+            for state in self.states
+        )
+        head = f"<caption>{html.escape(self.name)}</caption>" if self.name else ""
+        return f"<table>{head}{''.join(rows)}</table>"
+
     def __repr__(self) -> str:
-        equations = "; ".join(f"{state.name}' = {state.equation}" for state in self.states)
+        equations = "; ".join(f"{state.name}' = {rounded(state.equation, 4)}" for state in self.states)
         return f"Model {self.name!r}: {equations}" if self.name else f"Model: {equations}"
+
+
+def rounded(text: str, precision: int) -> str:
+    """The text with its numbers at this many significant digits."""
+    return _NUMBER.sub(lambda found: f"{float(found.group()):.{max(1, precision)}g}", text)
 
 
 def as_model(model: Any) -> Model:

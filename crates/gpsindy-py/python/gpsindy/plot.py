@@ -46,7 +46,7 @@ def _finish(figure: Figure, axes: Any, titles: list[str]) -> Figure:
 
 
 def rollouts(
-    model: Model, logs: Any, *, hold: Hold = "zero", max_runs: int = 4, figsize: tuple[float, float] | None = None
+    model: Model, logs: Any, *, hold: Hold | None = None, max_runs: int = 4, figsize: tuple[float, float] | None = None
 ) -> Figure:
     """Rollouts of a model from the first sample of each run, beside the samples.
 
@@ -54,7 +54,7 @@ def rollouts(
     ----------
     model : Model
     logs : Dataset, paths of CSV files, frame or list of frames
-    hold : {"zero", "linear"}
+    hold : {"zero", "linear"}, optional
     max_runs : int
         Runs shown, at most.
     figsize : (float, float), optional

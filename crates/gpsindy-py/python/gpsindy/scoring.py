@@ -78,13 +78,17 @@ class Score:
     windowed: Errors
     one_step: Errors
 
+    def __repr__(self) -> str:
+        kinds = (("rollout", self.rollout), ("windowed", self.windowed), ("one_step", self.one_step))
+        return f"Score({', '.join(f'{name}={errors.pooled:.4g}' for name, errors in kinds)}, relative)"
+
 
 def score(
     model: Model | GPSINDy | Path,
     logs: Any,
     *,
     window: float | None = None,
-    hold: Hold = "zero",
+    hold: Hold | None = None,
     progress: Progress | None = None,
 ) -> Score:
     """Errors of whole runs, windows and single steps, by state.
@@ -95,8 +99,8 @@ def score(
     logs : Dataset, paths of CSV files, frame or list of frames
     window : float, optional
         Length of the windows, s. Default: a tenth of each run.
-    hold : {"zero", "linear"}
-        What controls do between samples.
+    hold : {"zero", "linear"}, optional
+        What controls do between samples. Default: what the model was identified with, else "zero".
     progress : callable, optional
         Called with (stage, done, total).
 
@@ -114,7 +118,8 @@ def score(
     """
     from gpsindy.model import as_model
 
-    kinds = _gpsindy.score(as_model(model)._inner, as_dataset(logs)._inner, window, hold, progress)
+    found = as_model(model)
+    kinds = _gpsindy.score(found._inner, as_dataset(logs)._inner, window, hold or found.hold, progress)
     return Score(*(_errors(*kind) for kind in kinds))
 
 

@@ -49,6 +49,10 @@ class Rollout:
     def __len__(self) -> int:
         return len(self.t)
 
+    def __repr__(self) -> str:
+        span = f", {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else ""
+        return f"Rollout {self.name!r}: {', '.join(self.states)}; {len(self.t)} samples{span}"
+
 
 def simulate(
     model: Model | GPSINDy | Path,
@@ -57,7 +61,7 @@ def simulate(
     initial: Mapping[str, float] | None = None,
     start: float | None = None,
     stop: float | None = None,
-    hold: Hold = "zero",
+    hold: Hold | None = None,
     method: Method = "auto",
     tolerance: float = 1e-8,
 ) -> list[Rollout]:
@@ -91,6 +95,6 @@ def simulate(
 
     model, data = as_model(model), as_dataset(logs)
     pairs = [(name, float(value)) for name, value in (initial or {}).items()]
-    found = model._inner.simulate_runs(data._inner, pairs, (start, stop), (hold, method, tolerance))
+    found = model._inner.simulate_runs(data._inner, pairs, (start, stop), (hold or model.hold, method, tolerance))
     names = tuple(state.name for state in model.states)
     return [Rollout(name, readonly(np.array(t)), x, y, names) for name, t, x, y in found]

@@ -40,6 +40,9 @@ class SmoothedRun:
     x_dot_std: Array
     x_dot_covariance: tuple[Array, ...]
 
+    def __repr__(self) -> str:
+        return f"SmoothedRun {self.name!r}: {self.x.shape[0]} samples, {self.x.shape[1]} columns"
+
 
 @dataclass(frozen=True, eq=False)
 class ColumnFit:
@@ -71,6 +74,10 @@ class ColumnFit:
     converged: bool
     weak: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        weak = f"; weak: {'; '.join(self.weak)}" if self.weak else ""
+        return f"ColumnFit {self.column!r}: {self.kernel}, noise {self.noise:.4g}{weak}"
+
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
@@ -87,6 +94,11 @@ class Smoothed:
     columns: tuple[str, ...]
     runs: tuple[SmoothedRun, ...]
     fits: tuple[ColumnFit, ...]
+
+    def __repr__(self) -> str:
+        samples = sum(len(run.t) for run in self.runs)
+        fits = "; ".join(f"{fit.column}: {fit.kernel}, noise {fit.noise:.4g}" for fit in self.fits)
+        return f"Smoothed {len(self.runs)} runs, {samples} samples; {fits}"
 
     def plot(self, logs: Any = None, **options: Any) -> Figure:
         """The columns with their 95 % bands; see :func:`gpsindy.plot.smoothed`. Needs matplotlib."""

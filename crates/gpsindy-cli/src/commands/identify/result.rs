@@ -1,18 +1,73 @@
 //! What was identified, for the screen and as JSON.
 
 use crate::text::{aligned, count, short};
-use gpsindy_core::{Dataset, Hold, Identification, Score};
+use gpsindy_core::{Dataset, Hold, Identification, Score, StateError};
 use serde_json::json;
 
+/// What a score was taken on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum On {
+    /// Logs of their own.
+    Holdout,
+    /// The last part of every run.
+    Rest,
+    /// The logs that were learnt from.
+    Training,
+}
+
+/// How well the model predicts.
+#[derive(Debug)]
+pub(crate) struct Fit {
+    pub(crate) score: Score,
+    pub(crate) on: On,
+}
+
+impl On {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Holdout => "holdout",
+            Self::Rest => "rest",
+            Self::Training => "training",
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Holdout => "whole runs of the held-out logs",
+            Self::Rest => "the rest of every run, which was not learnt from",
+            Self::Training => "whole runs of the logs that were learnt from; --holdout scores on others",
+        }
+    }
+}
+
+/// In what way the model is poor, where it is.
+pub(super) fn poor(found: &Identification) -> Option<String> {
+    let fidelity = found.fidelity.filter(|fidelity| fidelity.is_poor())?;
+    let length = short(fidelity.length);
+    Some(match fidelity.error {
+        None => format!("the model diverges within rollouts of {length} s over the logs it was learnt from"),
+        Some(error) => {
+            let (what, level) =
+                if fidelity.still < 1.0 { ("standing still", fidelity.still) } else { ("the mean", 1.0) };
+            format!(
+                "the model predicts its own logs no better than {what}: relative error {} against {} over rollouts of {length} s",
+                short(error),
+                short(level)
+            )
+        }
+    })
+}
+
 /// The equations, how sure each coefficient is, and how well rollouts follow the logs.
-pub(crate) fn summary(data: &Dataset, found: &Identification, fit: Option<&Score>) -> String {
+pub(crate) fn summary(data: &Dataset, found: &Identification, fit: Option<&Fit>) -> String {
     let runs = format!("{}, {}", count(data.runs().len(), "run"), count(data.n_samples(), "sample"));
     summary_of(&runs, found, fit)
 }
 
 /// The same of `logs`, told in words.
-pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Score>) -> String {
-    let mut text = format!("equations from {logs}:\n\n");
+pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Fit>) -> String {
+    let mut text = poor(found).map_or_else(String::new, |how| format!("POOR: {how}\n\n"));
+    text += &format!("equations from {logs}:\n\n");
     for state in &found.model.states {
         text += &format!("  {}' = {}\n", state.name, rounded(found, state));
     }
@@ -43,9 +98,9 @@ pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Score>
         let error = late.standard_error.map_or("given".into(), |error| format!("std error {}", short(error)));
         text += &format!("  delay of {}: {} s, {error}\n", late.control, short(late.delay));
     }
-    let mut rows = vec![vec!["  state".to_string(), "noise".into(), "rollout rmse".into(), "relative".into()]];
+    let mut rows = vec![["  state", "noise", "rollout rmse", "relative", "fit"].map(String::from).to_vec()];
     for (s, state) in found.states.iter().enumerate() {
-        let error = fit.and_then(|f| f.rollout.by_state.iter().find(|e| e.state == state.state));
+        let error = fit.and_then(|f| f.score.rollout.by_state.iter().find(|e| e.state == state.state));
         let unit = &found.model.states[s].unit;
         let with_unit = |v: f64| if unit.is_empty() { short(v) } else { format!("{} {unit}", short(v)) };
         rows.push(vec![
@@ -53,13 +108,23 @@ pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Score>
             with_unit(state.noise),
             error.map_or("-".into(), |e| with_unit(e.rmse)),
             error.map_or("-".into(), |e| short(e.normalised)),
+            error.filter(|e| e.normalised.is_finite()).map_or("-".into(), fit_percent),
         ]);
     }
     text += &format!("\n{}", aligned(&rows));
-    if let Some(fit) = fit.filter(|f| f.rollout.n_diverged > 0) {
-        text += &format!("  {} of {} rollouts diverged\n", fit.rollout.n_diverged, fit.rollout.n_started);
+    if let Some(fit) = fit {
+        text += &format!("  rollouts over {}\n", fit.on.words());
+        let errors = &fit.score.rollout;
+        if errors.n_diverged > 0 {
+            text += &format!("  {} of {} rollouts diverged\n", errors.n_diverged, errors.n_started);
+        }
     }
     text
+}
+
+/// Share of the motion that is predicted, 1 less the relative error, in percent: 0 and below is no better than the mean.
+fn fit_percent(error: &StateError) -> String {
+    format!("{:.1} %", 100.0 * (1.0 - error.normalised))
 }
 
 /// The right side of an equation with four significant digits.
@@ -84,7 +149,7 @@ pub(crate) fn rounded(found: &Identification, state: &gpsindy_core::State) -> St
     if text.is_empty() { state.equation.to_string() } else { text }
 }
 
-pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json::Value {
+pub(crate) fn as_json(found: &Identification, fit: Option<&Fit>) -> serde_json::Value {
     let states = found.states.iter().map(|s| {
         json!({"state": s.state, "terms": s.terms, "level": s.level, "score": s.score, "residual": s.residual, "noise": s.noise, "kernel": s.kernel})
     });
@@ -92,13 +157,16 @@ pub(crate) fn as_json(found: &Identification, fit: Option<&Score>) -> serde_json
         .delays
         .iter()
         .map(|d| json!({"control": d.control, "value": d.delay, "standard_error": d.standard_error}));
-    let rollout = fit.map(|fit| crate::commands::score::as_json(&fit.rollout));
+    let rollout = fit.map(|fit| crate::commands::score::as_json(&fit.score.rollout));
     json!({
         "model": found.model,
         "states": states.collect::<Vec<_>>(),
         "delays": delays.collect::<Vec<_>>(),
         "hold": if found.hold == Hold::Zero { "zero" } else { "linear" },
         "rollout": rollout,
+        "scored_on": fit.map(|fit| fit.on.name()),
+        "poor": found.is_poor(),
+        "fidelity": found.fidelity.map(|f| json!({"length": f.length, "error": f.error, "still": f.still})),
         "notes": found.notes.iter().map(ToString::to_string).collect::<Vec<_>>(),
     })
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod regress;
 pub(crate) mod rows;
+pub(crate) mod second_opinion;
 pub(crate) mod smooth;
 pub(crate) mod timing;
 pub(crate) mod track;

@@ -1,9 +1,10 @@
 //! Lines 1 to 3 of Algorithm 1: the states as a smooth motion, their slopes, and the sizes that follow from them.
 
-use crate::data::Dataset;
+use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
 use crate::error::{Error, Result};
 use crate::gp::Weakness;
+use crate::identify::algorithm1::second_opinion::smooth_columns;
 use crate::identify::algorithm1::track::Track;
 use crate::identify::limits::{LEAST_NOISE, MOST_STEPS, STEPS_PER_PACE, WINDOW_PACES, WINDOW_SAMPLES};
 use crate::identify::notes::Note;
@@ -48,7 +49,7 @@ pub(crate) fn smooth(settings: &Identify, logs: &Logs, progress: &dyn Progress) 
     noise.extend(match &settings.smoother {
         Some(smoother) if !rates.is_empty() => {
             let smoother = Smoother { noise: Noise::Estimated, covariance: false, ..smoother.clone() };
-            smoother.smooth(data, &rates, progress)?.fits.iter().map(|f| f.noise).collect()
+            smooth_columns(&smoother, data, &rates, progress)?.fits.iter().map(|f| f.noise).collect()
         }
         _ => roughness(data, &rates),
     });
@@ -123,7 +124,7 @@ fn smoothed(
 ) -> Result<Smooth> {
     let covariance = matches!(settings.target, Target::Derivative(Differentiation::GpTime));
     let states: Vec<usize> = (0..settings.states.len()).collect();
-    let whole = Smoother { covariance, ..smoother.clone() }.smooth(data, &states, progress)?;
+    let whole = smooth_columns(&Smoother { covariance, ..smoother.clone() }, data, &states, progress)?;
     for (fit, channel) in whole.fits.iter().zip(&whole.channels).filter(|(fit, _)| !fit.weak.is_empty()) {
         notes.push(Note::WeakSmoothing { column: channel.name.clone(), reasons: fit.weak.clone() });
     }
@@ -143,11 +144,7 @@ fn unsmoothed(data: &Dataset, states: &[usize]) -> Result<Smooth> {
         let mut mean = Mat::zeros(r, states.len());
         let mut derivative = Mat::zeros(r, states.len());
         for (j, &c) in states.iter().enumerate() {
-            let filled = fill(&run.time, run.column(c)).ok_or_else(|| Error::TooFewSamples {
-                what: format!("channel `{}` in run `{}`", data.channels()[c].name, run.name),
-                needed: 1,
-                found: 0,
-            })?;
+            let filled = filled(run, c, &data.channels()[c])?;
             derivative.col_as_slice_mut(j).copy_from_slice(&central(&run.time, &filled));
             mean.col_as_slice_mut(j).copy_from_slice(&filled);
         }
@@ -163,6 +160,15 @@ fn unsmoothed(data: &Dataset, states: &[usize]) -> Result<Smooth> {
         });
     }
     Ok(Smooth { runs, whole: None, noise: roughness(data, states), kernels: vec![String::new(); states.len()] })
+}
+
+/// Column `c` of a run, which `channel` names, with its gaps closed by straight lines.
+pub(crate) fn filled(run: &Run, c: usize, channel: &Channel) -> Result<Vec<f64>> {
+    fill(&run.time, run.column(c)).ok_or_else(|| Error::TooFewSamples {
+        what: format!("channel `{}` in run `{}`", channel.name, run.name),
+        needed: 1,
+        found: 0,
+    })
 }
 
 fn fill(time: &[f64], values: &[f64]) -> Option<Vec<f64>> {

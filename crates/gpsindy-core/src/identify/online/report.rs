@@ -44,6 +44,7 @@ pub(super) fn report(
         noise: smoothing.fits.iter().map(|fit| fit.noise).collect(),
         window: None,
         hold: settings.hold,
+        fidelity: None,
     };
     let kernels: Vec<String> = smoothing.fits.iter().map(|fit| fit.kernel.to_string()).collect();
     Ok(crate::identify::report::report(found, &chosen, &kernels, notes))

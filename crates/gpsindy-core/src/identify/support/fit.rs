@@ -8,7 +8,7 @@ use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::algorithm1::track::Track;
 use crate::identify::equations::Equations;
 use crate::identify::evidence::{independent_share, price};
-use crate::identify::limits::{FLOOR, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
+use crate::identify::limits::{FLOOR, NEAR_CLEAN, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
 use crate::identify::prepare::Logs;
 use crate::model::System;
 use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Window};
@@ -26,6 +26,10 @@ pub(crate) struct Fitter<'a> {
     pub(crate) tracks: &'a [Track],
     /// Typical size of each coefficient (n x p).
     pub(crate) scales: &'a [Vec<f64>],
+    /// States that no sensor measured.
+    pub(crate) unmeasured: &'a [usize],
+    /// Standard deviation of every smoothed state, 0 for one that stands still.
+    pub(crate) spread: &'a [f64],
 }
 
 /// A fitted set of equations.
@@ -44,8 +48,11 @@ pub(crate) struct Trial {
     pub(crate) initial: Vec<Vec<f64>>,
     /// Root mean square residual of each column, in its unit.
     pub(crate) noise: Vec<f64>,
-    /// `sum_c n_c ln(rss_c / n_c)`.
-    pub(crate) misfit: f64,
+    /// Sum of squares and number of values of each column, in the column's unit.
+    pub(crate) squares: Vec<f64>,
+    pub(crate) counts: Vec<f64>,
+    /// What the integration errs by in each column, in its unit: residuals below it tell nothing.
+    pub(crate) floor: Vec<f64>,
     /// Number of values compared.
     pub(crate) n_values: f64,
     /// Share of the values that count as independent.
@@ -72,7 +79,9 @@ impl Trial {
 impl<'a> Fitter<'a> {
     pub(crate) fn new(logs: &'a Logs, motion: &'a Motion, hold: Hold) -> Self {
         Self {
-            data: &logs.data,
+            data: &logs.measured,
+            unmeasured: &logs.unmeasured,
+            spread: &motion.spread,
             substeps: motion.substeps(),
             hold,
             noise: motion.noise.clone(),
@@ -86,6 +95,10 @@ impl<'a> Fitter<'a> {
         let mut experiment = Experiment::new(system, self.data, Some(noise))?.with_windows_of(window);
         experiment.substeps = self.substeps;
         experiment.hold = self.hold;
+        // What no sensor measured has no column to tell its size.
+        for &s in self.unmeasured.iter().filter(|s| self.spread[**s] > 0.0) {
+            experiment.scale[s] = self.spread[s];
+        }
         Ok(experiment)
     }
 
@@ -112,18 +125,27 @@ impl<'a> Fitter<'a> {
             experiment.windows.iter().map(|w| found(w).unwrap_or_else(|| self.start(&system, w))).collect();
         let free = self.free(equations);
         let mut parameters = system.parameter_values();
+        let least: Vec<f64> = experiment.columns.iter().map(|&column| FLOOR * experiment.scale[column]).collect();
+        let mut floor = least.clone();
         // Once with the noise assumed, and again where the residuals tell another.
         for round in 0..NOISE_ROUNDS {
             let refined = USUAL.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
             parameters.clone_from(&refined.parameters);
             initial.clone_from(&refined.initial);
             let (squares, counts) = sums(&experiment, &refined.residuals);
-            let spread = &experiment.scale;
+            if round == 0 {
+                let point = Point { parameters: parameters.clone(), initial: initial.clone() };
+                floor = integration_errors(&system, &experiment, &point, (&squares, &counts), least.clone());
+            }
             let found: Vec<f64> = (0..noise.len())
                 .map(|c| {
-                    let freedom =
-                        (counts[c] - (free.len() + initial.len() * spread.len()) as f64 / noise.len() as f64).max(1.0);
-                    (squares[c] / freedom).sqrt().max(FLOOR * spread[experiment.columns[c]])
+                    if counts[c] == 0.0 {
+                        return noise[c];
+                    }
+                    let freedom = (counts[c]
+                        - (free.len() + initial.len() * experiment.scale.len()) as f64 / noise.len() as f64)
+                        .max(1.0);
+                    (squares[c] / freedom).sqrt().max(floor[c])
                 })
                 .collect();
             let settled = found.iter().zip(&noise).all(|(new, old)| (new / old - 1.0).abs() < NOISE_SETTLED);
@@ -134,12 +156,6 @@ impl<'a> Fitter<'a> {
             }
             let share = independent_share(&refined.residuals, noise.len());
             let n: f64 = counts.iter().sum();
-            let misfit: f64 = (0..noise.len())
-                .map(|c| {
-                    let least = FLOOR * spread[experiment.columns[c]];
-                    counts[c] * (squares[c] / counts[c].max(1.0)).max(least * least).ln()
-                })
-                .sum();
             let mut fitted = equations.clone();
             fitted.take(&parameters);
             let scaled = |k: usize| refined.covariance[k][k].max(0.0).sqrt();
@@ -158,7 +174,9 @@ impl<'a> Fitter<'a> {
                 windows,
                 initial,
                 noise,
-                misfit,
+                squares,
+                counts,
+                floor,
                 n_values: n,
                 share,
                 converged,
@@ -187,46 +205,66 @@ impl<'a> Fitter<'a> {
         }
     }
 
+    /// Mean squared error of rollouts of `window` seconds from the smoothed states, each state in units of its variance; none
+    /// where one diverges. And the same of standing still. Nothing where no measured state moves.
+    pub(crate) fn distance(&self, equations: &Equations, window: f64) -> Result<Option<(Option<f64>, f64)>> {
+        let system = equations.model_with_parameters().compile()?;
+        let experiment = self.experiment(&system, window, &self.noise)?;
+        let initial: Vec<Vec<f64>> = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
+        let still = |(w, initial): (&Window, &Vec<f64>)| {
+            let log = &experiment.logs[w.log];
+            let of = |i: usize| experiment.columns.iter().enumerate().map(move |(c, &s)| (i, c, s));
+            let off = |(i, c, s): (usize, usize, usize)| (log.measured[c][i] - initial[s]) / experiment.noise[c];
+            (w.first..=w.last).flat_map(of).map(off).collect::<Vec<f64>>()
+        };
+        let still: Vec<Vec<f64>> = experiment.windows.iter().zip(&initial).map(still).collect();
+        let relative = |residuals: &[Vec<f64>]| {
+            let (squares, counts) = sums(&experiment, residuals);
+            let moves = |c: &usize| *c < self.spread.len() && counts[*c] > 0.0 && self.spread[*c] > 0.0;
+            let moving: Vec<usize> = (0..counts.len()).filter(moves).collect();
+            let each = moving.iter().map(|&c| squares[c] / counts[c] / experiment.scale[experiment.columns[c]].powi(2));
+            (!moving.is_empty()).then(|| each.sum::<f64>() / moving.len() as f64)
+        };
+        let Some(still) = relative(&still) else { return Ok(None) };
+        let point = Point { parameters: system.parameter_values(), initial };
+        match Jacobian::new(&system, &experiment, &point, &[]) {
+            Ok(jacobian) => Ok(Some((relative(&jacobian.residuals()).filter(|v| v.is_finite()), still))),
+            Err(Error::Diverged { .. }) => Ok(Some((None, still))),
+            Err(error) => Err(error),
+        }
+    }
+
     /// How much a difference between two starts grows up to the ends of the windows of `trial`, at most, each state in units of
     /// its spread.
     pub(crate) fn amplification(&self, trial: &Trial, window: f64) -> Result<f64> {
         let (system, experiment, point) = self.fitted(trial, window)?;
-        let jacobian = Jacobian::new(&system, &experiment, &point, &[])?;
-        let (columns, scale) = (&experiment.columns, &experiment.scale);
-        let mut largest = 0.0_f64;
-        for block in &jacobian.blocks {
-            let last = block.residual.len() - columns.len();
-            for (c, &column) in columns.iter().enumerate().filter(|(_, column)| **column < jacobian.n_states) {
-                for (j, from) in scale.iter().enumerate() {
-                    let growth = block.derivative[(last + c, j)].abs() * experiment.noise[c] * from / scale[column];
-                    largest = largest.max(growth);
-                }
-            }
-        }
-        Ok(largest)
+        largest_growth(&system, &experiment, &point)
+    }
+
+    /// The same of equations that were not fitted, from the smoothed states.
+    pub(crate) fn amplification_of(&self, equations: &Equations, window: f64) -> Result<f64> {
+        let system = equations.model_with_parameters().compile()?;
+        let experiment = self.experiment(&system, window, &self.noise)?;
+        let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
+        let point = Point { parameters: system.parameter_values(), initial };
+        largest_growth(&system, &experiment, &point)
     }
 
     /// By how much the evidence of `trial` is better than that of `other`; both count their values alike, by the larger
-    /// share of independent ones, which is that of the better model.
+    /// share of independent ones, which is that of the better model, and both down to the same floor.
     pub(crate) fn lead(&self, trial: &Trial, other: &Trial) -> f64 {
-        let share = trial.share.max(other.share);
-        self.evidence(other, share) - self.evidence(trial, share)
+        let scale = Scale::of(&[trial, other]);
+        scale.evidence(other) - scale.evidence(trial)
     }
 
     /// Places of `trials`, the best evidence first.
     pub(crate) fn ranked<'t>(&self, trials: impl Iterator<Item = &'t Trial>) -> Vec<usize> {
         let trials: Vec<&Trial> = trials.collect();
-        let share = trials.iter().map(|trial| trial.share).fold(0.0, f64::max);
-        let evidence: Vec<f64> = trials.iter().map(|trial| self.evidence(trial, share)).collect();
+        let scale = Scale::of(&trials);
+        let evidence: Vec<f64> = trials.iter().map(|trial| scale.evidence(trial)).collect();
         let mut order: Vec<usize> = (0..trials.len()).collect();
         order.sort_by(|&x, &y| evidence[x].total_cmp(&evidence[y]));
         order
-    }
-
-    fn evidence(&self, trial: &Trial, share: f64) -> f64 {
-        let equations = &trial.equations;
-        let prices = equations.support.iter().map(|(_, j)| price(equations, j, share * trial.n_values));
-        share * trial.misfit + prices.sum::<f64>()
     }
 
     /// What a fit may change: the coefficients of the support, then the free delays.
@@ -247,6 +285,74 @@ impl<'a> Fitter<'a> {
         }
         free
     }
+}
+
+/// What the evidence of several fits is counted by.
+struct Scale {
+    /// Share of the values that count as independent.
+    share: f64,
+    /// Root mean square residual below which nothing is told, of each column.
+    pub(crate) floor: Vec<f64>,
+}
+
+impl Scale {
+    fn of(trials: &[&Trial]) -> Self {
+        let columns = trials.first().map_or(0, |trial| trial.floor.len());
+        let largest = |c: usize| trials.iter().map(|trial| trial.floor[c]).fold(0.0, f64::max);
+        Self {
+            share: trials.iter().map(|trial| trial.share).fold(0.0, f64::max),
+            floor: (0..columns).map(largest).collect(),
+        }
+    }
+
+    fn evidence(&self, trial: &Trial) -> f64 {
+        let mean_square = |c: usize| (trial.squares[c] / trial.counts[c].max(1.0)).max(self.floor[c] * self.floor[c]);
+        let misfit: f64 = (0..self.floor.len()).map(|c| trial.counts[c] * mean_square(c).ln()).sum();
+        let equations = &trial.equations;
+        let prices = equations.support.iter().map(|(_, j)| price(equations, j, self.share * trial.n_values));
+        self.share * misfit + prices.sum::<f64>()
+    }
+}
+
+/// Root mean square difference of the rollouts to those of half the steps, of each column; at least `least`.
+///
+/// Half the steps err by a sixteenth as much, so that the difference is the error itself. Where every column leaves far more
+/// than any integration errs by, nothing is computed.
+fn integration_errors(
+    system: &System,
+    experiment: &Experiment,
+    point: &Point,
+    (squares, counts): (&[f64], &[f64]),
+    least: Vec<f64>,
+) -> Vec<f64> {
+    let size = |c: usize| experiment.scale[experiment.columns[c]];
+    let is_small = |c: usize| counts[c] > 0.0 && (squares[c] / counts[c]).sqrt() < NEAR_CLEAN * size(c);
+    if !(0..least.len()).any(is_small) {
+        return least;
+    }
+    let finer = Experiment { substeps: 2 * experiment.substeps, ..experiment.clone() };
+    let rolled = |experiment: &Experiment| Jacobian::new(system, experiment, point, &[]).map(|j| j.residuals());
+    let (Ok(own), Ok(finer)) = (rolled(experiment), rolled(&finer)) else { return least };
+    let pairs = own.iter().zip(&finer).map(|(own, finer)| own.iter().zip(finer).map(|(a, b)| a - b).collect());
+    let (apart, counts) = sums(experiment, &pairs.collect::<Vec<Vec<f64>>>());
+    least.into_iter().enumerate().map(|(c, least)| least.max((apart[c] / counts[c].max(1.0)).sqrt())).collect()
+}
+
+/// How much a difference between two starts grows up to the ends of the windows, at most, each state in units of its spread.
+fn largest_growth(system: &System, experiment: &Experiment, point: &Point) -> Result<f64> {
+    let jacobian = Jacobian::new(system, experiment, point, &[])?;
+    let (columns, scale) = (&experiment.columns, &experiment.scale);
+    let mut largest = 0.0_f64;
+    for block in &jacobian.blocks {
+        let last = block.residual.len() - columns.len();
+        for (c, &column) in columns.iter().enumerate().filter(|(_, column)| **column < jacobian.n_states) {
+            for (j, from) in scale.iter().enumerate() {
+                let growth = block.derivative[(last + c, j)].abs() * experiment.noise[c] * from / scale[column];
+                largest = largest.max(growth);
+            }
+        }
+    }
+    Ok(largest)
 }
 
 /// Sum of squares and number of values of each column, in the column's unit.

@@ -46,6 +46,28 @@ impl Scope<'_> {
         Ok((best, window))
     }
 
+    /// The same terms with rollouts that grow while they stay on course, and the length of the last ones, s.
+    pub(crate) fn stretch(&self, fitter: &Fitter<'_>, trial: Trial, rollouts: Rollouts) -> Result<(Trial, f64)> {
+        let (mut best, mut window) = match rollouts {
+            Rollouts::Fixed(length) => return Ok((trial, length)),
+            Rollouts::Growing(shortest) => (trial, shortest),
+        };
+        let whole = self.motion.longest_run();
+        while window < whole {
+            self.keep_going()?;
+            let longer = (2.0 * window).min(whole);
+            if explodes(fitter, &best, window, longer)? {
+                break;
+            }
+            match fitter.fit(&best.equations, longer, Some(&best)) {
+                Ok(trial) if growth(&best, &trial) <= ON_COURSE => (best, window) = (trial, longer),
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                _ => break,
+            }
+        }
+        Ok((best, window))
+    }
+
     /// The same terms fitted to longer and longer rollouts, on course or not: short ones with free starts hide where an
     /// approximation leads in the end.
     pub(crate) fn with_longer_rollouts(&self, member: &Member) -> Result<Vec<Member>> {

@@ -10,4 +10,5 @@ mod refine;
 pub(crate) mod scope;
 mod search;
 mod sensitivity;
+mod settle;
 pub(crate) mod starts;

@@ -1,19 +1,19 @@
-//! The refinement as one body: search, lengthen, agree, weigh.
+//! The refinement as one body: search, agree, settle, weigh.
 
 use crate::error::Result;
-use crate::identify::equations::Equations;
+use crate::identify::algorithm1::regress::Regressed;
 use crate::identify::notes::Note;
+use crate::identify::report::Found;
 use crate::identify::support::lengthen::explodes;
-use crate::identify::support::scope::{Member, Rollouts, Scope};
+use crate::identify::support::scope::Scope;
+use crate::identify::support::starts::starts;
 
 impl Scope<'_> {
-    /// The equations of the best evidence on the raw measurements, from these starts; none where no start can be rolled out.
-    pub(crate) fn refine(&self, starts: &[Equations], notes: &mut Vec<Note>) -> Result<Option<Member>> {
-        let rollouts = match self.settings.window {
-            Some(length) => Rollouts::Fixed(length),
-            None => Rollouts::Growing(self.motion.shortest_window()),
-        };
-        let mut found = match self.search(starts, rollouts)? {
+    /// The equations of the best evidence on the raw measurements, from what the regression chose; none where nothing is better
+    /// than that, or it can't be rolled out.
+    pub(crate) fn refine(&self, regressed: &Regressed, notes: &mut Vec<Note>) -> Result<Option<Found>> {
+        let starts = starts(regressed);
+        let mut found = match self.search(&starts, self.rollouts())? {
             Ok(found) => found,
             Err(error) => {
                 notes.push(Note::NotRefined { reason: error.to_string() });
@@ -21,8 +21,9 @@ impl Scope<'_> {
             }
         };
         if self.needs_consensus(&found)? {
-            found = self.agree(found, starts, notes)?;
+            found = self.agree(found, &starts, notes)?;
         }
+        let Some(mut found) = self.settle(found, regressed, notes)? else { return Ok(None) };
         if !found.trial.converged {
             notes.push(Note::Restless);
         }
@@ -31,10 +32,12 @@ impl Scope<'_> {
         if found.window < self.motion.longest_run() && explodes(&fitter, &found.trial, found.window, within)? {
             notes.push(Note::Unpredictable { within });
         }
+        let growth = fitter.amplification(&found.trial, found.window)?;
+        let fidelity = self.fidelity(&found.trial.equations, found.hold, (growth, found.window))?;
         fitter.weigh_choice(&mut found.trial, found.window)?;
         if let Some((rival, lead)) = found.rival.take() {
             found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
         }
-        Ok(Some(found))
+        Ok(Some(found.found(self.settings.ensemble > 0, fidelity)))
     }
 }

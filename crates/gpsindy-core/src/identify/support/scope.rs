@@ -2,10 +2,12 @@
 
 use crate::error::Result;
 use crate::identify::algorithm1::regress::Regressed;
+use crate::identify::algorithm1::rows::Rows;
 use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::algorithm1::timing::Timings;
 use crate::identify::prepare::Logs;
 use crate::identify::report::Found;
+use crate::identify::result::Fidelity;
 use crate::identify::settings::Identify;
 use crate::identify::support::fit::{Fitter, Trial};
 use crate::progress::{Progress, step};
@@ -18,6 +20,7 @@ pub(crate) struct Scope<'a> {
     pub(crate) logs: &'a Logs,
     pub(crate) motion: &'a Motion,
     pub(crate) timings: &'a Timings,
+    pub(crate) rows: &'a [Option<Rows>],
     pub(crate) progress: &'a dyn Progress,
 }
 
@@ -27,10 +30,14 @@ impl<'a> Scope<'a> {
     }
 
     /// What is reported of equations that were not refined.
-    pub(crate) fn unrefined(&self, regressed: &Regressed, inclusion: Vec<Vec<f64>>) -> Found {
+    pub(crate) fn unrefined(&self, regressed: &Regressed, inclusion: Vec<Vec<f64>>) -> Result<Found> {
+        let (equations, hold, window) = (&regressed.equations, self.timings.best.hold, self.motion.shortest_window());
+        // Equations that can't be rolled out foretell nothing.
+        let growth = self.fitter(hold).amplification_of(equations, window).unwrap_or(f64::INFINITY);
+        let fidelity = self.fidelity(equations, hold, (growth, window))?;
         let nothing = || vec![0.0; regressed.equations.n_terms()];
         let errors = regressed.chosen.iter().map(|c| c.as_ref().map_or_else(nothing, |c| c.errors.clone()));
-        Found {
+        Ok(Found {
             errors: errors.collect(),
             inclusion,
             delay_errors: Vec::new(),
@@ -38,6 +45,15 @@ impl<'a> Scope<'a> {
             window: None,
             hold: self.timings.best.hold,
             equations: regressed.equations.clone(),
+            fidelity,
+        })
+    }
+
+    /// The rollouts that a search begins with.
+    pub(crate) fn rollouts(&self) -> Rollouts {
+        match self.settings.window {
+            Some(length) => Rollouts::Fixed(length),
+            None => Rollouts::Growing(self.motion.shortest_window()),
         }
     }
 
@@ -78,7 +94,7 @@ pub(crate) struct Member {
 
 impl Member {
     /// What is reported of it.
-    pub(crate) fn found(self, with_inclusion: bool) -> Found {
+    pub(crate) fn found(self, with_inclusion: bool, fidelity: Option<Fidelity>) -> Found {
         let trial = self.trial;
         Found {
             equations: trial.equations,
@@ -88,6 +104,7 @@ impl Member {
             noise: trial.noise,
             window: Some(self.window),
             hold: self.hold,
+            fidelity,
         }
     }
 }

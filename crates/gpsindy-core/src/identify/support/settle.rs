@@ -1,0 +1,133 @@
+//! What the refinement ends with: never equations that predict whole runs worse than those it began with, and those of a smaller
+//! library where the larger one leads astray.
+
+use crate::error::{Error, Result};
+use crate::identify::algorithm1::regress::{Regressed, regress};
+use crate::identify::equations::Equations;
+use crate::identify::limits::{CLOSE, FORETOLD, ON_COURSE};
+use crate::identify::notes::Note;
+use crate::identify::result::Fidelity;
+use crate::identify::support::lengthen::explodes;
+use crate::identify::support::scope::{Member, Scope};
+use crate::identify::support::starts::starts;
+use crate::library::{Library, LibrarySettings};
+use crate::refine::Hold;
+
+/// Mean squared error of whole-run rollouts in units of the variance; none where one diverges.
+type Miss = Option<f64>;
+
+impl Scope<'_> {
+    /// `found`, or what predicts whole runs better; none where that is the regression itself, unrefined.
+    pub(crate) fn settle(&self, found: Member, regressed: &Regressed, notes: &mut Vec<Note>) -> Result<Option<Member>> {
+        let before = self.miss(&regressed.equations, self.timings.best.hold)?;
+        let mut best = found;
+        let mut miss = self.miss_of(&best)?;
+        if foretold(before) && self.is_better(before, miss) {
+            match self.with_terms_of(&regressed.equations)? {
+                Some(member) if !self.is_better(before, self.miss_of(&member)?) => {
+                    notes.push(Note::TermsKept { degree: None, unrefined: false });
+                    miss = self.miss_of(&member)?;
+                    best = member;
+                }
+                _ => {
+                    notes.push(Note::TermsKept { degree: None, unrefined: true });
+                    return Ok(None);
+                }
+            }
+        }
+        let whole = self.motion.longest_run();
+        // Nothing is better than what only the noise keeps from perfection.
+        let at_the_noise = !self.is_better(Some(0.0), miss);
+        if at_the_noise
+            || miss.is_some_and(|miss| miss < CLOSE)
+            || explodes(&self.fitter(best.hold), &best.trial, best.window, whole)?
+        {
+            return Ok(Some(best));
+        }
+        for degree in 1..self.settings.library.degree {
+            let Some(smaller) = self.with_degree(degree)? else { continue };
+            let own = self.miss_of(&smaller)?;
+            if foretold(own) && self.is_better(own, miss) {
+                notes.retain(|note| !matches!(note, Note::TermsKept { .. }));
+                notes.push(Note::TermsKept { degree: Some(degree), unrefined: false });
+                (best, miss) = (smaller, own);
+            }
+        }
+        Ok(Some(best))
+    }
+
+    /// How far rollouts lie from the logs where they can be foretold: over whole runs, or for as long as the noise of their
+    /// starts takes to outgrow the motion.
+    pub(crate) fn fidelity(
+        &self,
+        equations: &Equations,
+        hold: Hold,
+        (growth, window): (f64, f64),
+    ) -> Result<Option<Fidelity>> {
+        let whole = self.motion.longest_run();
+        let pairs = self.motion.spread.iter().zip(&self.motion.noise);
+        let room = pairs.map(|(spread, noise)| spread / noise).filter(|room| *room > 1.0).fold(f64::INFINITY, f64::min);
+        let length = if growth > 1.0 && room.is_finite() {
+            (window * room.ln() / growth.ln()).clamp(self.motion.shortest_window().min(whole), whole)
+        } else {
+            whole
+        };
+        let found = self.fitter(hold).distance(equations, length)?;
+        Ok(found.map(|(miss, still)| Fidelity { length, error: miss.map(f64::sqrt), still: still.sqrt() }))
+    }
+
+    fn miss(&self, equations: &Equations, hold: Hold) -> Result<Miss> {
+        let found = self.fitter(hold).distance(equations, self.motion.longest_run())?;
+        Ok(found.and_then(|(miss, _)| miss))
+    }
+
+    fn miss_of(&self, member: &Member) -> Result<Miss> {
+        self.miss(&member.trial.equations, member.hold)
+    }
+
+    /// Whether `one` is below `other` by more than rollouts that are on course differ; what both owe to the noise counts as
+    /// equal.
+    fn is_better(&self, one: Miss, other: Miss) -> bool {
+        let moving = || self.motion.spread.iter().zip(&self.motion.noise).filter(|(spread, _)| **spread > 0.0);
+        let noise =
+            moving().map(|(spread, noise)| (noise / spread).powi(2)).sum::<f64>() / moving().count().max(1) as f64;
+        match (one, other) {
+            (Some(one), Some(other)) => other > ON_COURSE * ON_COURSE * one.max(noise),
+            (Some(_), None) => true,
+            (None, _) => false,
+        }
+    }
+
+    /// The same terms, their coefficients refined with rollouts that grow while they stay on course.
+    fn with_terms_of(&self, equations: &Equations) -> Result<Option<Member>> {
+        let hold = self.timings.best.hold;
+        let (fitter, rollouts) = (self.fitter(hold), self.rollouts());
+        let trial = match fitter.fit(equations, rollouts.shortest(), None) {
+            Ok(trial) => trial,
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            Err(_) => return Ok(None),
+        };
+        let (trial, window) = self.stretch(&fitter, trial, rollouts)?;
+        Ok(Some(Member { trial, window, hold, rival: None }))
+    }
+
+    /// What a library of terms of this degree at most leads to.
+    fn with_degree(&self, degree: usize) -> Result<Option<Member>> {
+        let mut frame = self.logs.frame_with(&self.timings.best.delays);
+        let settings = LibrarySettings { degree, ..self.settings.library.clone() };
+        let smaller = Library::new(&self.settings.states, &self.settings.controls, &settings)?;
+        let (names, smaller) = (frame.library.names(), smaller.names());
+        for (allowed, kept) in frame.allowed.iter_mut().zip(&frame.kept) {
+            allowed.retain(|&j| smaller.contains(&names[j]) || kept.contains(&j));
+        }
+        if (0..frame.n_states()).any(|s| frame.fixed[s].is_none() && frame.allowed[s].is_empty()) {
+            return Ok(None);
+        }
+        let regressed = regress(self.settings, frame, self.rows, self.progress)?;
+        Ok(self.search(&starts(&regressed), self.rollouts())?.ok())
+    }
+}
+
+fn foretold(miss: Miss) -> bool {
+    miss.is_some_and(|miss| miss < FORETOLD)
+}
