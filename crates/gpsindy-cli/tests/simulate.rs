@@ -160,7 +160,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
             "simulate cart.toml --data log.csv --rename w=v",
             "log.csv: --rename: column `w` is not in the file; found: t, u, x, v",
         ),
-        ("simulate cart.toml --data .", ".: cannot be read: it is a folder; name the files in it"),
+        ("simulate cart.toml --data .", ".: a folder that is neither a LeRobot data set"),
     ] {
         let ran = folder.run(&format!("{arguments} --quiet"));
         assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");

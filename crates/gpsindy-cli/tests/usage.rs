@@ -42,7 +42,7 @@ fn a_wrong_usage_is_one_line_and_status_2() {
         ("smooth", "the following required arguments were not provided: <LOG>"),
         ("smooth x.csv --threads 0", "invalid value '0' for '--threads <N>'"),
         ("smooth x.csv --rename v", "invalid value 'v' for '--rename <COLUMN=NAME>': expected A=B"),
-        ("simulate m.toml", "the following required arguments were not provided: --data <LOG>"),
+        ("simulate m.toml", "m.toml: cannot be read: there is no such file"),
         (
             "simulate m.toml --data x.csv --initial x",
             "invalid value 'x' for '--initial <STATE=VALUE>': expected name=number",

@@ -81,7 +81,8 @@
 //! use gpsindy_core::Silent;
 //!
 //! let machine = van_der_pol();
-//! let runs = [1.0, -0.5, 1.5].map(|x| machine.sample(&machine.times()[..150], &[x, 0.5], SensorNoise::Absolute(0.01), 1));
+//! let start = |x: f64, seed| machine.sample(&machine.times()[..150], &[x, 0.5], SensorNoise::Absolute(0.01), seed);
+//! let runs = [start(1.0, 1), start(-0.5, 2), start(1.5, 3)];
 //! let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
 //! let all = runs.iter().flat_map(|log| log.runs().to_vec()).collect();
 //! let logs = gpsindy_core::Dataset::new(runs[0].channels().to_vec(), all)?;

@@ -110,7 +110,7 @@ pub(crate) struct Options {
     hold: AutoHold,
     /// Seconds after which the search ends with the best that it has, and says so; 0: no limit
     // Ten minutes: what one waits for at a desk. Most diagnoses take seconds.
-    #[arg(long, value_name = "S", default_value_t = 600.0)]
+    #[arg(long, value_name = "S", default_value_t = 600.0, allow_negative_numbers = true)]
     time_limit: f64,
 }
 
