@@ -31,9 +31,6 @@ pub(crate) fn build(snippets: bool) -> Result<(), String> {
     run("cargo", "build --release --package gpsindy-cli".split(' '), &[])?;
     let program = root().join("target/release").join(format!("gpsindy{}", std::env::consts::EXE_SUFFIX));
     write(&pages.join("reference/cli.md"), &commands(&program)?)?;
-    for name in ["README.md", "CHANGELOG.md"] {
-        copy(&root().join(name), &pages.join(name))?;
-    }
     if snippets {
         run_snippets(&pages.join("start"), &program)?;
     }
