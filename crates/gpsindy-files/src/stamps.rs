@@ -51,7 +51,8 @@ pub(crate) fn topics(
         .collect();
     for (topic, seconds) in offsets {
         for one in topics.iter_mut().filter(|t| t.name == *topic) {
-            one.stamps.iter_mut().for_each(|t| *t += seconds);
+            // Whole nanoseconds, as stamps are: else two that are the same would differ in their last digit.
+            one.stamps.iter_mut().for_each(|t| *t = ((*t + seconds) * 1e9).round() / 1e9);
         }
     }
     Ok((topics, notes))

@@ -262,6 +262,7 @@ def diagnose(
     most_effects: int = 6,
     hold: Hold | None = None,
     keep_function: bool = False,
+    time_limit: float | None = 600.0,
     power: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
@@ -293,6 +294,8 @@ def diagnose(
         Effects together, at most, 1 to 6; never more than four in one equation.
     hold : {"zero", "linear"}, optional
         What controls do between samples. Default: estimated.
+    time_limit : float or None, default 600
+        Seconds after which the search ends with the best that it has, and says so; ``None``: no limit.
     keep_function : bool
         Add what no effect explains to the augmented model, as a function without a name.
     power : bool
@@ -325,6 +328,7 @@ def diagnose(
         "most_effects": most_effects,
         "hold": hold,
         "keep_function": keep_function,
+        "time_limit": None if time_limit is None else float(time_limit),
         "power": int(seed) if power else None,
     }
     train = as_dataset(logs)._inner

@@ -129,6 +129,8 @@ def fleet(
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,
+        "keep_function": False,
+        "time_limit": None,
         "power": None,
     }
     count = len(_gpsindy.fleet_tasks(path))

@@ -9,7 +9,7 @@ import copy
 import os
 import pathlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -151,12 +151,13 @@ class Simulator:
 
     def _check(self) -> None:
         m = self._mj
-        kinds = {mujoco.mjtJoint.mjJNT_FREE: "free", mujoco.mjtJoint.mjJNT_BALL: "ball"}
+        kinds = {int(mujoco.mjtJoint.mjJNT_FREE): "free", int(mujoco.mjtJoint.mjJNT_BALL): "ball"}
         for j in range(m.njnt):
-            if m.jnt_type[j] in kinds:
+            kind = kinds.get(int(m.jnt_type[j]))
+            if kind is not None:
                 name = _name(m, mujoco.mjtObj.mjOBJ_JOINT, j)
                 raise ValueError(
-                    f"joint {name!r} is a {kinds[m.jnt_type[j]]} joint, which has no position of one number; weld the body or "
+                    f"joint {name!r} is a {kind} joint, which has no position of one number; weld the body or "
                     "replace the joint by hinges and slides"
                 )
         if m.njnt == 0:
@@ -292,7 +293,10 @@ class Simulator:
 
     def _correct_mass(self, text: mjcf.Text, body: mjcf.Element, index: int, share: float) -> None:
         m = self._mj
-        numbers = lambda values: " ".join(mjcf.number(v) for v in values)  # noqa: E731
+
+        def numbers(values: Iterable[float]) -> str:
+            return " ".join(mjcf.number(v) for v in values)
+
         own = text.child(body, "inertial")
         if own is None:
             said = {"pos": m.body_ipos[index], "quat": m.body_iquat[index]}

@@ -11,8 +11,8 @@ import numpy as np
 from gpsindy import _gpsindy
 from gpsindy._tables import Array, contiguous, floats, names_of
 from gpsindy.errors import NotFittedError
-from gpsindy.estimator import _count, _number, _rounded
-from gpsindy.model import Hold, Model
+from gpsindy.estimator import _count, _number
+from gpsindy.model import Hold, Model, rounded
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Online:
 
     def equations(self, precision: int = 3) -> list[str]:
         """Right sides of the equations, numbers with this many significant digits."""
-        return [_rounded(state.equation, precision) for state in self.model.states]
+        return [rounded(state.equation, precision) for state in self.model.states]
 
     def estimate(self) -> Estimate:
         """Where every state is at the newest sample."""

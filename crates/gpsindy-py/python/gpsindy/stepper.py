@@ -77,7 +77,7 @@ class Stepper:
         if not callable(step):
             raise ValueError(f"step: expected a callable step(x, u, force, parameters, dt), found {type(step).__name__}")
         unit = dict(units or {})
-        ports = []
+        ports: list[tuple[str, str, str, str | None, list[Any]]] = []
         for port, place in (forces or {}).items():
             variable, position = (place, None) if isinstance(place, str) else place
             ports.append((port, variable, unit.get(port, ""), position, []))
