@@ -35,9 +35,9 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
         "identify",
         &[
             &["limits", "notes", "settings", "result", "names", "equations", "evidence"],
-            &["velocities", "prepare"],
+            &["prepare"],
             &["algorithm1"],
-            &["report"],
+            &["velocities", "report"],
             &["support"],
             &["online", "author"],
             &["mod", "tests"],

@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::log::{Log, LogOptions};
 use csv::StringRecord;
 
-/// A row that is put behind each line to see that the line is a whole one.
-const NEXT: &str = "next";
+/// A row that is put behind each line to see that the line is a whole one; of two cells, which no quotes make into these.
+const NEXT: [&str; 2] = ["next", "row"];
 
 /// Reads the lines of a log as they come.
 ///
@@ -126,7 +126,9 @@ impl Stream {
     fn cells(&self, text: &str) -> Result<StringRecord> {
         let wrong = |message: String| Error::line(&self.file, self.line, None, message);
         // A second line after this one comes out by itself, unless a quoted cell or a line end of its own stands between.
-        let followed = format!("{text}\n{NEXT}");
+        // Before a sample stands an empty line, because the reader would take a byte order mark off its first one.
+        let lead = if self.header.is_some() { "\n" } else { "" };
+        let followed = format!("{lead}{text}\n{}", NEXT.join(&char::from(self.separator).to_string()));
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -140,7 +142,7 @@ impl Stream {
         };
         let (cells, next, end) = (read()?, read()?, read()?);
         match (cells, next, end) {
-            (Some(cells), Some(next), None) if next.len() == 1 && &next[0] == NEXT => Ok(cells),
+            (Some(cells), Some(next), None) if next.iter().eq(NEXT) => Ok(cells),
             (Some(_), None, _) => Err(wrong("a quoted cell that does not end in its line; end the quotes".into())),
             _ => Err(wrong("a carriage return within the line; end lines by a line feed".into())),
         }
@@ -218,7 +220,7 @@ mod tests {
             (state >> 33) as usize % n
         };
         let (mut both, mut refused) = (0, 0);
-        for _ in 0..40_000 {
+        for _ in 0..10_000 {
             // A header and rows that would do, with characters put into them.
             let mut text: Vec<&str> =
                 ["t", ",", "x", "\n", "0", ",", "1", "\n", "1", ",", "2", "\n", "2", ",", "", "\n"].into();
@@ -256,7 +258,7 @@ mod tests {
                 (Err(_), Err(_)) => {}
             }
         }
-        assert!(both > 5000 && refused > 50, "{both} {refused}");
+        assert!(both > 1000 && refused > 10, "{both} {refused}");
     }
 
     #[test]

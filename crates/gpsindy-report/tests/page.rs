@@ -67,7 +67,7 @@ fn every_figure_has_a_title_and_a_description_of_its_own() {
     let page = render(&fixtures::explained());
     let labels: Vec<&str> =
         page.split("aria-labelledby=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
-    assert_eq!(labels.len(), 6, "one curve, three traces, two rollouts");
+    assert_eq!(labels.len(), 13, "curve, traces, rollouts, what they leave, and the signals");
     for label in labels {
         for id in label.split(' ') {
             assert_eq!(page.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");

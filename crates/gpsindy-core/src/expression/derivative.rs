@@ -221,17 +221,19 @@ mod tests {
     #[test]
     fn derivatives_of_random_expressions_agree_with_differences_where_both_are_numbers() {
         let mut rng = ChaCha8Rng::seed_from_u64(12);
-        let (mut compared, mut silent) = (0, 0);
+        let (mut compared, mut silent, mut wrong) = (0, 0, Vec::new());
         for _ in 0..4000 {
             let expression = random(&mut rng, 4);
             let exact = expression.derivative("x").unwrap();
+            let mut parts = Vec::new();
+            expression.visit(&mut |part| parts.push(part.clone()));
             for x in [-1.7, 0.31, 0.9, 2.3] {
                 // Differences of two widths that agree, and values that do not: there the function is smooth enough to judge.
                 let difference = |h: f64| (value(&expression, x + h) - value(&expression, x - h)) / (2.0 * h);
                 let (wide, narrow) = (difference(2e-5), difference(1e-5));
-                let size = value(&expression, x).abs();
-                let smooth = (wide - narrow).abs() < 1e-6 * (1.0 + narrow.abs()) && size < 1e3 && narrow.abs() < 1e3;
-                if !smooth {
+                let smooth = (wide - narrow).abs() < 1e-6 * (1.0 + narrow.abs()) && narrow.abs() < 1e3;
+                // `min` and `max` leave out what is not a number; large parts that cancel leave their rounding.
+                if !smooth || !parts.iter().all(|part| value(part, x).abs() < 1e3) {
                     continue;
                 }
                 let found = value(&exact, x);
@@ -242,9 +244,12 @@ mod tests {
                 compared += 1;
                 // Truncation is about the difference of the widths, rounding 1e-16 * 1e3/1e-5.
                 let error = (found - narrow).abs();
-                assert!(error < 1e-5 * (1.0 + narrow.abs()), "{expression} at {x}: {found} {narrow}, {exact}");
+                if !(error < 1e-5 * (1.0 + narrow.abs())) {
+                    wrong.push(format!("{expression} at {x}: {found} {narrow}, {exact}"));
+                }
             }
         }
+        assert!(wrong.is_empty(), "{} of {compared}:\n{}", wrong.len(), wrong.join("\n"));
         assert!(compared > 8000 && silent * 100 < compared, "{compared} compared, {silent} not a number");
     }
 
