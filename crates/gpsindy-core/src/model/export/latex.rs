@@ -243,7 +243,7 @@ mod tests {
             ("N*s/m^-1", "N\\,s/m^{-1}"),
             ("%", "\\%"),
             ("\u{b0}C", "{}^{\\circ}C"),
-            ("m^^5cinput{x}", "m\\wedge \\wedge 5cinput\\{x\\}"),
+            ("m^^5cinput{x}", "m\\wedge ^{5}cinput\\{x\\}"),
             ("\\input{/etc/passwd}", "\\backslash input\\{/etc/passwd\\}"),
         ] {
             assert_eq!(unit(source), wanted, "{source}");
