@@ -83,6 +83,7 @@ pub(crate) fn scan(
         let mut bytes = BufReader::with_capacity(1 << 20, input.open()?);
         let mut schemas: HashMap<u16, (String, String, Vec<u8>)> = HashMap::new();
         let (mut records, mut messages, mut at) = (0_u64, 0_u64, 0_u64);
+        let mut ended = false;
         while let Some(event) = reader.next_event() {
             match event {
                 Ok(LinearReadEvent::ReadRequest(wanted)) => {
@@ -113,8 +114,10 @@ pub(crate) fn scan(
                                 Event::Message { channel: header.channel_id, time: header.log_time, data: &data };
                             take(part, event)?;
                         }
+                        Ok(Record::DataEnd(_) | Record::Footer(_)) => ended = true,
                         Ok(_) => {}
                         Err(error) => {
+                            ended = true;
                             told = Some(broken(&input.file, messages, &error));
                             break;
                         }
@@ -127,10 +130,15 @@ pub(crate) fn scan(
                     ));
                 }
                 Err(error) => {
+                    ended = true;
                     told = Some(broken(&input.file, messages, &error));
                     break;
                 }
             }
+        }
+        // A recorder that was killed between two records leaves a file in which nothing but the end is missing.
+        if !ended {
+            told = Some(format!("{}: the log was never closed; its {messages} messages were read", input.file));
         }
     }
     let _ = file;
