@@ -154,14 +154,14 @@ impl ParquetLog {
             let near = |(t, frame): (&f64, &f64)| (t - frame / rate).abs() <= 1e-4 + t.abs() * 1.2e-7;
             if stamps.iter().zip(&frames).all(near) {
                 notes.push(format!(
-                    "{}: the stamps are float32; they were made again as frame_index / {rate} Hz, with which they agree",
-                    self.file
+                    "{}: the stamps are {}; they were made again as frame_index / {rate} Hz, with which they agree",
+                    self.file, leaf.told
                 ));
                 stamps = frames.iter().map(|frame| frame / rate).collect();
             } else {
                 notes.push(format!(
-                    "{}: the stamps do not agree with frame_index / {rate} Hz; they were taken as they stand, float32",
-                    self.file
+                    "{}: the stamps do not agree with frame_index / {rate} Hz; they were taken as they stand, {}",
+                    self.file, leaf.told
                 ));
             }
         }
