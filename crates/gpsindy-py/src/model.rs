@@ -5,6 +5,7 @@ use crate::dataset::PyDataset;
 use crate::simulator::{Kind, Simulator};
 use crate::watch::Watch;
 
+use gpsindy_core::expression::Tape;
 use gpsindy_core::{
     Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Method, Model, Parameter, Port, Result,
     Rollout, Run, Simulate, State, StateReader, System,
