@@ -1,15 +1,19 @@
 //! Counts the tests that did not run for want of something beside the repository: see `tests/beside`.
 
 use crate::shell;
+use std::path::Path;
 
 /// Runs tests with the environment that makes them note what they skip, and says at the end how many did.
 pub(crate) fn counted(tests: impl FnOnce(&[(&str, &str)]) -> Result<(), String>) -> Result<(), String> {
-    let path = shell::root().join("target/skipped.txt");
+    counted_in(&shell::root().join("target/skipped.txt"), tests)
+}
+
+fn counted_in(path: &Path, tests: impl FnOnce(&[(&str, &str)]) -> Result<(), String>) -> Result<(), String> {
     if path.exists() {
-        std::fs::remove_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        std::fs::remove_file(path).map_err(|e| format!("{}: {e}", path.display()))?;
     }
     let outcome = tests(&[("GPSINDY_SKIPPED", &path.to_string_lossy())]);
-    let noted = std::fs::read_to_string(&path).unwrap_or_default();
+    let noted = std::fs::read_to_string(path).unwrap_or_default();
     shell::complain(&told(&noted));
     outcome
 }
@@ -39,8 +43,9 @@ mod tests {
 
     #[test]
     fn what_a_test_notes_is_counted() {
-        let path = shell::root().join("target/skipped.txt");
-        let outcome = counted(|environment| {
+        // A file of its own: this test runs among those that are counted.
+        let path = std::env::temp_dir().join(format!("gpsindy-skipped-{}", std::process::id()));
+        let outcome = counted_in(&path, |environment| {
             assert_eq!(environment, [("GPSINDY_SKIPPED", &*path.to_string_lossy())]);
             Err("failed".into())
         });

@@ -14,11 +14,15 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Port {
     /// Name: a letter, then letters, digits and `_`.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "super::check::plain_text"))]
     pub name: String,
     /// The state that moves at this place: what friction and drag there depend on.
     pub variable: String,
-    /// Unit as text, empty where none is known.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "String::is_empty"))]
+    /// Unit as one line of plain text, empty where none is known.
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "String::is_empty", deserialize_with = "super::check::plain_text")
+    )]
     pub unit: String,
     /// The state that is the place's position: what springs, weights and ripples there depend on.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
