@@ -168,7 +168,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("--state x --lambda much", "--lambda must be auto or a number, found `much`"),
         ("--state x --lambda -1", "--lambda must be at least 0, found -1"),
         ("--state x --control u --delay u=soon", "--delay u=soon: expected auto, auto:SECONDS or a number of seconds"),
-        ("--state x --train-fraction 0", "`train_fraction` must be above 0 and at most 1, found 0"),
+        ("--state x --train-fraction 0", "--train-fraction must be above 0 and at most 1, found 0"),
         ("--state word", "log.csv:2: column `word`: not a number: \"a\""),
         ("--state x --out no/m.toml", "--out: folder no does not exist; create it first"),
         ("--state x --kernel gauss", "--kernel: "),
