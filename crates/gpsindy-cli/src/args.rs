@@ -1,5 +1,8 @@
 //! The arguments of the program and those that several commands share.
 
+// The comments of the fields are the help that the program prints: its brackets are text, not links.
+#![allow(rustdoc::broken_intra_doc_links)]
+
 use crate::commands::{
     completions, demo, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
 };
