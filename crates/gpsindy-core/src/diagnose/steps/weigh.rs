@@ -6,6 +6,8 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
+use crate::diagnose::limits::stability::DISAGREES;
+use crate::diagnose::limits::weigh::{CROWDED, LIKELY, PART, TWINS};
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
@@ -17,23 +19,10 @@ use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome};
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
-use crate::diagnose::steps::stability::{self, DISAGREES, Stability};
+use crate::diagnose::steps::stability::{self, Stability};
 use crate::diagnose::steps::verify::Verification;
 use crate::model::Model;
 use std::cmp::Ordering;
-
-/// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-/// told apart: odds below twenty to one.
-const TWINS: f64 = 6.0;
-
-/// How fast the chance of an imitation's disagreement falls: its p-values crowd near zero as `p^(CROWDED - 1)`.
-const CROWDED: f64 = 0.15;
-
-/// Probability above which a statement counts, in the verdict and in words.
-const LIKELY: f64 = 0.5;
-
-/// Part of the gap on held-out logs that causes must close to explain a part of it.
-const PART: f64 = 0.5;
 
 pub(crate) fn report(
     confidence: f64,
