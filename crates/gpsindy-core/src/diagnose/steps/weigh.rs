@@ -303,6 +303,32 @@ impl Judged<'_> {
             let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
             fit.hypotheses.iter().position(|h| !others.contains(&h)).unwrap_or(0)
         };
+        if std::env::var("GDEBUG").is_ok() {
+            let alts: Vec<String> = fits
+                .iter()
+                .map(|f| {
+                    format!(
+                        "[\"{}\",{:.6e},{:.3}]",
+                        f.hypotheses[differing(f)].id(),
+                        f.evidence.misfit(),
+                        f.evidence.score()
+                    )
+                })
+                .collect();
+            eprintln!(
+                "GD {{\"effect\":\"{}\",\"n\":{},\"removed\":{removed:.6e},\"gap\":{:.6e},\"misfit\":{:.6e},\"score\":{:.3},\"neff\":{:.2},\"count\":{},\"rest\":{:?},\"p\":{:?},\"alts\":[{}]}}",
+                hypothesis.id(),
+                self.stabilities.len(),
+                gap_energy(self.nominal, self.outcome),
+                best.evidence.misfit(),
+                best.evidence.score(),
+                effective_count(best),
+                best.evidence.count(),
+                self.outcome.left.as_ref().map_or(0.0, |l| l.energy),
+                own.unwrap_or(-1.0),
+                alts.join(",")
+            );
+        }
         let mut class_weight = 0.0;
         let mut equivalent: Vec<String> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
