@@ -19,8 +19,9 @@ pub mod report;
 mod run;
 mod steps;
 
-pub use catalogue::definition::Family;
-pub use catalogue::effect::{CustomEffect, CustomParameter, Effect};
+pub use catalogue::custom::{CustomEffect, CustomParameter};
+pub use catalogue::list::Effect;
+pub use catalogue::place::Family;
 pub use notes::Note;
 pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
