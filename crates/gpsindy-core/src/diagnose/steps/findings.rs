@@ -36,6 +36,19 @@ pub(crate) struct Outcome {
     pub(crate) screened: Vec<Summary>,
 }
 
+/// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
+/// told apart: odds below twenty to one.
+const TWINS: f64 = 6.0;
+
+impl Outcome {
+    /// Whether `fit`, one of the alternatives at `place`, is not told from the best of them.
+    pub(crate) fn is_twin(&self, place: usize, fit: &Contestant) -> bool {
+        let bic = |fit: &Contestant| -2.0 * fit.evidence.score();
+        let best = self.alternatives[place].iter().map(bic).fold(f64::INFINITY, f64::min);
+        bic(fit) - best < TWINS
+    }
+}
+
 /// A nominal model, whether it has a gap, and what causes it.
 pub(crate) struct Judged {
     /// The model that the winner is compared with: on the same windows, with the same parameters tolerated.

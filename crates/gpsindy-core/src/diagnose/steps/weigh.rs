@@ -22,10 +22,6 @@ use crate::diagnose::steps::verify::Verification;
 use crate::model::Model;
 use std::cmp::Ordering;
 
-/// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-/// told apart: odds below twenty to one.
-const TWINS: f64 = 6.0;
-
 /// How fast the chance of an imitation's disagreement falls: its p-values crowd near zero as `p^(CROWDED - 1)`.
 const CROWDED: f64 = 0.15;
 
@@ -93,6 +89,7 @@ pub(crate) fn report(
             rollouts: verification.figures,
             residuals: located.figures,
             equations,
+            difference: Vec::new(),
             signals: curves::signals(nominal.system.model(), train, holdout),
             checks: verification.checks,
         }),
@@ -308,7 +305,6 @@ impl Judged<'_> {
         let own = self.stabilities[place].as_ref().map(|s| s.p_value);
         let sound = (1.0 - imitates(self.stabilities.len(), own)) * is_real(best, removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
-        let best_bic = fits.iter().map(|f| -2.0 * f.evidence.score()).fold(f64::INFINITY, f64::min);
         // The effect that each contestant has in this one's place.
         let differing = |fit: &Contestant| {
             let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
@@ -318,9 +314,9 @@ impl Judged<'_> {
         let mut equivalent: Vec<String> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
         for (fit, weight) in fits.iter().zip(&weights) {
+            let is_twin = self.outcome.is_twin(place, fit);
             let place = differing(fit);
             let id = fit.hypotheses[place].id().to_string();
-            let is_twin = -2.0 * fit.evidence.score() - best_bic < TWINS;
             if is_twin || fit.hypotheses[place] == *hypothesis {
                 class_weight += weight;
                 if id != hypothesis.id() && !equivalent.contains(&id) {
