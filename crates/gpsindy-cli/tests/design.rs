@@ -40,8 +40,7 @@ fn a_signal_that_parts_two_models_is_a_log_within_the_limits() {
     assert!(ran.stdout.contains("nats") && ran.stdout.ends_with("signal: next.csv\n"), "{}", ran.stdout);
     let text = folder.read("next.csv");
     assert!(text.starts_with("t [s],u [N]\n"));
-    let values: Vec<f64> =
-        text.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse().unwrap()).collect();
+    let values: Vec<f64> = text.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse().unwrap()).collect();
     assert_eq!(values.len(), 201);
     assert!(values.iter().all(|u| u.abs() <= 2.0) && values.windows(2).all(|w| (w[1] - w[0]).abs() <= 0.8 + 1e-12));
     // The same numbers again, and on stdout alone.
@@ -79,7 +78,8 @@ fn what_is_missing_or_wrong_is_one_line() {
 fn what_a_diagnosis_leaves_open_is_parted_by_the_run_that_it_asks_for() {
     let folder = models();
     // Of so slow a motion the drag might as well be a friction.
-    let nominal = DRAG.replace(" - c*v*abs(v)", "").replace("[[parameter]]\nname = \"c\"\nvalue = 0.3\ntolerance = 0.2\n", "");
+    let nominal =
+        DRAG.replace(" - c*v*abs(v)", "").replace("[[parameter]]\nname = \"c\"\nvalue = 0.3\ntolerance = 0.2\n", "");
     folder.write("nominal.toml", &nominal);
     for run in 0..3 {
         let level = |i: usize| 0.6 * (((i / 20 + 5 * run) * 7919 % 13) as f64 / 6.0 - 1.0);

@@ -184,7 +184,7 @@ fn one_designed_run_parts_pairs_that_random_runs_leave_open() {
 
 /// `cargo test --release --workspace --exclude gpsindy-py --test design -- --ignored --nocapture`
 #[test]
-#[ignore = "takes minutes; the count is in docs/results.md"]
+#[ignore = "takes minutes"]
 fn of_24_drawn_pairs_nine_in_ten_are_parted() {
     let (designed, random) = parted(drawn(1000, 24));
     println!("of 24 pairs one designed run parts {designed}, one more random run {random}");

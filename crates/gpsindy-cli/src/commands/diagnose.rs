@@ -100,6 +100,12 @@ pub(crate) struct Options {
     /// Effects of your own, a TOML file of `[[effect]]` entries
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
+    /// Let effects depend on where the machine is, or which way it faces, although no rate of the model does
+    #[arg(long)]
+    allow_place: bool,
+    /// Suspect every effect everywhere, also where it makes no sense by units or place
+    #[arg(long)]
+    all_suspects: bool,
     /// Confidence of intervals; no test and no verdict depends on it
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     confidence: f64,
@@ -131,6 +137,8 @@ impl Options {
             effects: effects.into_iter().cloned().collect(),
             without: without.into_iter().map(|e| e.trim_start_matches('!').to_string()).collect(),
             custom,
+            allow_place: self.allow_place,
+            all_suspects: self.all_suspects,
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.into(),

@@ -44,7 +44,7 @@ use steps::detect::detect;
 use steps::findings::Judged;
 use steps::hold::reconsider_hold;
 use steps::prepare::{Known, Prepared, prepare};
-use steps::suspects::suspects;
+use steps::suspects::{Choice, suspects};
 use steps::{localise, nameless, verify, weigh};
 
 /// Settings of a diagnosis.
@@ -54,6 +54,8 @@ use steps::{localise, nameless, verify, weigh};
 /// | `effects` | none | ids | only these effects are suspects; empty: all |
 /// | `without` | none | ids | these effects are no suspects |
 /// | `custom` | none | | effects of the user's own |
+/// | `allow_place` | false | | an effect may depend on where the machine is although no rate of the model does |
+/// | `all_suspects` | false | | effects are suspects also where they make no sense by units or place |
 /// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals; no verdict, probability or cause depends on it |
 /// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
@@ -69,6 +71,10 @@ pub struct Diagnose {
     pub without: Vec<String>,
     /// Effects of the user's own.
     pub custom: Vec<CustomEffect>,
+    /// Whether an effect may depend on where the machine is, or which way it faces, although no rate of the model does.
+    pub allow_place: bool,
+    /// Whether effects are suspects also where they make no sense: by units, by what the logs show, by place.
+    pub all_suspects: bool,
     /// Confidence of intervals. A gap is detected at a level of its own: 5 % of gap-free logs, at most, show one.
     pub confidence: f64,
     /// Largest number of effects together; never more than four of them in one equation.
@@ -93,6 +99,8 @@ impl Default for Diagnose {
             effects: Vec::new(),
             without: Vec::new(),
             custom: Vec::new(),
+            allow_place: false,
+            all_suspects: false,
             confidence: 0.95,
             most_effects: 6,
             hold: None,
@@ -208,7 +216,7 @@ impl Diagnose {
         let run = Run::new(progress, self.time_limit);
         let known = Known { hold: self.hold, model_error: &self.model_error };
         let prepared = prepare(&run, system, logs, &known)?;
-        let suspects = suspects(&prepared.nominal, &self.effects, &self.without, &self.custom)?;
+        let suspects = suspects(&prepared.nominal, &self.choice(), &run.notes)?;
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let judged = attribute(&contest, suspected)?;
@@ -228,6 +236,16 @@ impl Diagnose {
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;
         Ok((diagnosed, Found { nominal, best: outcome.best, hypotheses, scene, train, holdout }))
+    }
+
+    fn choice(&self) -> Choice<'_> {
+        Choice {
+            chosen: &self.effects,
+            without: &self.without,
+            custom: &self.custom,
+            places: self.allow_place,
+            senseless: self.all_suspects,
+        }
     }
 
     fn check(&self) -> Result<()> {

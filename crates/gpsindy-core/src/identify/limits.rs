@@ -37,6 +37,10 @@ pub(crate) const FLOOR: f64 = 1e-7;
 /// Argument.
 pub(crate) const NEAR_CLEAN: f64 = 0.01;
 
+/// Share of a column's spread within which rollouts are exact: a term without which they still are is not in the equations.
+/// Solvers are run to relative tolerances of 1e-3 to 1e-6, converters have 10 to 16 bits: what is smaller is theirs. Argument.
+pub(crate) const EXACT: f64 = 1e-4;
+
 /// Rounds of dropping, adding and exchanging terms. Searches end by themselves long before. Convention.
 pub(crate) const ROUNDS: usize = 25;
 
@@ -132,8 +136,8 @@ pub(crate) const DELAYS_TRIED: (usize, usize) = (4, 40);
 /// Smallest share of a column that is left after the others were taken out of it: less is rounding. Argument.
 pub(crate) const DEPENDENT: f64 = 1e-10;
 
-/// Smallest noise that second differences may tell, as a share of the spread. Convention.
-pub(crate) const LEAST_NOISE: f64 = 1e-4;
+/// Smallest noise that second differences may tell, as a share of the spread: see [`EXACT`].
+pub(crate) const LEAST_NOISE: f64 = EXACT;
 
 /// Budget of one fit through the integrator. The search makes many; the last digits of none decide, since [`LEAST_LEAD`] is
 /// far above a relative change of the cost of 1e-5. Argument.

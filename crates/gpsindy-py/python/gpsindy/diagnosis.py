@@ -368,6 +368,8 @@ def diagnose(
     vectorized: bool = False,
     effects: str | Iterable[str] = (),
     custom: Iterable[CustomEffect] = (),
+    allow_place: bool = False,
+    all_suspects: bool = False,
     confidence: float = 0.95,
     most_effects: int = 6,
     hold: Hold | None = None,
@@ -398,6 +400,10 @@ def diagnose(
         Ids of the suspects; one that begins with ``!`` is none. Default: the whole catalogue, see :func:`effects`.
     custom : sequence of CustomEffect
         Suspects of the user's own.
+    allow_place : bool
+        Let effects depend on where the machine is, or which way it faces, although no rate of the model does.
+    all_suspects : bool
+        Suspect every effect everywhere, also where it makes no sense by units or place.
     confidence : float
         Of intervals, 0.5 to 0.999; no test and no verdict depends on it.
     most_effects : int
@@ -434,6 +440,8 @@ def diagnose(
         "effects": [name for name in chosen if not name.startswith("!")],
         "without": [name[1:] for name in chosen if name.startswith("!")],
         "custom": [effect._entry() for effect in custom],
+        "allow_place": allow_place,
+        "all_suspects": all_suspects,
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,

@@ -64,6 +64,8 @@ pub(crate) struct Scene {
     pub(crate) times: (f64, f64),
     /// Longest log, s.
     pub(crate) duration: f64,
+    /// Longest rollout between two starts, s.
+    pub(crate) window: f64,
     /// Angular frequencies (rad/s) at which the residual has peaks, strongest first.
     pub(crate) peaks: Vec<f64>,
     /// What ports, controls and a simulator's own parameters move.
@@ -100,7 +102,8 @@ impl Scene {
         let duration = experiment.logs.iter().map(length).fold(period, f64::max);
         let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         let reach = Reach::new(system, &states, &controls, &rates);
-        Self { states, controls, rates, period, times, duration, peaks: Vec::new(), reach }
+        let window = experiment.longest_window();
+        Self { states, controls, rates, period, times, duration, window, peaks: Vec::new(), reach }
     }
 }
 

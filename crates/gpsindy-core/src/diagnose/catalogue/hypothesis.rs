@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::definition::{Family, Place};
 use crate::diagnose::catalogue::effect::{CustomEffect, Effect};
 use crate::diagnose::catalogue::excited::Scene;
-use crate::diagnose::catalogue::sense;
+use crate::diagnose::catalogue::sense::{self, Sense};
 use crate::diagnose::catalogue::site::Site;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};
@@ -153,6 +153,11 @@ impl Hypothesis {
         self.effect().is_some_and(|e| e.has_many_places(&self.variables))
     }
 
+    /// What must hold at its place and does not.
+    pub(crate) fn broken_sense(&self, model: &Model, scene: &Scene) -> Option<Sense> {
+        self.effect()?.definition().sense.iter().copied().find(|s| !s.holds(self, model, scene))
+    }
+
     /// Its form with the names of the variables in it.
     pub(crate) fn form(&self) -> String {
         match &self.kind {
@@ -221,6 +226,18 @@ pub(crate) fn enumerate(
     logged: &[usize],
     custom: &[CustomEffect],
 ) -> Result<Vec<Hypothesis>> {
+    let mut all = everything(model, scene, logged, custom)?;
+    all.retain(|h| h.broken_sense(model, scene).is_none());
+    Ok(all)
+}
+
+/// Every hypothesis that can be written into `model`, whether it makes sense or not.
+pub(crate) fn everything(
+    model: &Model,
+    scene: &Scene,
+    logged: &[usize],
+    custom: &[CustomEffect],
+) -> Result<Vec<Hypothesis>> {
     let mut all: Vec<Hypothesis> = Vec::new();
     let push = |all: &mut Vec<Hypothesis>, effect: Effect, state: usize, variables: &[&str]| {
         let hypothesis = Hypothesis::catalogue(effect, state, variables);
@@ -261,7 +278,6 @@ pub(crate) fn enumerate(
         let choices = choices(place, model, scene);
         at(place).for_each(|effect| choices.iter().for_each(|(j, variables)| push(&mut all, effect, *j, variables)));
     }
-    all.retain(|h| h.effect().is_none_or(|e| e.definition().sense.iter().all(|s| s.holds(h, model, scene))));
     for effect in custom {
         let Some(j) = model.state_index(&effect.state) else {
             return Err(Error::unknown("state", &effect.state, model.states.iter().map(|s| &s.name)));

@@ -7,6 +7,7 @@ mod effects;
 pub(crate) mod excited;
 mod form;
 pub(crate) mod hypothesis;
+pub(crate) mod invariance;
 pub(crate) mod joint;
 pub(crate) mod planting;
 pub(crate) mod rival;

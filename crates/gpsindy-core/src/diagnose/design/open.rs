@@ -55,10 +55,10 @@ impl Candidate {
         let ids: Vec<&str> = fit.hypotheses.iter().map(|h| h.id()).collect();
         let label = if ids.is_empty() { format!("{} as it is", model.name) } else { ids.join(" + ") };
         let inflation = fit.evidence.inflation();
-        // What the logs do not tell at all may be off by a hundred of its typical sizes.
+        // What the logs do not tell at all may be off by ten of its typical sizes.
         let told = |(i, j): (usize, usize), value: f64| match value.is_finite() {
             true => value,
-            false if i == j => (100.0 * fit.free[i].scale).powi(2),
+            false if i == j => (10.0 * fit.free[i].scale).powi(2),
             false => 0.0,
         };
         let row = |(i, row): (usize, &Vec<f64>)| {

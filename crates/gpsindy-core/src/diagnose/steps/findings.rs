@@ -1,6 +1,7 @@
 //! What the steps find and hand on to the next ones.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::screen::Summary;
 
 /// Whether there is a gap.
@@ -35,10 +36,6 @@ pub(crate) struct Outcome {
     /// Straight-line gain of every hypothesis at the winner.
     pub(crate) screened: Vec<Summary>,
 }
-
-/// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-/// told apart: odds below twenty to one.
-const TWINS: f64 = 6.0;
 
 impl Outcome {
     /// Whether `fit`, one of the alternatives at `place`, is not told from the best of them.

@@ -6,6 +6,8 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
+use crate::diagnose::limits::stability::DISAGREES;
+use crate::diagnose::limits::weigh::{CROWDED, LIKELY, PART};
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
@@ -17,19 +19,10 @@ use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome};
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
-use crate::diagnose::steps::stability::{self, DISAGREES, Stability};
+use crate::diagnose::steps::stability::{self, Stability};
 use crate::diagnose::steps::verify::Verification;
 use crate::model::Model;
 use std::cmp::Ordering;
-
-/// How fast the chance of an imitation's disagreement falls: its p-values crowd near zero as `p^(CROWDED - 1)`.
-const CROWDED: f64 = 0.15;
-
-/// Probability above which a statement counts, in the verdict and in words.
-const LIKELY: f64 = 0.5;
-
-/// Part of the gap on held-out logs that causes must close to explain a part of it.
-const PART: f64 = 0.5;
 
 pub(crate) fn report(
     confidence: f64,
@@ -310,6 +303,32 @@ impl Judged<'_> {
             let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
             fit.hypotheses.iter().position(|h| !others.contains(&h)).unwrap_or(0)
         };
+        if std::env::var("GDEBUG").is_ok() {
+            let alts: Vec<String> = fits
+                .iter()
+                .map(|f| {
+                    format!(
+                        "[\"{}\",{:.6e},{:.3}]",
+                        f.hypotheses[differing(f)].id(),
+                        f.evidence.misfit(),
+                        f.evidence.score()
+                    )
+                })
+                .collect();
+            eprintln!(
+                "GD {{\"effect\":\"{}\",\"n\":{},\"removed\":{removed:.6e},\"gap\":{:.6e},\"misfit\":{:.6e},\"score\":{:.3},\"neff\":{:.2},\"count\":{},\"rest\":{:?},\"p\":{:?},\"alts\":[{}]}}",
+                hypothesis.id(),
+                self.stabilities.len(),
+                gap_energy(self.nominal, self.outcome),
+                best.evidence.misfit(),
+                best.evidence.score(),
+                effective_count(best),
+                best.evidence.count(),
+                self.outcome.left.as_ref().map_or(0.0, |l| l.energy),
+                own.unwrap_or(-1.0),
+                alts.join(",")
+            );
+        }
         let mut class_weight = 0.0;
         let mut equivalent: Vec<String> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();

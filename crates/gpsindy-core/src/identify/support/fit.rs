@@ -53,6 +53,8 @@ pub(crate) struct Trial {
     pub(crate) counts: Vec<f64>,
     /// What the integration errs by in each column, in its unit: residuals below it tell nothing.
     pub(crate) floor: Vec<f64>,
+    /// Spread of each column, in its unit.
+    pub(crate) sizes: Vec<f64>,
     /// Number of values compared.
     pub(crate) n_values: f64,
     /// Share of the values that count as independent.
@@ -125,7 +127,8 @@ impl<'a> Fitter<'a> {
             experiment.windows.iter().map(|w| found(w).unwrap_or_else(|| self.start(&system, w))).collect();
         let free = self.free(equations);
         let mut parameters = system.parameter_values();
-        let least: Vec<f64> = experiment.columns.iter().map(|&column| FLOOR * experiment.scale[column]).collect();
+        let sizes: Vec<f64> = experiment.columns.iter().map(|&column| experiment.scale[column]).collect();
+        let least: Vec<f64> = sizes.iter().map(|size| FLOOR * size).collect();
         let mut floor = least.clone();
         // Once with the noise assumed, and again where the residuals tell another.
         for round in 0..NOISE_ROUNDS {
@@ -177,6 +180,7 @@ impl<'a> Fitter<'a> {
                 squares,
                 counts,
                 floor,
+                sizes,
                 n_values: n,
                 share,
                 converged,

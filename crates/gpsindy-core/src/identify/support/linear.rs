@@ -148,6 +148,20 @@ impl Linear {
         moves
     }
 
+    /// The supports with one term fewer, the one that misses the least first.
+    pub(crate) fn drops(&self) -> Vec<Vec<usize>> {
+        let droppable = (0..self.active.len()).filter(|&place| !self.kept.contains(&self.active[place]));
+        let mut drops: Vec<(f64, Vec<usize>)> = droppable
+            .map(|place| {
+                let mut without = self.active.clone();
+                without.remove(place);
+                (self.gains.beside(&self.with_always(&without)).1, without)
+            })
+            .collect();
+        drops.sort_by(|x, y| x.0.total_cmp(&y.0));
+        drops.into_iter().map(|(_, support)| support).collect()
+    }
+
     fn least_price(&self) -> f64 {
         self.prices.iter().copied().fold(f64::INFINITY, f64::min)
     }

@@ -11,4 +11,5 @@ pub(crate) mod scope;
 mod search;
 mod sensitivity;
 mod settle;
+mod simplify;
 pub(crate) mod starts;

@@ -1,4 +1,4 @@
-//! The refinement as one body: search, agree, settle, weigh.
+//! The refinement as one body: search, agree, settle, simplify, weigh.
 
 use crate::error::Result;
 use crate::identify::algorithm1::regress::Regressed;
@@ -24,6 +24,7 @@ impl Scope<'_> {
             found = self.agree(found, &starts, notes)?;
         }
         let Some(mut found) = self.settle(found, regressed, notes)? else { return Ok(None) };
+        found.trial = self.fitter(found.hold).simplify(found.trial, found.window, &|| self.keep_going())?;
         if !found.trial.converged {
             notes.push(Note::Restless);
         }
