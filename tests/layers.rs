@@ -27,7 +27,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
             &["catalogue"],
             &["fit"],
             &["steps"],
-            &["power"],
+            &["power", "design"],
             &["mod", "fixture"],
         ],
     ),

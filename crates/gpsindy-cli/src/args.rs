@@ -4,7 +4,7 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 use crate::commands::{
-    completions, demo, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
+    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
 };
 use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -55,6 +55,7 @@ pub(crate) enum Command {
     Score(score::Score),
     Export(export::Export),
     Diagnose(Box<diagnose::Diagnose>),
+    Design(Box<design::Design>),
     Exam(exam::Exam),
     Effects(effects::Effects),
     Fleet(Box<fleet::Fleet>),

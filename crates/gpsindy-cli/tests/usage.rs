@@ -13,6 +13,7 @@ const COMMANDS: &[&str] = &[
     "simulate",
     "score",
     "diagnose",
+    "design",
     "exam",
     "effects",
     "demo",

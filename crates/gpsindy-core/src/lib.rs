@@ -151,5 +151,5 @@ pub use model::{
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
 pub use score::{Errors, Score, Scoring, StateError, score};
-pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
+pub use simulate::{Controller, Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};

@@ -359,7 +359,10 @@ fn next(report: &Diagnosis) -> Markup {
     let mut experiments: Vec<&Cause> = report.causes.iter().filter(|c| c.next_experiment.is_some()).collect();
     experiments.dedup_by(|a, b| a.next_experiment == b.next_experiment);
     let none = Figures::default();
-    let equations = &report.figures.as_ref().unwrap_or(&none).equations;
+    let figures = report.figures.as_ref().unwrap_or(&none);
+    // Of an engine's file the changed lines say what the call of a simulator can't.
+    let difference = &figures.difference;
+    let equations: &[_] = if difference.is_empty() { &figures.equations } else { &[] };
     let left = &report.unexplained;
     html! {
         section {
@@ -371,6 +374,14 @@ fn next(report: &Diagnosis) -> Markup {
                     @if !equation.before.is_empty() { code.equation { span.soft { "nominal   " } (equation.left) " = " (equation.before) } }
                     code.equation { span.soft { "augmented " } (equation.left) " = " (changed(&equation.before, &equation.after)) }
                 }
+                @if !difference.is_empty() { pre.difference { @for line in difference {
+                    @match line.as_bytes().first() {
+                        Some(b'+') => ins { (line) },
+                        Some(b'-') => del { (line) },
+                        _ => (line),
+                    }
+                    "\n"
+                } } }
                 @if equations.is_empty() { @for cause in report.included() {
                     code.equation { (cause.state) ": " ins { (cause.form) } }
                 } }

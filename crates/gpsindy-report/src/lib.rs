@@ -59,6 +59,10 @@ pub fn is_ours(name: &str, start: &str) -> bool {
     match name {
         "report.json" => start.contains("\"gpsindy.diagnosis/"),
         "report.html" => start.contains("content=\"gpsindy\""),
+        // Files of engines, in the user's own words but for a comment at the top.
+        "augmented.xml" | "augmented.ssv" => start.contains("<!-- gpsindy:"),
+        "randomization.py" => start.contains("written by gpsindy"),
+        "open.json" => start.contains("\"candidates\""),
         _ => start.starts_with(MARK),
     }
 }

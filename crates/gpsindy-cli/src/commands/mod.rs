@@ -2,6 +2,7 @@
 
 pub(crate) mod completions;
 pub(crate) mod demo;
+pub(crate) mod design;
 pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod exam;
@@ -11,33 +12,47 @@ mod follow;
 pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
+mod nominal;
 pub(crate) mod score;
 pub(crate) mod simulate;
 pub(crate) mod smooth;
 
 use crate::args::{Arguments, Columns, Command, Output};
+use crate::engine::Engines;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{Log, Logs, Task};
+use std::ffi::OsString;
 use std::path::Path;
 
+/// What every command may ask for: the screen, the engines, and the line that started it all.
+pub(crate) struct Session<'a> {
+    pub(crate) screen: Screen,
+    pub(crate) engines: &'a dyn Engines,
+    /// The command line, the program's name first.
+    pub(crate) line: &'a [OsString],
+    pub(crate) seed: u64,
+}
+
 /// Runs the command that was asked for.
-pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
+pub(crate) fn run(arguments: &Arguments, session: &Session<'_>) -> Outcome {
     if let Some(threads) = arguments.global.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
         pool.map_err(|e| Failure::Work(format!("--threads {threads}: {e}")))?;
     }
+    let screen = &session.screen;
     match &arguments.command {
         Command::Inspect(command) => inspect::run(command, screen),
         Command::Smooth(command) => smooth::run(command, screen),
-        Command::Simulate(command) => simulate::run(command, screen),
-        Command::Score(command) => score::run(command, screen),
-        Command::Diagnose(command) => diagnose::run(command, arguments.global.seed, screen),
+        Command::Simulate(command) => simulate::run(command, session),
+        Command::Score(command) => score::run(command, session),
+        Command::Diagnose(command) => diagnose::run(command, session),
+        Command::Design(command) => design::run(command, session),
         Command::Exam(command) => exam::run(command, screen),
         Command::Effects(command) => effects::run(command, screen),
         Command::Fleet(command) => fleet::run(command, screen),
-        Command::Identify(command) => identify::run(command, arguments.global.seed, screen),
+        Command::Identify(command) => identify::run(command, session.seed, screen),
         Command::Export(command) => export::run(command, screen),
         Command::Demo(command) => demo::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),

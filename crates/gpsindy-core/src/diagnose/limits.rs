@@ -200,6 +200,23 @@ pub(crate) const LEFT_LOG: f64 = 2.0;
 /// How near the gap of a planted effect must come to the one asked for: no finding depends on a tenth.
 pub(crate) const CLOSE: f64 = 0.1;
 
+// The next experiment.
+
+/// Signals of each form that are drawn, rounds of refining the best one, and variations of it in a round: they trade time
+/// for separation, and none was varied on its own.
+pub(crate) const DRAWN_SIGNALS: usize = 40;
+pub(crate) const ROUNDS: usize = 24;
+pub(crate) const VARIATIONS: usize = 16;
+
+/// Sets of sizes that a truth is drawn with beside its best ones, so that a signal does not rest on one value.
+pub(crate) const SIZES: usize = 3;
+
+/// How often a signal that leaves the bounds of a state is made smaller by a third, at most: to an eighth.
+pub(crate) const SHRINKINGS: usize = 6;
+
+/// Nats at which the right one of a pair has 95 %: the logarithm of nineteen to one.
+pub(crate) const SEPARATE: f64 = 2.944;
+
 // Attribution.
 
 /// Moves from one set of effects to another, at most: each of six effects changed twice. It ends a search that would go

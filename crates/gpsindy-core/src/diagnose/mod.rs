@@ -8,6 +8,7 @@ mod catalogue;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::panic)]
 mod contract;
+mod design;
 mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
@@ -22,6 +23,8 @@ mod steps;
 pub use catalogue::custom::{CustomEffect, CustomParameter};
 pub use catalogue::list::Effect;
 pub use catalogue::place::Family;
+pub use design::open::{Candidate, Open};
+pub use design::settings::{Design, Designed, Parting};
 pub use notes::Note;
 pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
@@ -31,11 +34,12 @@ use crate::error::{Error, Result};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
 use crate::refine::Hold;
+use design::open::left_open;
 use power::study::{Found, Study};
 use run::Run;
 use std::sync::Arc;
 use steps::attribute::attribute;
-use steps::augment::augment;
+use steps::augment::{augment, without};
 use steps::contest::Contest;
 use steps::detect::detect;
 use steps::findings::Judged;
@@ -118,6 +122,24 @@ pub struct Diagnosed {
     pub augmented: Model,
     /// What the report's notes say, as data.
     pub notes: Vec<Note>,
+    /// What the logs can't tell apart, for the next experiment.
+    pub open: Open,
+    /// For every included cause, as [`Diagnosis::included`] has them, the corrected simulator without it.
+    pub without: Vec<Model>,
+}
+
+/// The corrected simulator without each of the included causes, in the report's order.
+fn ablated(contest: &Contest<'_>, judged: &Judged, diagnosis: &Diagnosis) -> Result<Vec<Model>> {
+    let best = &judged.outcome.best;
+    let place = |cause: &report::Cause| {
+        let is_it = |h: &catalogue::hypothesis::Hypothesis| {
+            h.id() == cause.effect && h.variables == cause.variables && h.place() == cause.place
+        };
+        let on_row = |h: &catalogue::hypothesis::Hypothesis| best.system.model().states[h.moves()].name == cause.state;
+        best.hypotheses.iter().position(|h| is_it(h) && on_row(h))
+    };
+    let places = diagnosis.included().filter_map(place);
+    places.map(|place| without(best, &judged.nominal, place, &contest.scene)).collect()
 }
 
 /// Training and held-out logs of one diagnosis.
@@ -208,7 +230,9 @@ impl Diagnose {
         let augmented = augment(best);
         let logs = (&prepared.train, &prepared.holdout);
         let (diagnosis, augmented) = weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
-        let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all() };
+        let open = left_open(&judged);
+        let without = ablated(&contest, &judged, &diagnosis)?;
+        let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all(), open, without };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;

@@ -7,7 +7,7 @@ use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::weigh::{CROWDED, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT, TWINS};
+use crate::diagnose::limits::weigh::{CROWDED, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
@@ -91,6 +91,7 @@ pub(crate) fn report(
             rollouts: verification.figures,
             residuals: located.figures,
             equations,
+            difference: Vec::new(),
             signals: curves::signals(nominal.system.model(), train, holdout),
             checks: verification.checks,
         }),
@@ -296,7 +297,6 @@ impl Judged<'_> {
         };
         let sound = self.credible[place] * is_real(best, removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
-        let best_bic = fits.iter().map(|f| -2.0 * f.evidence.score()).fold(f64::INFINITY, f64::min);
         // The effect that each contestant has in this one's place.
         let differing = |fit: &Contestant| {
             let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
@@ -306,9 +306,9 @@ impl Judged<'_> {
         let mut equivalent: Vec<String> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
         for (fit, weight) in fits.iter().zip(&weights) {
+            let is_twin = self.outcome.is_twin(place, fit);
             let place = differing(fit);
             let id = fit.hypotheses[place].id().to_string();
-            let is_twin = -2.0 * fit.evidence.score() - best_bic < TWINS;
             if is_twin || fit.hypotheses[place] == *hypothesis {
                 class_weight += weight;
                 if id != hypothesis.id() && !equivalent.contains(&id) {
