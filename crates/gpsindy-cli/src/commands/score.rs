@@ -46,7 +46,8 @@ pub(crate) fn run(command: &Score, screen: &Screen) -> Outcome {
     let systems = models.iter().map(Model::compile).collect::<gpsindy_core::Result<Vec<System>>>()?;
     let logs = Logs::read(&command.data, &command.columns.options()?)?;
     let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();
-    let data = model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
+    let (data, _) =
+        model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
     let progress = screen.progress();
     let scored = |(system, &hold): (&System, &Hold)| {
         let simulate = Settings { hold, ..Settings::default() };
