@@ -20,6 +20,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 pub(crate) mod container;
+mod records;
 
 use container::{Channel, Event, scan};
 
