@@ -106,7 +106,7 @@ impl Log {
     fn open(input: Input, options: &LogOptions) -> Result<Self> {
         let file = input.file.clone();
         let source: Arc<dyn Source> = match input.kind()? {
-            Kind::Csv => Arc::new(CsvLog::parse(&file, &input.bytes()?, options)?),
+            Kind::Csv => Arc::new(CsvLog::open(input, options, true)?),
             Kind::Mcap => mcap(vec![input], &file, options)?,
             Kind::Parquet => parquet(input, options)?,
             Kind::Ulog => ulog(input, options)?,
