@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(u8, &[&str])] = &[
     (1, &["data", "error", "progress", "parallel", "expression"]),
     (2, &["gp", "regress", "library", "model"]),
-    (3, &["smooth", "differentiate", "refine", "simulate", "score", "systems"]),
+    (3, &["clock", "smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose"]),
     (5, &["paired", "fleet"]),
 ];

@@ -1,6 +1,7 @@
 //! What a developer runs: `cargo xtask test` checks everything; the other tasks are in [`HELP`].
 #![forbid(unsafe_code)]
 
+mod bag;
 mod data;
 mod package;
 mod picture;

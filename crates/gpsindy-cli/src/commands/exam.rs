@@ -113,7 +113,7 @@ fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outco
     let folder = command.suite.join(id);
     let model = read_model(&folder.join("model.toml"))?;
     let quiet = screen.quietly();
-    let (train, holdout) = diagnose::logs(
+    let (train, holdout, _) = diagnose::logs(
         &model,
         &files(&folder, "real_")?,
         &files(&folder, "holdout_")?,

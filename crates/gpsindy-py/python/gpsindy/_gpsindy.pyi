@@ -53,7 +53,7 @@ class LogOptions:
         rename: Sequence[tuple[str, str]] = ...,
         map: Sequence[tuple[str, str]] = ...,
         unit: Sequence[tuple[str, str]] = ...,
-        offset: Sequence[tuple[str, float]] = ...,
+        offset: Sequence[tuple[str, str]] = ...,
         stamp: str | None = None,
         map_file: str | None = None,
     ) -> LogOptions: ...
