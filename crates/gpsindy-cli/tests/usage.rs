@@ -18,6 +18,7 @@ const COMMANDS: &[&str] = &[
     "demo",
     "completions",
     "man",
+    "mcp",
 ];
 
 #[test]

@@ -11,6 +11,7 @@ mod follow;
 pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
+pub(crate) mod mcp;
 pub(crate) mod score;
 pub(crate) mod simulate;
 pub(crate) mod smooth;
@@ -42,6 +43,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
         Command::Demo(command) => demo::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
+        Command::Mcp(_) => mcp::run(),
     }
 }
 
