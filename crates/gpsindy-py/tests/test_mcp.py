@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import sys
 
 import pytest
@@ -20,7 +21,7 @@ def call(*calls):
     from mcp.client.stdio import StdioServerParameters
 
     async def talk():
-        start = StdioServerParameters(command=sys.executable, args=["-m", "gpsindy.mcp"])
+        start = StdioServerParameters(command=sys.executable, args=["-m", "gpsindy.mcp"], env=dict(os.environ))
         async with Client(start) as client:
             tools = await client.list_tools()
             return [tool.name for tool in tools.tools], [await client.call_tool(name, values) for name, values in calls]

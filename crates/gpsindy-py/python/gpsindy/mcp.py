@@ -6,7 +6,9 @@ output. Needs ``pip install 'gpsindy[mcp]'``. It reads the files that a call nam
 
 from __future__ import annotations
 
+import functools
 import pathlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import gpsindy
@@ -101,11 +103,24 @@ def server() -> MCPServer:
     """The server with its three tools."""
     try:
         from mcp.server import MCPServer
+        from mcp.server.mcpserver.exceptions import ToolError
     except ImportError as missing:
         raise ImportError("the server needs the package mcp: pip install 'gpsindy[mcp]'") from missing
     made = MCPServer("gpsindy", instructions=INSTRUCTIONS, version=gpsindy.__version__, log_level="ERROR")
+
+    def told(tool: Callable[..., Any]) -> Callable[..., Any]:
+        # The library keeps to itself what it does not expect; what is wrong with the input the assistant must read.
+        @functools.wraps(tool)
+        def call(*values: Any, **named: Any) -> Any:
+            try:
+                return tool(*values, **named)
+            except (OSError, ValueError, gpsindy.NumericalError) as failure:
+                raise ToolError(str(failure)) from failure
+
+        return call
+
     for tool in (inspect, diagnose, explain):
-        made.add_tool(tool)
+        made.add_tool(told(tool))
     return made
 
 
