@@ -117,10 +117,10 @@ fn run_snippets(folder: &Path, program: &Path, python: &Path) -> Result<(), Stri
         }
         copy(&root().join("data"), &work.join("data"))?;
         let text = read(&page)?;
-        for (language, block) in blocks(&text) {
+        for (language, block) in &steps(&text) {
             complain(&format!("\n$ {}", block.trim()));
-            let mut command = if language == "sh" { Command::new("sh") } else { Command::new(python) };
-            command.args([if language == "sh" { "-ec" } else { "-c" }, block]);
+            let mut command = if *language == "sh" { Command::new("sh") } else { Command::new(python) };
+            command.args([if *language == "sh" { "-ec" } else { "-c" }, block]);
             let ran = command.current_dir(&work).env("PATH", &path).output().map_err(|e| format!("{language}: {e}"))?;
             if !ran.status.success() {
                 return Err(format!("{}: {block}{}", page.display(), String::from_utf8_lossy(&ran.stderr)));
@@ -138,6 +138,21 @@ fn run_snippets(folder: &Path, program: &Path, python: &Path) -> Result<(), Stri
         }
     }
     Ok(())
+}
+
+/// What a page runs, in order: Python blocks that follow each other are one program, since they share their variables.
+fn steps(text: &str) -> Vec<(&str, String)> {
+    let mut steps: Vec<(&str, String)> = Vec::new();
+    for (language, block) in blocks(text) {
+        match steps.last_mut() {
+            Some((last, program)) if language == "python" && *last == language => {
+                program.push('\n');
+                program.push_str(block);
+            }
+            _ => steps.push((language, block.into())),
+        }
+    }
+    steps
 }
 
 /// The fenced blocks of a page in `sh` and `python`, in order. Those in `console` are shown and not run.
@@ -224,6 +239,9 @@ mod tests {
     fn blocks_that_run_are_those_of_a_shell_and_of_python() {
         let page = "```sh\na\n```\ntext\n```console\nb\n```\n```python\nc\nd\n```\n";
         assert_eq!(blocks(page).collect::<Vec<_>>(), [("sh", "a\n"), ("python", "c\nd\n")]);
+        let split = "```python\na\n```\ntext\n```python\nb\n```\n```sh\nc\n```\n```sh\nd\n```\n```python\ne\n```\n";
+        let expected = [("python", "a\n\nb\n"), ("sh", "c\n"), ("sh", "d\n"), ("python", "e\n")];
+        assert_eq!(steps(split).iter().map(|(l, t)| (*l, t.as_str())).collect::<Vec<_>>(), expected);
     }
 
     #[test]
