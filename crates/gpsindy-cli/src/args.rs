@@ -4,7 +4,7 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 use crate::commands::{
-    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
+    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, mcp, score, simulate, smooth,
 };
 use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -62,6 +62,7 @@ pub(crate) enum Command {
     Demo(demo::Demo),
     Completions(completions::Completions),
     Man(man::Man),
+    Mcp(mcp::Mcp),
 }
 
 /// How the columns of logs are found.

@@ -12,6 +12,7 @@ mod follow;
 pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
+pub(crate) mod mcp;
 mod nominal;
 pub(crate) mod score;
 pub(crate) mod simulate;
@@ -57,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments, session: &Session<'_>) -> Outcome {
         Command::Demo(command) => demo::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
+        Command::Mcp(_) => mcp::run(),
     }
 }
 
