@@ -4,7 +4,8 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 use crate::commands::{
-    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, mcp, score, simulate, smooth,
+    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, mcp, score, simulate,
+    smooth,
 };
 use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
