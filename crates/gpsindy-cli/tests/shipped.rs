@@ -29,3 +29,23 @@ fn the_readmes_commands_diagnose_the_shipped_bag() {
     assert!((size - 0.35).abs() < 0.05, "{report}");
     assert_eq!(report["verdict"], "explained", "{report}");
 }
+
+#[test]
+fn the_offset_of_a_clock_is_estimated_where_asked() {
+    let folder = Folder::new();
+    for name in ["pendulum.mcap", "pendulum.toml", "pendulum_map.toml"] {
+        std::fs::copy(data(name), folder.path().join(name)).unwrap();
+    }
+    let score = "score pendulum.toml --data pendulum.mcap --map-file pendulum_map.toml";
+    let ran = folder.run(&format!("{score} --offset /joint_commands=auto")).done();
+    let told = ran.stderr.lines().find(|line| line.contains("were added to the stamps of `/joint_commands`"));
+    let told = told.unwrap_or_else(|| panic!("{ran:?}"));
+    // Both topics have one clock: the estimate is near 0 and its interval holds it.
+    let numbers: Vec<f64> = told.split([' ', '(', ')']).filter_map(|word| word.parse().ok()).collect();
+    let [seconds, low, high, ..] = numbers[..] else { panic!("{told}") };
+    assert!(seconds.abs() < 2e-3 && low < 1e-3 && high > -1e-3 && low < seconds && seconds < high, "{told}");
+    let refused = folder.run(&format!("{score} --offset /joint_command=auto"));
+    assert!(refused.refused().contains("did you mean `/joint_commands`"), "{refused:?}");
+    let refused = folder.run(&format!("{score} --offset /joint_commands=soon"));
+    assert!(refused.stderr.contains("neither a number of seconds nor `auto`"), "{refused:?}");
+}
