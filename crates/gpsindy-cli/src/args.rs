@@ -4,12 +4,13 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 use crate::commands::{
-    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
+    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, mcp, score, simulate,
+    smooth,
 };
 use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gpsindy_core::Hold;
-use gpsindy_files::{LogOptions, Stamp};
+use gpsindy_files::{LogOptions, Offset, Stamp};
 use std::path::PathBuf;
 
 /// Equations from sparse, noisy logs, and a diagnosis of where a simulator is wrong.
@@ -62,6 +63,7 @@ pub(crate) enum Command {
     Demo(demo::Demo),
     Completions(completions::Completions),
     Man(man::Man),
+    Mcp(mcp::Mcp),
 }
 
 /// How the columns of logs are found.
@@ -86,9 +88,9 @@ pub(crate) struct Columns {
     /// The clock of messages [default: their header's stamp where there is one, else the time of recording]
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub(crate) stamp: Option<Clock>,
-    /// Add seconds to the stamps of a topic
-    #[arg(long, value_name = "TOPIC=SECONDS", value_parser = offset, allow_hyphen_values = true)]
-    pub(crate) offset: Vec<(String, f64)>,
+    /// Add seconds to the stamps of a topic; `auto`: what makes its columns agree with those of the other topics, told with an interval
+    #[arg(long, value_name = "TOPIC=SECONDS|auto", value_parser = offset, allow_hyphen_values = true)]
+    pub(crate) offset: Vec<(String, Offset)>,
     /// A wrapped angle (rad) whose jumps are removed, once and at the full rate
     #[arg(long, value_name = "COLUMN")]
     pub(crate) angle: Vec<String>,
@@ -138,10 +140,9 @@ fn place(text: &str) -> Result<(String, String), String> {
     }
 }
 
-fn offset(text: &str) -> Result<(String, f64), String> {
-    let (topic, shift) = pair(text).map_err(|_| "expected TOPIC=SECONDS".to_string())?;
-    let seconds = shift.parse::<f64>().ok().filter(|s| s.is_finite());
-    seconds.map(|s| (topic, s)).ok_or_else(|| format!("`{shift}` is not a number of seconds"))
+fn offset(text: &str) -> Result<(String, Offset), String> {
+    let (topic, shift) = pair(text).map_err(|_| "expected TOPIC=SECONDS or TOPIC=auto".to_string())?;
+    Ok((topic, shift.parse()?))
 }
 
 /// `A=B`, cut at the last `=` because a header may hold one.

@@ -19,6 +19,7 @@ const COMMANDS: &[&str] = &[
     "demo",
     "completions",
     "man",
+    "mcp",
 ];
 
 #[test]

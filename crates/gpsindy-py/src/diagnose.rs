@@ -164,10 +164,23 @@ pub(crate) fn write_whole(path: PathBuf, text: &str) -> PyResult<()> {
     gpsindy_files::write_whole(&path, text.as_bytes()).map_err(file_error)
 }
 
-/// (id, form, parameters, what it looks like in a log) of every effect.
+/// Id, form, parameters, signature, name, meaning, and twins with their experiments.
+type Entry = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    Vec<(&'static str, &'static str)>,
+);
+
+/// Every effect of the catalogue.
 #[pyfunction]
-pub(crate) fn effects() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
-    Effect::ALL.iter().map(|e| (e.id(), e.form(), e.parameters(), e.signature())).collect()
+pub(crate) fn effects() -> Vec<Entry> {
+    let twins = |e: &Effect| e.twins().into_iter().map(|(twin, experiment)| (twin.id(), experiment)).collect();
+    let entry = |e: &Effect| (e.id(), e.form(), e.parameters(), e.signature(), e.name(), e.meaning(), twins(e));
+    Effect::ALL.iter().map(entry).collect()
 }
 
 fn custom_effect((id, state, form, parameters): Custom) -> PyResult<CustomEffect> {

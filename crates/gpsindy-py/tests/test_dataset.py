@@ -31,14 +31,16 @@ def frames():
         "mapping": COLUMNS,
         "pandas": pandas.DataFrame(COLUMNS),
         "pandas nullable": pandas.DataFrame({n: pandas.array(v) for n, v in with_nulls.items()}),
+        "pandas index": pandas.DataFrame({n: v for n, v in COLUMNS.items() if n != "t"}, index=pandas.Index(T, name="t")),
         "polars": polars.DataFrame(with_nulls),
+        "polars lazy": polars.LazyFrame(with_nulls),
         "pyarrow": pyarrow.table({n: pyarrow.array(v) for n, v in with_nulls.items()}),
         "arrow stream": OnlyStream(table),
         "records": np.rec.fromarrays(list(COLUMNS.values()), names=list(COLUMNS)),
     }
 
 
-@pytest.mark.parametrize("kind", ["mapping", "pandas", "pandas nullable", "polars", "pyarrow", "arrow stream", "records"])
+@pytest.mark.parametrize("kind", ["mapping", "pandas", "pandas nullable", "pandas index", "polars", "polars lazy", "pyarrow", "arrow stream", "records"])
 def test_every_frame_gives_the_same_run_with_its_names(kind):
     data = gpsindy.Dataset(frames()[kind])
     assert data.columns == ("x", "u")
@@ -62,6 +64,7 @@ def clocks():
         # Clocks go forward an hour within these samples; the time that passes does not.
         "pandas with a zone": pandas.DataFrame({"t": pandas.to_datetime(dates).tz_localize("UTC").tz_convert("Europe/Berlin"), "x": x}),
         "pandas timedelta": pandas.DataFrame({"t": pandas.to_timedelta(steps), "x": x}),
+        "pandas index of dates": pandas.DataFrame({"x": x}, index=pandas.to_datetime(dates)),
         "polars datetime": polars.DataFrame({"t": dates, "x": x}),
         "polars milliseconds": polars.DataFrame({"t": dates, "x": x}).with_columns(polars.col("t").dt.cast_time_unit("ms")),
         "polars duration": polars.DataFrame({"t": steps, "x": x}),
@@ -77,6 +80,7 @@ def clocks():
         "pandas datetime",
         "pandas with a zone",
         "pandas timedelta",
+        "pandas index of dates",
         "polars datetime",
         "polars milliseconds",
         "polars duration",

@@ -55,4 +55,19 @@ def test_a_diagnosis_draws_the_held_out_runs():
     assert [line.get_label() for line in figure.axes[0].lines] == ["measured", "nominal model", "augmented model"]
 
 
+def test_a_diagnosis_draws_residuals_and_the_gap_of_an_equation():
+    text = """{"figures": {"rollouts": [{"run": "a", "column": "x", "unit": "m", "time": [0.0, 1.0],
+        "measured": [1.0, 2.0], "before": [0.5, 2.0], "after": [1.0, 1.5]}], "residuals": [{"state": "x", "unit": "m/s", "traces": [],
+        "curve": {"variable": "v", "unit": "m/s", "x": [0.0, 1.0], "y": [0.1, 0.2], "band": [0.05, 0.05], "explained": [0.1, 0.2]}}]}}"""
+    found = gpsindy.Diagnosis(text, gpsindy.Model.from_toml(ONE))
+    nominal, augmented = found.plot(kind="residuals").axes[0].lines
+    np.testing.assert_array_equal(nominal.get_ydata(), [0.5, 0.0])
+    np.testing.assert_array_equal(augmented.get_ydata(), [0.0, 0.5])
+    axis = found.plot(kind="gap").axes[0]
+    assert [line.get_label() for line in axis.lines[:2]] == ["residual", "included causes"]
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("v [m/s]", "residual of x' [m/s]")
+    with pytest.raises(ValueError, match="kind: expected"):
+        found.plot(kind="causes")
+
+
 ONE = "schema = 'gpsindy.model/1'\n[[state]]\nname = 'x'\nequation = '-x'\n"

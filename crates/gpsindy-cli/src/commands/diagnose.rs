@@ -12,7 +12,7 @@ use clap::Args;
 use gpsindy_core::diagnose::report::{Diagnosis, Verdict};
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
-use gpsindy_files::{Logs, Task, model_to_toml, read_effects, write_whole};
+use gpsindy_files::{Logs, Task, TopicOffset, model_to_toml, read_effects, write_whole};
 use gpsindy_report::{LogFacts, Provenance};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -175,16 +175,17 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
     if simulated.is_empty() {
         let nominal = Nominal::open(&command.model, session)?;
         let (model, holdout) = (&nominal.model, &command.holdout);
-        let (train, holdout) = logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
+        let (train, holdout, offsets) = logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
         provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
         let progress = screen.progress();
-        let diagnosed = nominal.run(|| {
+        let mut diagnosed = nominal.run(|| {
             Ok(match nominal.dynamics() {
                 Some(dynamics) => settings.run_simulator(model, dynamics, &train, &holdout, &progress)?,
                 None => settings.run(model, &train, &holdout, &progress)?,
             })
         })?;
         drop(progress);
+        diagnosed.diagnosis.notes.extend(offsets.iter().map(ToString::to_string));
         if let Some(folder) = &command.out {
             let files = nominal.beside(&diagnosed)?;
             if !files.is_empty() {
@@ -367,7 +368,7 @@ fn paired(
     Ok((found.diagnosed, found.model))
 }
 
-/// The logs to learn from and those to verify on.
+/// The logs to learn from and those to verify on, and the offsets of clocks that were estimated in both.
 pub(crate) fn logs(
     model: &Model,
     train: &[PathBuf],
@@ -375,15 +376,18 @@ pub(crate) fn logs(
     hold: Option<Hold>,
     columns: &Columns,
     screen: &Screen,
-) -> Outcome<(Dataset, Dataset)> {
+) -> Outcome<(Dataset, Dataset, Vec<TopicOffset>)> {
     let hold = hold.unwrap_or_default();
     let train = Logs::read(train, &columns.options()?)?;
-    let train = model_dataset(&train, std::slice::from_ref(model), hold, columns, screen)?;
+    let (train, mut offsets) = model_dataset(&train, std::slice::from_ref(model), hold, columns, screen)?;
     if holdout.is_empty() {
-        return Ok(hold_out(&train)?);
+        let (train, holdout) = hold_out(&train)?;
+        return Ok((train, holdout, offsets));
     }
     let holdout = Logs::read(holdout, &columns.options()?)?;
-    Ok((train, model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?))
+    let (holdout, more) = model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?;
+    offsets.extend(more);
+    Ok((train, holdout, offsets))
 }
 
 /// Writes the three files of a diagnosis of equations.

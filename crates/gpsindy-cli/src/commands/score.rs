@@ -45,7 +45,8 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
     let models: Vec<Model> = opened.iter().map(|nominal| nominal.model.clone()).collect();
     let logs = Logs::read(&command.data, &command.columns.options()?)?;
     let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();
-    let data = model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
+    let (data, _) =
+        model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
     let progress = screen.progress();
     let scored = |(nominal, &hold): (&Nominal, &Hold)| {
         let simulate = Settings { hold, ..Settings::default() };

@@ -20,8 +20,9 @@ pub mod report;
 mod run;
 mod steps;
 
-pub use catalogue::definition::Family;
-pub use catalogue::effect::{CustomEffect, CustomParameter, Effect};
+pub use catalogue::custom::{CustomEffect, CustomParameter};
+pub use catalogue::list::Effect;
+pub use catalogue::place::Family;
 pub use design::open::{Candidate, Open};
 pub use design::settings::{Design, Designed, Parting};
 pub use notes::Note;

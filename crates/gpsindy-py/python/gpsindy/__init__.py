@@ -1,4 +1,7 @@
-"""Sparse, noisy logs of a real machine to equations, and a diagnosis of where a simulator is wrong.
+"""Identify equations from sparse, noisy logs, and diagnose where a simulator is wrong.
+
+Start with :class:`GPSINDy` (logs to a model), :func:`diagnose` (a simulator and logs to the causes of their gap),
+:func:`read_log` and :class:`Dataset` (logs), :class:`Model` (load, simulate, score, export) and :func:`inspect` (what a log holds).
 
 >>> import numpy as np
 >>> import gpsindy
@@ -10,7 +13,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpsindy._gpsindy import NumericalError, __version__
 from gpsindy.consequences import Consequence, Loop, Loss, closed_loop, consequence
@@ -93,10 +96,15 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name in ("plot", "mujoco", "fmu"):
-        # Each needs a package that everything else does not.
-        import importlib
+if TYPE_CHECKING:
+    # A type checker sees the modules, and no __getattr__ that would hide a misspelt name from it.
+    from gpsindy import fmu, mujoco, plot
+else:
 
-        return importlib.import_module(f"gpsindy.{name}")
-    raise AttributeError(f"module 'gpsindy' has no attribute {name!r}")
+    def __getattr__(name: str) -> Any:
+        if name in ("plot", "mujoco", "fmu"):
+            # Each needs a package that everything else does not.
+            import importlib
+
+            return importlib.import_module(f"gpsindy.{name}")
+        raise AttributeError(f"module 'gpsindy' has no attribute {name!r}")

@@ -39,8 +39,9 @@ class Table:
 class Frame:
     """Named columns of anything that has them; a column is converted when it is asked for."""
 
-    def __init__(self, headers: Sequence[str], column: Callable[[str], Any]) -> None:
+    def __init__(self, headers: Sequence[str], column: Callable[[str], Any], index: Any = None) -> None:
         self._column = column
+        self._index = index
         self.headers: dict[str, str] = {}
         self.units: dict[str, str] = {}
         for header in headers:
@@ -61,6 +62,14 @@ class Frame:
 
     def times(self, name: str) -> Array:
         return seconds(self._column(self.headers[name]), f"column {name!r}")
+
+    def index_times(self) -> Array | None:
+        """The index of a pandas frame where it holds times: it is called ``t`` or ``time``, or its entries are dates or durations."""
+        if self._index is None:
+            return None
+        kind = getattr(getattr(self._index, "dtype", None), "kind", "")
+        called = str(getattr(self._index, "name", "")).lower() in TIME_NAMES
+        return seconds(self._index, "the index") if called or kind in ("m", "M") else None
 
     def is_numeric(self, name: str) -> bool:
         try:
@@ -115,6 +124,9 @@ def frame(data: Any) -> Frame | None:
     """The columns of ``data``, or None where it has none by name."""
     if isinstance(data, Mapping):
         return Frame([str(name) for name in data], {str(name): values for name, values in data.items()}.__getitem__)
+    if hasattr(data, "collect_schema") and hasattr(data, "collect"):
+        # A lazy frame of polars has no values before it is collected.
+        return frame(data.collect())
     names = getattr(getattr(data, "dtype", None), "names", None)
     if names:
         return Frame(list(names), data.__getitem__)
@@ -122,7 +134,7 @@ def frame(data: Any) -> Frame | None:
         return Frame([str(name) for name in data.column_names], lambda name: data[name].to_numpy())
     if hasattr(data, "columns") and hasattr(data, "__getitem__") and not callable(data.columns):
         lookup = {str(name): name for name in data.columns}
-        return Frame(list(lookup), lambda name: data[lookup[name]])
+        return Frame(list(lookup), lambda name: data[lookup[name]], getattr(data, "index", None))
     if hasattr(data, "__arrow_c_stream__"):
         return frame(_arrow(data))
     return None
@@ -198,7 +210,7 @@ def _table(entry: Any, what: str, time: str | None) -> Table:
             raise ValueError(f"{what}: column {name!r} has shape {column.shape}, column {names[0]!r} has {found[0].shape}")
     values = np.column_stack(found)
     units = tuple(columns.units[name] for name in names)
-    return Table(tuple(names), units, values, None if clock is None else columns.times(clock))
+    return Table(tuple(names), units, values, columns.index_times() if clock is None else columns.times(clock))
 
 
 def times(t: Any, runs: Sequence[Table], what: str = "t") -> list[Array]:

@@ -56,7 +56,8 @@ class Dataset:
         One run or a list of runs. A run is an array of shape (n_samples, n_columns), a mapping of columns, or a frame:
         pandas, polars, pyarrow, anything with the Arrow stream interface. NaN is a missing value.
     t : float, array or list of arrays, optional
-        Times in seconds, or the step between samples. Left out, frames bring a column ``t`` or ``time``. Dates with times
+        Times in seconds, or the step between samples. Left out, frames bring a column ``t`` or ``time``,
+        or an index of that name or of dates. Dates with times
         (``datetime``, ``datetime64``) become seconds since the first of the run, durations (``timedelta``) become seconds.
     columns : sequence of str, optional
         Names of the columns of arrays; of frames the columns to keep.
@@ -229,7 +230,7 @@ def read_csv(
     time : str, optional
         The time column, in seconds. Default ``t``, else ``time``.
     run : str, optional
-        The column whose value tells the runs of a file apart.
+        The column that identifies the run of each row.
     rename : mapping of str to str, optional
         Column, or its whole header, to another name.
     angles : str or sequence of str, optional

@@ -39,12 +39,21 @@ class Effect:
         Its parameters in words.
     signature : str
         What it looks like in a log.
+    name : str
+        Its name in everyday words.
+    meaning : str
+        What it does, for a reader who meets it first.
+    twins : tuple of (str, str)
+        Ids of the effects that logs may not tell from it, each with the experiment that parts the two.
     """
 
     id: str
     form: str
     parameters: str
     signature: str
+    name: str = ""
+    meaning: str = ""
+    twins: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -517,4 +526,4 @@ def effects() -> tuple[Effect, ...]:
     >>> gpsindy.effects()[1].id
     'bias'
     """
-    return tuple(Effect(*entry) for entry in _gpsindy.effects())
+    return tuple(Effect(*entry[:6], twins=tuple(entry[6])) for entry in _gpsindy.effects())

@@ -1,8 +1,8 @@
-"""Pictures. The only module that imports matplotlib."""
+"""Plots; the only module that imports matplotlib."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -39,6 +39,10 @@ def _finish(figure: Figure, axes: Any, titles: list[str]) -> Figure:
         axes[0, j].set_title(title)
         axes[-1, j].set_xlabel("t [s]")
     axes[0, 0].legend(loc="best", fontsize="small")
+    return _shown(figure)
+
+
+def _shown(figure: Figure) -> Figure:
     if "inline" in str(matplotlib.get_backend()):
         # A notebook shows the figure that a cell ends with, and would show an open one once more.
         plt.close(figure)
@@ -111,12 +115,22 @@ def smoothed(
     return _finish(figure, axes, [run.name for run in runs])
 
 
-def diagnosis(found: Diagnosis, *, max_runs: int = 4, figsize: tuple[float, float] | None = None) -> Figure:
-    """Held-out logs beside the rollouts of the nominal and of the augmented model.
+def diagnosis(
+    found: Diagnosis,
+    *,
+    kind: Literal["rollouts", "residuals", "gap"] = "rollouts",
+    max_runs: int = 4,
+    figsize: tuple[float, float] | None = None,
+) -> Figure:
+    """Curves of a diagnosis.
 
     Parameters
     ----------
     found : Diagnosis
+    kind : {"rollouts", "residuals", "gap"}
+        ``rollouts``: held-out logs beside the rollouts of the nominal and of the augmented model. ``residuals``: measured minus
+        predicted. ``gap``: the residual of each equation, with its 95 % band, against the variable that it depends on most, and what
+        the included causes add there.
     max_runs : int
         Runs shown, at most.
     figsize : (float, float), optional
@@ -125,6 +139,10 @@ def diagnosis(found: Diagnosis, *, max_runs: int = 4, figsize: tuple[float, floa
     -------
     matplotlib.figure.Figure
     """
+    if kind == "gap":
+        return _gap(found, figsize)
+    if kind not in ("rollouts", "residuals"):
+        raise ValueError(f"kind: expected 'rollouts', 'residuals' or 'gap', found {kind!r}")
     curves = found._figures.get("rollouts", [])
     if not curves:
         raise ValueError("the diagnosis carries no curves to draw")
@@ -136,13 +154,37 @@ def diagnosis(found: Diagnosis, *, max_runs: int = 4, figsize: tuple[float, floa
             continue
         i, j = columns.index(curve["column"]), runs.index(curve["run"])
         axis: Axes = axes[i, j]
-        axis.plot(curve["time"], _numbers(curve["measured"]), **MEASURED)
-        axis.plot(curve["time"], _numbers(curve["before"]), **NOMINAL)
-        if curve["after"]:
-            axis.plot(curve["time"], _numbers(curve["after"]), **AUGMENTED)
+        measured = _numbers(curve["measured"])
+        if kind == "rollouts":
+            axis.plot(curve["time"], measured, **MEASURED)
+        for values, style in ((curve["before"], NOMINAL), (curve["after"], AUGMENTED)):
+            if values:
+                predicted = _numbers(values)
+                axis.plot(curve["time"], predicted if kind == "rollouts" else measured - predicted, **style)
         if j == 0:
-            axis.set_ylabel(_label(curve["column"], curve["unit"]))
+            name = curve["column"] if kind == "rollouts" else f"residual of {curve['column']}"
+            axis.set_ylabel(_label(name, curve["unit"]))
     return _finish(figure, axes, runs)
+
+
+def _gap(found: Diagnosis, figsize: tuple[float, float] | None) -> Figure:
+    residuals = [one for one in found._figures.get("residuals", []) if one.get("curve")]
+    if not residuals:
+        raise ValueError("no equation of the diagnosis has a residual that depends on a variable")
+    size = figsize or (6.4, max(2.6 * len(residuals), 3.2))
+    figure, axes = plt.subplots(len(residuals), 1, squeeze=False, figsize=size, layout="constrained")
+    for axis, residual in zip(axes[:, 0], residuals):
+        curve = residual["curve"]
+        x, y, band = (np.asarray(curve[key], dtype=float) for key in ("x", "y", "band"))
+        axis.fill_between(x, y - band, y + band, color="0.55", alpha=0.25, linewidth=0)
+        axis.plot(x, y, color="0.35", label="residual")
+        if curve["explained"]:
+            axis.plot(x, curve["explained"], color=AUGMENTED["color"], label="included causes")
+        axis.axhline(0.0, color="0.7", linewidth=0.8)
+        axis.set_xlabel(_label(curve["variable"], curve["unit"]))
+        axis.set_ylabel(_label(f"residual of {residual['state']}'", residual["unit"]))
+    axes[0, 0].legend(loc="best", fontsize="small")
+    return _shown(figure)
 
 
 def _numbers(values: list[float | None]) -> Any:

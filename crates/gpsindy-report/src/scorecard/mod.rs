@@ -5,11 +5,13 @@
 //! without a diagnosis counts as missed in everything that it asks.
 
 mod answers;
+mod foreign;
 mod judge;
 mod rate;
 mod text;
 
 pub use answers::{Accepted, Answer, Kind, Oracle, Suite, TrueEffect};
+pub use foreign::read_report;
 pub use judge::Judged;
 pub use rate::{Bin, Calibration, Rate};
 

@@ -5,9 +5,9 @@
 //! at a time walks past the truth. So the frictions of an equation also apply together, and with the nominal
 //! model's own damping parameter in the place of viscous friction. An exchange between two states is two terms, too.
 
-use crate::diagnose::catalogue::effect::Effect;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Kind, Start};
+use crate::diagnose::catalogue::list::Effect;
 use crate::error::Result;
 use crate::expression::Tape;
 use crate::model::Model;

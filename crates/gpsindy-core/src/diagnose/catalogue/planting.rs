@@ -4,7 +4,8 @@
 //! within a thousandth of the typical speed, an edge in time without a ramp. Nothing of the search's own writing of effects
 //! is used. What is planted stands in the effect's own file of `effects/`; here are the words for it.
 
-use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::error::Result;

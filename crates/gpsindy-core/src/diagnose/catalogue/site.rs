@@ -3,8 +3,8 @@
 //! Friction in one joint of an arm enters every row of its equations. Written at the joint's port it does so as the
 //! mechanics say; written into one row it does not.
 
-use crate::diagnose::catalogue::effect::Effect;
-use crate::diagnose::catalogue::excited::Excursion;
+use crate::diagnose::catalogue::excursion::Excursion;
+use crate::diagnose::catalogue::list::Effect;
 use crate::model::{Model, Parameter, System};
 use std::sync::Arc;
 

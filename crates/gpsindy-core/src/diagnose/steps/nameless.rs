@@ -1,6 +1,6 @@
 //! A function without a name in the place of what is left, where it was asked for.
 
-use crate::diagnose::catalogue::effect::CustomEffect;
+use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::fit::contestant::{Entrant, Searches};
 use crate::diagnose::limits::nameless::CHANCE;

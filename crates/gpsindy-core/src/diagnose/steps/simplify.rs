@@ -91,7 +91,8 @@ pub(crate) fn merged(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::catalogue::hypothesis::{Hypothesis, enumerate};
+    use crate::diagnose::catalogue::enumerate::enumerate;
+    use crate::diagnose::catalogue::hypothesis::Hypothesis;
     use crate::diagnose::catalogue::joint;
     use crate::diagnose::fit::contestant::{Entrant, Searches};
     use crate::diagnose::fit::fitter::{Fitter, unsearched};

@@ -324,7 +324,7 @@ fn eliminate(gram: &mut DMatrix<f64>, slope: &mut DVector<f64>, i: usize, least:
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::catalogue::hypothesis::enumerate;
+    use crate::diagnose::catalogue::enumerate::enumerate;
     use crate::diagnose::fit::fitter::{Fitter, unsearched};
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;

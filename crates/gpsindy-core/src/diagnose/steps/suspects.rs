@@ -1,8 +1,9 @@
 //! Suspects: the effects that could act in this model under these logs, and the functions without a name beside them.
 
-use crate::diagnose::catalogue::effect::CustomEffect;
+use crate::diagnose::catalogue::custom::CustomEffect;
+use crate::diagnose::catalogue::enumerate::everything;
 use crate::diagnose::catalogue::excited::Scene;
-use crate::diagnose::catalogue::hypothesis::{Hypothesis, everything};
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::invariance;
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::rival::{self, Rival};
