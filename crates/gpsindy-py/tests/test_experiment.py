@@ -50,7 +50,7 @@ def test_a_signal_within_the_limits_parts_two_accounts(diagnosis, tmp_path):
     # A motion ten times as large shows the curvature of the drag beyond doubt.
     assert pair.nats > 20 and pair.seconds is not None and pair.seconds < 4.0
     found.save(tmp_path / "next.csv")
-    assert np.array_equal(gpsindy.read_csv(tmp_path / "next.csv").runs[0]["u"], u)
+    assert np.array_equal(gpsindy.read_csv(tmp_path / "next.csv")[0]["u"], u)
     assert "viscous_friction" in repr(found)
 
 

@@ -38,15 +38,15 @@ def test_what_the_logs_tell_is_narrow_and_what_they_do_not_keeps_its_prior(frict
 
 
 def test_true_values_lie_in_their_ranges():
-    # Of 10 ranges with 95 %, eight or more hold the truth but once in 87.
+    # Of 6 ranges with 95 %, five or more hold the truth but once in 30.
     inside = 0
-    for draw in range(10):
-        true = 0.08 + 0.02 * draw
+    for draw in range(6):
+        true = 0.08 + 0.03 * draw
         found = diagnosis(10 * draw + 20, dof_frictionloss=true).randomization()["hinge.frictionloss"]
         inside += found.identified and found.low <= true <= found.high
         # A third of a prior that is as wide as the value itself.
         assert found.high - found.low < true / 3
-    assert inside >= 8
+    assert inside >= 5
 
 
 def test_a_delay_is_told_in_whole_physics_steps():
