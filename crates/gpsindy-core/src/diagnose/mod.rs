@@ -8,6 +8,7 @@ mod catalogue;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::panic)]
 mod contract;
+mod exclusions;
 mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
@@ -198,7 +199,10 @@ impl Diagnose {
         let gap = localise::gap(&contest, &judged, &verified.resting);
         let augmented = augment(best);
         let logs = (&prepared.train, &prepared.holdout);
-        let (diagnosis, augmented) = weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
+        let resting: Vec<&str> = verified.resting.iter().map(|&j| system.model().states[j].name.as_str()).collect();
+        let (mut diagnosis, augmented) =
+            weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
+        diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all() };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
