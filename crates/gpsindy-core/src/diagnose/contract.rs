@@ -62,6 +62,28 @@ fn each(check: impl Fn(Effect, &Bench, &Hypothesis) -> Result<(), String> + Sync
 }
 
 #[test]
+fn a_size_has_the_unit_that_makes_its_term_a_rate() {
+    let benches = benches();
+    let wanted = [
+        (Effect::ViscousFriction, "1/s"),
+        (Effect::QuadraticDrag, "1/m"),
+        (Effect::CubicStiffness, "1/(m^2*s^2)"),
+        (Effect::LinearStiffness, "1/s^2"),
+        (Effect::Bias, "m/s^2"),
+        (Effect::Hysteresis, "1/s^2"),
+        (Effect::InputDeadZone, "N"),
+        (Effect::InputGain, ""),
+    ];
+    for (effect, unit) in wanted {
+        let bench = &benches[0];
+        let hypothesis = suspects(bench).into_iter().find(|h| h.is(effect)).unwrap();
+        let applied = hypothesis.apply(&bench.model, &bench.scene()).unwrap();
+        assert_eq!(applied.fitted[0].1.unit, unit, "{}", effect.id());
+        assert_eq!(plant(&hypothesis, &bench.model, &bench.scene()).unwrap().unwrap().unit(), unit, "{}", effect.id());
+    }
+}
+
+#[test]
 fn an_effect_has_its_words() {
     for effect in Effect::ALL {
         for text in [effect.name(), effect.meaning(), effect.form(), effect.parameters(), effect.signature()] {

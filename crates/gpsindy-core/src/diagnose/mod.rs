@@ -9,6 +9,7 @@ mod catalogue;
 #[allow(clippy::unwrap_used, clippy::panic)]
 mod contract;
 mod design;
+mod exclusions;
 mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
@@ -229,7 +230,10 @@ impl Diagnose {
         let gap = localise::gap(&contest, &judged, &verified.resting);
         let augmented = augment(best);
         let logs = (&prepared.train, &prepared.holdout);
-        let (diagnosis, augmented) = weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
+        let resting: Vec<&str> = verified.resting.iter().map(|&j| system.model().states[j].name.as_str()).collect();
+        let (mut diagnosis, augmented) =
+            weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
+        diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let open = left_open(&judged);
         let without = ablated(&contest, &judged, &diagnosis)?;
         let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all(), open, without };

@@ -8,6 +8,7 @@ mod engine;
 mod export;
 mod port;
 mod system;
+pub(crate) mod unit;
 
 pub use engine::{Rows, Steps};
 pub use export::{Export, Language};

@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::site::Site;
-use crate::model::Model;
+use crate::model::{Model, unit};
 use std::sync::Arc;
 
 /// What acts: an effect of the catalogue or one of the user's own.
@@ -205,6 +205,22 @@ impl Hypothesis {
     /// Unit of that.
     pub(crate) fn unit_of_rate(&self, model: &Model) -> String {
         self.site.as_ref().map_or_else(|| model.states[self.state].rate_unit(), |site| site.unit.clone())
+    }
+
+    /// Unit of a factor before its variables: the unit of its rate by theirs to these powers, `(variable, power)`.
+    pub(crate) fn unit_per(&self, model: &Model, powers: &[(usize, i32)]) -> String {
+        let units: Vec<(String, i32)> =
+            powers.iter().map(|&(index, power)| (self.unit_of(model, index), -power)).collect();
+        let parts = std::iter::once((self.unit_of_rate(model), 1)).chain(units).collect::<Vec<_>>();
+        unit::product(&parts.iter().map(|(unit, power)| (unit.as_str(), *power)).collect::<Vec<_>>())
+    }
+
+    /// Unit of one of its variables; empty where unknown.
+    pub(crate) fn unit_of(&self, model: &Model, index: usize) -> String {
+        let Some(name) = self.variables.get(index) else { return String::new() };
+        let state = model.states.iter().find(|s| s.name == *name).map(|s| &s.unit);
+        let control = || model.controls.iter().find(|c| c.name == *name).map(|c| &c.unit);
+        state.or_else(control).cloned().unwrap_or_default()
     }
 
     /// The state whose rate it moves most.

@@ -224,6 +224,16 @@ impl Planting<'_> {
         self.hypothesis.unit_of_rate(&self.model)
     }
 
+    /// Unit of a factor before the hypothesis' variables to these powers, `(variable, power)`.
+    pub(crate) fn unit_per(&self, powers: &[(usize, i32)]) -> String {
+        self.hypothesis.unit_per(&self.model, powers)
+    }
+
+    /// Unit of a variable of the hypothesis.
+    pub(crate) fn unit_of(&self, index: usize) -> String {
+        self.hypothesis.unit_of(&self.model, index)
+    }
+
     /// Unit of the first variable where it is a control.
     pub(crate) fn control_unit(&self) -> String {
         let index = self.model.control_index(&self.name(0));

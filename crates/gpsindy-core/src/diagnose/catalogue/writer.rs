@@ -109,7 +109,9 @@ impl<'a> Writer<'a> {
     fn carried(&mut self, parameter: &str) -> Vec<Start> {
         // Dry friction is a force; damping, stiffness and inertia are forces by their variable.
         let is_force = self.hypothesis.is(Effect::CoulombFriction);
-        let (size, unit) = if is_force { (1.0, self.unit_of_rate()) } else { (self.size(0), String::new()) };
+        let size = if is_force { 1.0 } else { self.size(0) };
+        let own = self.model.parameters.iter().find(|p| p.name == parameter).map_or("", |p| &p.unit);
+        let unit = if own.is_empty() && is_force { self.unit_of_rate() } else { own.into() };
         let scale = self.rate() / size;
         let c = self.add("c", 0.0, scale, POSITIVE, &unit);
         self.replace(parameter, &Expression::variable(parameter).plus(c));
@@ -207,6 +209,16 @@ impl<'a> Writer<'a> {
 
     pub(crate) fn unit_of_rate(&self) -> String {
         self.hypothesis.unit_of_rate(&self.model)
+    }
+
+    /// Unit of a factor before the hypothesis' variables to these powers, `(variable, power)`.
+    pub(crate) fn unit_per(&self, powers: &[(usize, i32)]) -> String {
+        self.hypothesis.unit_per(&self.model, powers)
+    }
+
+    /// Unit of a variable of the hypothesis.
+    pub(crate) fn unit_of(&self, index: usize) -> String {
+        self.hypothesis.unit_of(&self.model, index)
     }
 
     /// First and last time of the logs, and what lies between.

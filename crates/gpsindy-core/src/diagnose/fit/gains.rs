@@ -64,6 +64,9 @@ struct Projected {
     free: DMatrix<f64>,
 }
 
+/// Deviations from which a size shows 19 times in 20: the one-sided 5 % point and the 95 % power point of a normal variable.
+const SHOWN: f64 = 3.29;
+
 /// What a start of a hypothesis would gain.
 #[derive(Debug, Clone)]
 pub(crate) struct Gain {
@@ -73,7 +76,8 @@ pub(crate) struct Gain {
     pub(crate) values: Vec<f64>,
     /// Degrees of freedom of this start.
     pub(crate) degrees: usize,
-    /// Standard deviation of the size that the first column moves, where it moves one from zero.
+    /// Standard deviation of the size that the first column moves, where it moves one from zero; `None` where only sizes
+    /// beyond the typical one would show.
     pub(crate) deviation: Option<f64>,
 }
 
@@ -215,6 +219,7 @@ impl Basis {
                 let (place, origin) = start.amplitudes[0];
                 let is_size = usable(0) && origin == 0.0;
                 let deviation = is_size.then(|| start.columns[0][place].abs() / gram[(0, 0)].sqrt());
+                let deviation = deviation.filter(|deviation| is_telling(*deviation, fitted.get(place)));
                 let degrees = lengths.iter().filter(|l| **l != 0.0).count().max(1);
                 Gain { gain, values, degrees, deviation }
             }
@@ -228,6 +233,7 @@ impl Basis {
                     *phase += lengths[1].atan2(lengths[0]);
                 }
                 let deviation = (gain > 0.0).then(|| (values[0] / gain.sqrt()).abs());
+                let deviation = deviation.filter(|deviation| is_telling(*deviation, fitted.first()));
                 Gain { gain, values, degrees: 2, deviation }
             }
             Combine::Span => {
@@ -247,6 +253,12 @@ impl Gain {
     fn nothing(start: &Start) -> Self {
         Self { gain: 0.0, values: start.columns[0].clone(), degrees: 1, deviation: None }
     }
+}
+
+/// Whether a size that shows at this deviation is below the typical one, with which the effect would move its equation as much
+/// as all else does together: a larger one shows in any log, so its exclusion says nothing.
+fn is_telling(deviation: f64, added: Option<&(usize, Added)>) -> bool {
+    added.is_none_or(|(_, added)| SHOWN * deviation < added.scale)
 }
 
 /// Least and greatest length of column `i` for which its parameter stays within its bounds: a friction that would

@@ -35,7 +35,8 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (rate, small, size, unit) = (writer.rate(), writer.small(), writer.size(0), writer.unit_of_rate());
     let plus = writer.add("c_plus", 0.0, rate, POSITIVE, &unit);
     let minus = writer.add("c_minus", 0.0, rate, POSITIVE, &unit);
-    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    let speed = writer.unit_of(0);
+    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
     let form = "-(c_plus*max(tanh(z/w), 0) + c_minus*min(tanh(z/w), 0))";
     writer.add_term(writer.form(form, &[("c_plus", plus), ("c_minus", minus), ("w", w)])?);
     Ok(vec![Start {

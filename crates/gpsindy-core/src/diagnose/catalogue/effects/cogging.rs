@@ -9,6 +9,7 @@ use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, RIPPLES, Writer, sinusoid};
 use crate::error::Result;
 use crate::expression::{Expression, Function, Operator};
+use crate::model::unit;
 use std::f64::consts::{PI, TAU};
 
 pub(super) static DEFINITION: Definition = Definition {
@@ -37,7 +38,8 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         return Ok(Vec::new());
     }
     let c = writer.add("c", 0.0, rate, FREE, &unit);
-    let n = writer.add("n", 1.0, TAU / range, (RIPPLES * TAU / range, f64::INFINITY), "");
+    let per_turn = unit::product(&[("rad", 1), (&writer.unit_of(0), -1)]);
+    let n = writer.add("n", 1.0, TAU / range, (RIPPLES * TAU / range, f64::INFINITY), &per_turn);
     let phase = writer.add_phase();
     let angle = Expression::Binary(Operator::Multiply, n.into(), z.into());
     writer.add_term(c.times(angle.plus(phase).apply(Function::Sin)));

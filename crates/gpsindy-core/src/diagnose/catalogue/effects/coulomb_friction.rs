@@ -35,7 +35,8 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let z = writer.variable(0)?;
     let (rate, size, unit) = (writer.rate(), writer.size(0), writer.unit_of_rate());
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
-    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    let speed = writer.unit_of(0);
+    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
     writer.add_term(c.times(z.over(w).apply(Function::Tanh)).negated());
     Ok(vec![amplitude(&[writer.small(), 0.02 * size])])
 }

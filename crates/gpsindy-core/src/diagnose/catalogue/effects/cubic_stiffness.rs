@@ -29,12 +29,13 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let z = writer.variable(0)?;
     let (rate, size) = (writer.rate(), writer.size(0));
-    let c = writer.add("c", 0.0, rate / size.powi(3), FREE, "");
+    let unit = writer.unit_per(&[(0, 3)]);
+    let c = writer.add("c", 0.0, rate / size.powi(3), FREE, &unit);
     writer.add_term(c.times(z.power(number(3.0))).negated());
     Ok(vec![amplitude(&[writer.small() / size.powi(3)])])
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.add("-c*z^3", &[])?;
-    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(0).powi(3))))
+    Ok(Some(Size::added(planting.unit_per(&[(0, 3)]), planting.rate() / planting.size_of(0).powi(3))))
 }

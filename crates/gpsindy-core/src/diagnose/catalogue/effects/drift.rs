@@ -8,6 +8,7 @@ use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
 use crate::error::Result;
 use crate::expression::Expression;
+use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "drift",
@@ -30,7 +31,8 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let span = writer.span().2;
     let Some(name) = writer.hypothesis.variables.first().cloned() else {
-        let c = writer.add("c", 0.0, writer.rate() / span, FREE, "");
+        let unit = unit::product(&[(&writer.unit_of_rate(), 1), ("s", -1)]);
+        let c = writer.add("c", 0.0, writer.rate() / span, FREE, &unit);
         writer.add_term(c.times(Expression::Time));
         return Ok(vec![amplitude(&[writer.small() / span])]);
     };
@@ -45,7 +47,7 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let name = planting.name(0);
     if name.is_empty() {
         planting.add("c*t", &[])?;
-        return Ok(Some(Size::added(String::new(), planting.rate() / span)));
+        return Ok(Some(Size::added(unit::product(&[(&planting.rate_unit(), 1), ("s", -1)]), planting.rate() / span)));
     }
     let changed = planting.written("1 + c*t", "c", &[])?;
     planting.replace(&name, &changed.times(Expression::variable(name.clone())));

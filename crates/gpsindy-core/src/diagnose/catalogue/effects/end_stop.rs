@@ -10,6 +10,7 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::error::Result;
 use crate::expression::Expression;
+use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "end stop",
@@ -37,15 +38,17 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let own = writer.model.states[writer.hypothesis.state].name.clone();
     let is_own = writer.hypothesis.variables[0] == own;
     let (rate, small) = (writer.rate(), writer.small());
-    let k = writer.add("k", 0.0, rate / range, POSITIVE, "");
-    let upper = writer.add("high", *high, 0.1 * range, (low + 0.4 * range, *high), "");
-    let lower = writer.add("low", *low, 0.1 * range, (*low, high - 0.4 * range), "");
+    let (place, stiffness) = (writer.unit_of(0), writer.unit_per(&[(0, 1)]));
+    let k = writer.add("k", 0.0, rate / range, POSITIVE, &stiffness);
+    let upper = writer.add("high", *high, 0.1 * range, (low + 0.4 * range, *high), &place);
+    let lower = writer.add("low", *low, 0.1 * range, (*low, high - 0.4 * range), &place);
     let mut symbols = vec![("k", k), ("high", upper), ("low", lower)];
     let form = if is_own {
         "-k*max(0, z - high) + k*max(0, low - z)"
     } else {
         let speed = writer.scene.states[writer.hypothesis.state].size();
-        symbols.push(("d", writer.add("d", 0.0, rate / range / speed, POSITIVE, "")));
+        let damping = unit::product(&[(&stiffness, 1), (&writer.model.states[writer.hypothesis.state].unit, -1)]);
+        symbols.push(("d", writer.add("d", 0.0, rate / range / speed, POSITIVE, &damping)));
         symbols.push(("v", Expression::variable(own)));
         "-(k + d*v)*max(0, z - high) + (k - d*v)*max(0, low - z)"
     };
@@ -65,5 +68,5 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let Some(excursion) = planting.excursion(0) else { return Ok(None) };
     let (range, edge) = (excursion.range(), excursion.low + 0.7 * excursion.range());
     planting.add("-0.5*c*(z - edge + abs(z - edge))", &[("edge", Expression::Number(edge))])?;
-    Ok(Some(Size::added(String::new(), planting.rate() / range.max(f64::MIN_POSITIVE)).called("k")))
+    Ok(Some(Size::added(planting.unit_per(&[(0, 1)]), planting.rate() / range.max(f64::MIN_POSITIVE)).called("k")))
 }

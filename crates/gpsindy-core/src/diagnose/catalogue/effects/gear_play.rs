@@ -34,7 +34,8 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let range = |index: usize| writer.excursion(index).map_or(1.0, Excursion::range);
     let travel = range(0).min(range(1));
-    let c = writer.add("c", 0.0, 0.01 * travel, (0.0, travel), "");
+    let unit = writer.unit_of(0);
+    let c = writer.add("c", 0.0, 0.01 * travel, (0.0, travel), &unit);
     let [p, q] = [writer.variable(0)?, writer.variable(1)?];
     let loose = |a: &Expression, b: &Expression| {
         Expression::Call(Function::DeadZone, vec![a.clone().minus(b.clone()), c.clone()])
@@ -65,5 +66,5 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
         });
     }
     let travel = planting.excursion(0).map_or(1.0, Excursion::range);
-    Ok(Some(Size::within("c", String::new(), (1e-3 * travel, 0.5 * travel), "half of the travel")))
+    Ok(Some(Size::within("c", planting.unit_of(0), (1e-3 * travel, 0.5 * travel), "half of the travel")))
 }

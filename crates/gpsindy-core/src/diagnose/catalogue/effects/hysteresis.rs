@@ -10,7 +10,7 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::error::Result;
 use crate::expression::Expression;
-use crate::model::{Model, State};
+use crate::model::{Model, State, unit};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "hysteresis",
@@ -38,12 +38,15 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let state = writer.hypothesis.state;
     let (rate, small) = (writer.rate(), writer.small());
     let travel = travel(&writer.model, writer.scene, state);
-    let c = writer.add("c", 0.0, rate / travel, POSITIVE, "");
+    let speed = writer.unit_of(0);
+    let (stiffness, bend) =
+        (unit::product(&[(&writer.unit_per(&[(0, 1)]), 1), ("s", -1)]), unit::product(&[(&speed, -1), ("s", -1)]));
+    let c = writer.add("c", 0.0, rate / travel, POSITIVE, &stiffness);
     // Between two starts it must forget: what it keeps for longer with a start of its own would fit any constant force.
     let covered = writer.scene.states[state].size() * writer.scene.window;
     let forgets = (0.1 / travel).max(1.0 / covered).min(1e2 / travel);
-    let b = writer.add("b", (5.0 / travel).max(forgets), 5.0 / travel, (forgets, 1e3 / travel), "");
-    let g = writer.add("g", 0.0, 5.0 / travel, (-1e3 / travel, 1e3 / travel), "");
+    let b = writer.add("b", (5.0 / travel).max(forgets), 5.0 / travel, (forgets, 1e3 / travel), &bend);
+    let g = writer.add("g", 0.0, 5.0 / travel, (-1e3 / travel, 1e3 / travel), &bend);
     let name = format!("{}_remembered", writer.model.states[state].name);
     let h = writer.add_state(&name, Some(0.0));
     let flow = writer.form("z - b*abs(z)*h - g*z*abs(h)", &[("b", b), ("g", g), ("h", h.clone())])?;
@@ -63,7 +66,7 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.add_term(planting.size.clone().times(own).negated());
     planting.model.states.push(State::new(kept.clone(), rate));
     planting.model.initial.insert(kept, 0.0);
-    Ok(Some(Size::added(String::new(), planting.rate() / travel)))
+    Ok(Some(Size::added(unit::product(&[(&planting.unit_per(&[(0, 1)]), 1), ("s", -1)]), planting.rate() / travel)))
 }
 
 /// How far the place moves whose rate the state is; without one what its speed covers in a tenth of the longest log.

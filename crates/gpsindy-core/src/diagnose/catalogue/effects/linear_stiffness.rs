@@ -28,12 +28,13 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let z = writer.variable(0)?;
     let (rate, size) = (writer.rate(), writer.size(0));
-    let c = writer.add("c", 0.0, rate / size, FREE, "");
+    let unit = writer.unit_per(&[(0, 1)]);
+    let c = writer.add("c", 0.0, rate / size, FREE, &unit);
     writer.add_term(c.times(z).negated());
     Ok(vec![amplitude(&[writer.small() / size])])
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.add("-c*z", &[])?;
-    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(0))))
+    Ok(Some(Size::added(planting.unit_per(&[(0, 1)]), planting.rate() / planting.size_of(0))))
 }

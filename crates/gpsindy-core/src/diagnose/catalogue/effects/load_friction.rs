@@ -33,10 +33,10 @@ pub(super) static DEFINITION: Definition = Definition {
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (rate, small, size, load) = (writer.rate(), writer.small(), writer.size(0), writer.size(1));
-    let unit = writer.unit_of_rate();
+    let (unit, per_load, speed) = (writer.unit_of_rate(), writer.unit_per(&[(1, 1)]), writer.unit_of(0));
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
-    let k = writer.add("k", 0.0, rate / load, POSITIVE, "");
-    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    let k = writer.add("k", 0.0, rate / load, POSITIVE, &per_load);
+    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
     let form = "-(c + k*abs(w))*tanh(z/corner)";
     writer.add_term(writer.form(form, &[("c", c), ("k", k), ("corner", corner)])?);
     Ok(vec![Start {
@@ -50,5 +50,5 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let symbols = [("z", Expression::variable(planting.name(0))), ("w", Expression::variable(planting.name(1)))];
     let term = planting.written("-k*abs(w)*sign(z)", "k", &symbols)?;
     planting.add_term(planting.with_corners(term));
-    Ok(Some(Size::added(String::new(), planting.rate() / planting.size_of(1)).called("k")))
+    Ok(Some(Size::added(planting.unit_per(&[(1, 1)]), planting.rate() / planting.size_of(1)).called("k")))
 }

@@ -36,7 +36,8 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let largest = drive.excursion.size_quantile(1.0);
     let fastest = writer.excursion(1).map_or(1.0, |e| e.size_quantile(1.0));
     let s = writer.add("s", largest, largest, (0.05 * largest, 5.0 * largest), &drive.unit);
-    let z0 = writer.add("z0", 2.0 * fastest, fastest, (0.3 * fastest, 50.0 * fastest), "");
+    let speed = writer.unit_of(1);
+    let z0 = writer.add("z0", 2.0 * fastest, fastest, (0.3 * fastest, 50.0 * fastest), &speed);
     let limited = writer.form("clamp(u, -s*(1 + z/z0), s*(1 - z/z0))", &[("s", s), ("z0", z0)])?;
     writer.replace(&drive.name, &limited);
     let starts = [1.5, 1.0, 0.7, 0.45].map(|s| [1.0, 2.0].map(|z0| keep(&[s * largest, z0 * fastest])));

@@ -28,7 +28,8 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (z, w) = (writer.variable(0)?, writer.variable(1)?);
     let (rate, both) = (writer.rate(), writer.size(0) * writer.size(1));
-    let c = writer.add("c", 0.0, rate / both, FREE, "");
+    let unit = writer.unit_per(&[(0, 1), (1, 1)]);
+    let c = writer.add("c", 0.0, rate / both, FREE, &unit);
     let product = if z == w { z.power(number(2.0)) } else { z.times(w) };
     writer.add_term(c.times(product));
     Ok(vec![amplitude(&[writer.small() / both])])
@@ -37,5 +38,5 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.add("c*z*w", &[])?;
     let both = planting.size_of(0) * planting.size_of(1);
-    Ok(Some(Size::added(String::new(), planting.rate() / both)))
+    Ok(Some(Size::added(planting.unit_per(&[(0, 1), (1, 1)]), planting.rate() / both)))
 }

@@ -9,6 +9,7 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::error::Result;
 use crate::expression::Expression;
+use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "saturating rate",
@@ -34,7 +35,8 @@ pub(super) static DEFINITION: Definition = Definition {
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let size = writer.size(1);
-    let h = writer.add("h", 0.0, 1.0 / size, POSITIVE, "");
+    let unit = unit::product(&[(&writer.unit_of(1), -1)]);
+    let h = writer.add("h", 0.0, 1.0 / size, POSITIVE, &unit);
     let name = writer.hypothesis.variables[0].clone();
     let limited = writer.form("p/(1 + h*z)", &[("h", h)])?;
     writer.replace(&name, &limited);
@@ -47,5 +49,5 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let symbols = [("p", Expression::variable(name.clone())), ("z", Expression::variable(planting.name(1)))];
     let limited = planting.written("p - p*c*z/(1 + c*z)", "c", &symbols)?;
     planting.replace(&name, &limited);
-    Ok(Some(Size::within("h", String::new(), (0.02 / size, 50.0 / size), "")))
+    Ok(Some(Size::within("h", unit::product(&[(&planting.unit_of(1), -1)]), (0.02 / size, 50.0 / size), "")))
 }

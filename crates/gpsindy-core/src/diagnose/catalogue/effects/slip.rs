@@ -9,6 +9,7 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::error::Result;
 use crate::expression::Expression;
+use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "slip",
@@ -34,7 +35,8 @@ pub(super) static DEFINITION: Definition = Definition {
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let square = writer.size(1).powi(2);
-    let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, "");
+    let unit = unit::product(&[(&writer.unit_of(1), -2)]);
+    let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, &unit);
     let name = writer.hypothesis.variables[0].clone();
     let limited = writer.form("p/sqrt(1 + q*z^2)", &[("q", q)])?;
     writer.replace(&name, &limited);
@@ -47,5 +49,5 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let symbols = [("p", Expression::variable(name.clone())), ("z", Expression::variable(planting.name(1)))];
     let limited = planting.written("p*(1 + c*z*z)^(-0.5)", "c", &symbols)?;
     planting.replace(&name, &limited);
-    Ok(Some(Size::within("q", String::new(), (0.02 / square, 100.0 / square), "")))
+    Ok(Some(Size::within("q", unit::product(&[(&planting.unit_of(1), -2)]), (0.02 / square, 100.0 / square), "")))
 }

@@ -9,7 +9,7 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer};
 use crate::error::Result;
 use crate::expression::Expression;
-use crate::model::State;
+use crate::model::{State, unit};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "stiction",
@@ -39,8 +39,10 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let step = size * writer.scene.period;
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
     let more = writer.add("s_minus_c", 0.0, rate, POSITIVE, &unit);
-    let w = writer.add("w", 0.2 * size, size, (0.02 * size, 2.0 * size), "");
-    let delta = writer.add("delta", step, step, (0.3 * step, 30.0 * step), "");
+    let speed = writer.unit_of(0);
+    let way = unit::product(&[(&speed, 1), ("s", 1)]);
+    let w = writer.add("w", 0.2 * size, size, (0.02 * size, 2.0 * size), &speed);
+    let delta = writer.add("delta", step, step, (0.3 * step, 30.0 * step), &way);
     let name = format!("{}_bristle", writer.model.states[writer.hypothesis.state].name);
     let d = writer.add_state(&name, Some(0.0));
     let symbols = [("c", c), ("more", more), ("w", w), ("delta", delta), ("d", d.clone())];

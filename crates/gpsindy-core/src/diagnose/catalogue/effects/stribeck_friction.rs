@@ -35,9 +35,10 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (rate, small, size, unit) = (writer.rate(), writer.small(), writer.size(0), writer.unit_of_rate());
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
     let extra = writer.add("s_minus_c", 0.0, rate, POSITIVE, &unit);
-    let w = writer.add("w", size, size, (0.02 * size, 2.0 * size), "");
+    let speed = writer.unit_of(0);
+    let w = writer.add("w", size, size, (0.02 * size, 2.0 * size), &speed);
     // How sharp the corner is decides how long a part that should stick creeps: fitted, as for dry friction.
-    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), "");
+    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
     let bump = z.clone().over(w).power(number(2.0)).negated().apply(Function::Exp);
     writer.add_term(c.plus(extra.times(bump)).times(z.over(corner).apply(Function::Tanh)).negated());
     let start = |w: f64| Start {

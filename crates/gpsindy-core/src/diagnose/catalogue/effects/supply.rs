@@ -34,7 +34,8 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let drive = writer.drive()?;
     let usual = writer.excursion(1).map_or(1.0, |e| 0.5 * (e.low + e.high));
-    let w0 = writer.add("w0", usual, usual, (0.1 * usual, 10.0 * usual), "");
+    let unit = writer.unit_of(1);
+    let w0 = writer.add("w0", usual, usual, (0.1 * usual, 10.0 * usual), &unit);
     let scaled = writer.form("u*(w/w0)", &[("w0", w0)])?;
     writer.replace(&drive.name, &scaled);
     Ok([1.0, 0.8, 1.25].map(|part| keep(&[part * usual])).into())

@@ -1,0 +1,108 @@
+//! Units as text: their products and powers, as far as the text can be read.
+
+/// The product of `(unit, power)` pairs in the shortest form: `m/s^2` by `m/s` squared gives `1/m`.
+///
+/// Empty where a unit is empty (unknown), where one can't be read without doubt (`W/m K`), and where all units cancel.
+/// Nothing is converted: `mm` and `m` are two units, and `rad` is one too.
+pub(crate) fn product(parts: &[(&str, i32)]) -> String {
+    let mut powers: Vec<(String, i32)> = Vec::new();
+    for (unit, power) in parts {
+        let Some(factors) = factors(unit) else { return String::new() };
+        for (symbol, own) in factors {
+            match powers.iter_mut().find(|(known, _)| *known == symbol) {
+                Some((_, sum)) => *sum += own * power,
+                None => powers.push((symbol, own * power)),
+            }
+        }
+    }
+    let side = |sign: i32| -> Vec<String> {
+        let own = powers.iter().filter(|(_, power)| power * sign > 0);
+        own.map(|(symbol, power)| match power * sign {
+            1 => symbol.clone(),
+            power => format!("{symbol}^{power}"),
+        })
+        .collect()
+    };
+    let (above, below) = (side(1).join("*"), side(-1));
+    match (above.as_str(), below.as_slice()) {
+        (_, []) => above,
+        ("", [one]) => format!("1/{one}"),
+        ("", all) => format!("1/({})", all.join("*")),
+        (_, [one]) => format!("{above}/{one}"),
+        (_, all) => format!("{above}/({})", all.join("*")),
+    }
+}
+
+/// The symbols of a unit with their powers; `None` where it is empty or has two readings.
+fn factors(unit: &str) -> Option<Vec<(String, i32)>> {
+    let mut pieces = unit.split('/');
+    let mut found = several(pieces.next()?)?;
+    for piece in pieces {
+        let piece = piece.trim();
+        let inside = piece.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+        let below = several(inside.unwrap_or(piece))?;
+        // Whether the second factor of `W/m K` is divided by is anyone's guess.
+        if inside.is_none() && below.len() > 1 {
+            return None;
+        }
+        found.extend(below.into_iter().map(|(symbol, power)| (symbol, -power)));
+    }
+    Some(found)
+}
+
+/// Factors beside each other, by `*`, a dot or a space.
+fn several(text: &str) -> Option<Vec<(String, i32)>> {
+    let words: Vec<&str> = text.split(['*', '\u{b7}', '\u{22c5}', ' ']).filter(|word| !word.is_empty()).collect();
+    if words.is_empty() {
+        return None;
+    }
+    let found: Option<Vec<Option<(String, i32)>>> = words.into_iter().map(factor).collect();
+    Some(found?.into_iter().flatten().collect())
+}
+
+/// A symbol and its power; `Some(None)` for the number one, `None` for what is no symbol.
+fn factor(word: &str) -> Option<Option<(String, i32)>> {
+    if word == "1" {
+        return Some(None);
+    }
+    let (symbol, power) = match word.split_once('^') {
+        Some((symbol, power)) => (symbol, power.parse().ok()?),
+        None => match (word.strip_suffix('\u{b2}'), word.strip_suffix('\u{b3}')) {
+            (Some(symbol), _) => (symbol, 2),
+            (_, Some(symbol)) => (symbol, 3),
+            _ => (word, 1),
+        },
+    };
+    let is_symbol = |c: char| c.is_alphabetic() || matches!(c, '\u{b0}' | '%' | '_');
+    (!symbol.is_empty() && symbol.chars().all(is_symbol) && (-9..=9).contains(&power))
+        .then(|| Some((symbol.to_string(), power)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_add_up_and_what_cancels_is_gone() {
+        for (parts, wanted) in [
+            (&[("m/s^2", 1), ("m/s", -1)][..], "1/s"),
+            (&[("m/s^2", 1), ("m/s", -2)], "1/m"),
+            (&[("rad/s^2", 1), ("rad", -1)], "1/s^2"),
+            (&[("N*m", 1), ("rad/s", -1)], "N*m*s/rad"),
+            (&[("N/(m s)", 1), ("m\u{b2}", -1)], "N/(m^3*s)"),
+            (&[("kg\u{b7}m^2/s", 1), ("1/s", -1)], "kg*m^2"),
+            (&[("\u{b0}C/s", 1), ("\u{b0}C", -1), ("s", -1)], "1/s^2"),
+            (&[("m", 1), ("m", -1)], ""),
+            (&[("V", -1), ("A", -1)], "1/(V*A)"),
+        ] {
+            assert_eq!(product(parts), wanted, "{parts:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_unknown_or_has_two_readings_gives_no_unit() {
+        for unit in ["", "W/m K", "m/", "2 m", "m^x", "m s-1", "(m", "m^99"] {
+            assert_eq!(product(&[("m/s", 1), (unit, -1)]), "", "{unit}");
+        }
+    }
+}
