@@ -116,7 +116,7 @@ impl Dataset {
             }
         }
         if runs.is_empty() {
-            return Err(Error::invalid("the data hold no run; hand in at least one log"));
+            return Err(Error::data("the data hold no run; hand in at least one log"));
         }
         for run in &runs {
             check_run(&channels, run)?;
@@ -177,7 +177,7 @@ impl Dataset {
     /// A dataset that lacks a channel of the first.
     pub fn concat(parts: Vec<Self>) -> Result<Self> {
         let Some(channels) = parts.first().map(|d| d.channels.clone()) else {
-            return Err(Error::invalid("the data hold no run; hand in at least one log"));
+            return Err(Error::data("the data hold no run; hand in at least one log"));
         };
         let mut runs = Vec::new();
         for part in parts {
@@ -273,7 +273,7 @@ fn check_run(channels: &[Channel], run: &Run) -> Result<()> {
     for (i, pair) in run.time.windows(2).enumerate() {
         // Written so that a time that is not a number fails too.
         if !(pair[1] > pair[0]) {
-            return Err(Error::invalid(format!(
+            return Err(Error::data(format!(
                 "run `{}`: time must increase, but sample {} at {} s is followed by {} s; sort the samples or split the run",
                 run.name,
                 i + 1,

@@ -117,7 +117,7 @@ impl Differentiation {
             }
             Self::GpControl(stage) => {
                 if controls.is_empty() {
-                    return Err(Error::invalid(
+                    return Err(Error::settings(
                         "derivatives from the controls need a control; name one or choose another method",
                     ));
                 }
@@ -264,7 +264,7 @@ fn check_given(data: &Dataset, columns: &[usize], states: &[usize]) -> Result<()
 
 fn needed<'a>(smoothed: Option<&'a Smoothed>, data: &Dataset, states: &[usize], method: &str) -> Result<&'a Smoothed> {
     let Some(smoothed) = smoothed else {
-        return Err(Error::invalid(format!("derivatives by `{method}` need smoothed states; switch the smoother on")));
+        return Err(Error::settings(format!("derivatives by `{method}` need smoothed states; switch the smoother on")));
     };
     let size = (smoothed.runs.len(), smoothed.channels.len());
     if size != (data.runs().len(), states.len()) {

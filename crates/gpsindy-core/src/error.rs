@@ -119,9 +119,27 @@ pub enum Error {
         /// Why, and what to do.
         why: String,
     },
-    /// Any other contradiction in what the user handed in; the text says what to do.
+    /// Settings that contradict each other or leave nothing to do; the text says what is wrong and what to do.
     #[error("{message}")]
-    Invalid {
+    Settings {
+        /// What is wrong and what to do.
+        message: String,
+    },
+    /// Logs that nothing can be made of; the text says what is wrong and what to do.
+    #[error("{message}")]
+    Data {
+        /// What is wrong and what to do.
+        message: String,
+    },
+    /// A model that can't be simulated, or not as asked; the text says what is wrong and what to do.
+    #[error("{message}")]
+    Model {
+        /// What is wrong and what to do.
+        message: String,
+    },
+    /// A file, neither log nor model, that is not what it should be; the text says what is wrong and what to do.
+    #[error("{message}")]
+    File {
         /// What is wrong and what to do.
         message: String,
     },
@@ -173,9 +191,24 @@ fn known_names(known: &[String]) -> String {
 }
 
 impl Error {
-    /// An [`Error::Invalid`] with this message.
-    pub fn invalid(message: impl Into<String>) -> Self {
-        Self::Invalid { message: message.into() }
+    /// An [`Error::Settings`] with this message.
+    pub fn settings(message: impl Into<String>) -> Self {
+        Self::Settings { message: message.into() }
+    }
+
+    /// An [`Error::Data`] with this message.
+    pub fn data(message: impl Into<String>) -> Self {
+        Self::Data { message: message.into() }
+    }
+
+    /// An [`Error::Model`] with this message.
+    pub fn model(message: impl Into<String>) -> Self {
+        Self::Model { message: message.into() }
+    }
+
+    /// An [`Error::File`] with this message.
+    pub fn file(message: impl Into<String>) -> Self {
+        Self::File { message: message.into() }
     }
 
     /// An [`Error::UnknownName`] that lists what would have been understood.

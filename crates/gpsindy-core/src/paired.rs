@@ -98,7 +98,7 @@ impl Paired {
         let scored = score(&model.compile()?, test, &Scoring { simulate, window: None }, progress)?;
         let remedy = "log every state of the simulator, densely and under varied inputs, give it more candidate terms, or hand in its equations";
         if scored.rollout.n_diverged > 0 {
-            return Err(Error::invalid(format!(
+            return Err(Error::data(format!(
                 "the model identified from the simulated logs diverges on held-out ones, so nothing can be said of the simulator: {remedy}"
             )));
         }
@@ -107,11 +107,11 @@ impl Paired {
             scored.rollout.by_state.into_iter().filter(|e| e.normalised.is_finite()).collect();
         let worst = moving.iter().max_by(|a, b| a.normalised.total_cmp(&b.normalised));
         let Some(worst) = worst else {
-            return Err(Error::invalid("no state of the simulated logs moves; simulate the runs of the machine"));
+            return Err(Error::data("no state of the simulated logs moves; simulate the runs of the machine"));
         };
         let r2 = 1.0 - worst.normalised * worst.normalised;
         if r2 < self.least_r2 {
-            return Err(Error::invalid(format!(
+            return Err(Error::data(format!(
                 "the model identified from the simulated logs explains {r2:.3} of the variance of held-out `{}`, and {} is needed to say what the simulator lacks: {remedy}",
                 worst.state, self.least_r2
             )));

@@ -150,7 +150,7 @@ impl Smoother {
         if self.covariance
             && let Some(run) = data.runs().iter().find(|run| run.n_samples() > LARGEST_JOINT)
         {
-            return Err(Error::invalid(format!(
+            return Err(Error::data(format!(
                 "run `{}` has {} samples; a joint covariance of derivatives is kept for at most {LARGEST_JOINT}, thin the samples",
                 run.name,
                 run.n_samples()

@@ -249,5 +249,5 @@ fn the_same_seed_gives_the_same_signal_and_wrong_settings_are_told() {
         assert!(told.contains(words), "{told}");
     }
     let nothing = Open { pairs: Vec::new(), ..open() };
-    assert!(matches!(limits().run(&nothing, None, &Silent), Err(Error::Invalid { .. })));
+    assert!(matches!(limits().run(&nothing, None, &Silent), Err(Error::Settings { .. })));
 }

@@ -68,7 +68,7 @@ impl Logs {
             files.push(Log::parse("stdin", &bytes, options)?);
         }
         if files.is_empty() {
-            return Err(gpsindy_core::Error::invalid("no log was named; hand in at least one").into());
+            return Err(gpsindy_core::Error::data("no log was named; hand in at least one").into());
         }
         Ok(Self { files })
     }

@@ -45,9 +45,8 @@ pub fn compare(manifest: &Manifest, fleet: &Fleet, out: &Path) -> Result<FleetRe
         let path = folder.join("report.json");
         let file = path.display().to_string();
         let text = std::fs::read_to_string(&path).map_err(|source| Error::Read { file: file.clone(), source })?;
-        let diagnosis: Diagnosis = serde_json::from_str(&text).map_err(|e| {
-            gpsindy_core::Error::invalid(format!("{file}: {e}; remove the folder to have it made again"))
-        })?;
+        let diagnosis: Diagnosis = serde_json::from_str(&text)
+            .map_err(|e| gpsindy_core::Error::file(format!("{file}: {e}; remove the folder to have it made again")))?;
         sizes.add(task, &diagnosis, &manifest.covariates);
         let key = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         report.units.push(unit(task, &diagnosis, key));
@@ -63,7 +62,7 @@ pub fn compare(manifest: &Manifest, fleet: &Fleet, out: &Path) -> Result<FleetRe
     if quantities.is_empty() && !report.units.is_empty() {
         report.notes.push("no effect was found in two units or periods: there is nothing to compare".into());
     }
-    let json = serde_json::to_string_pretty(&report).map_err(|e| gpsindy_core::Error::invalid(e.to_string()))? + "\n";
+    let json = serde_json::to_string_pretty(&report).map_err(|e| gpsindy_core::Error::file(e.to_string()))? + "\n";
     write_whole(&out.join("fleet.html"), gpsindy_report::fleet::render(&report).as_bytes())?;
     write_whole(&out.join("fleet.json"), json.as_bytes())?;
     Ok(report)

@@ -40,43 +40,42 @@ impl Manifest {
         let is_csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
         let entries = if is_csv { csv_entries(&text) } else { toml_entries(&text) };
         let named = |source: CoreError| Error::Content { file: file.clone(), source };
-        let entries = entries.map_err(|message| named(CoreError::invalid(message)))?;
+        let entries = entries.map_err(|message| named(CoreError::file(message)))?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Self::new(&entries, folder).map_err(named)
     }
 
     fn new(entries: &[Entry], folder: &Path) -> CoreResult<Self> {
         if entries.is_empty() {
-            return Err(CoreError::invalid("no unit; each needs `unit`, `logs` and `model`"));
+            return Err(CoreError::file("no unit; each needs `unit`, `logs` and `model`"));
         }
         let (covariates, values) = covariates(entries)?;
         let mut tasks = Vec::with_capacity(entries.len());
         for (k, (entry, covariates)) in entries.iter().zip(values).enumerate() {
             let place = |what: &str| format!("entry {} (unit `{}`): {what}", k + 1, one(entry, "unit").unwrap_or(""));
-            let needed =
-                |key: &str| one(entry, key).ok_or_else(|| CoreError::invalid(place(&format!("lacks `{key}`"))));
+            let needed = |key: &str| one(entry, key).ok_or_else(|| CoreError::file(place(&format!("lacks `{key}`"))));
             let since = one(entry, "since").map(ToString::to_string);
             if let Some(since) = since.as_deref().filter(|s| date::days(s).is_none()) {
                 let what = format!("`since` is no date (2026-01-31) and no number of days: `{since}`");
-                return Err(CoreError::invalid(place(&what)));
+                return Err(CoreError::file(place(&what)));
             }
-            let logs = files(entry, "logs", folder).map_err(|what| CoreError::invalid(place(&what)))?;
+            let logs = files(entry, "logs", folder).map_err(|what| CoreError::file(place(&what)))?;
             if logs.is_empty() {
-                return Err(CoreError::invalid(place("lacks `logs`")));
+                return Err(CoreError::file(place("lacks `logs`")));
             }
             tasks.push(Task {
                 unit: needed("unit")?.to_string(),
                 since,
                 model: folder.join(needed("model")?),
                 logs,
-                holdout: files(entry, "holdout", folder).map_err(|what| CoreError::invalid(place(&what)))?,
+                holdout: files(entry, "holdout", folder).map_err(|what| CoreError::file(place(&what)))?,
                 covariates,
             });
         }
         for (k, task) in tasks.iter().enumerate() {
             if tasks[..k].iter().any(|other| (&other.unit, &other.since) == (&task.unit, &task.since)) {
                 let what = format!("unit `{}` stands twice; give each period a `since`", task.unit);
-                return Err(CoreError::invalid(what));
+                return Err(CoreError::file(what));
             }
         }
         Ok(Self { tasks, covariates })
@@ -117,7 +116,7 @@ fn covariates(entries: &[Entry]) -> CoreResult<(Vec<String>, Vec<Values>)> {
         for (k, entry) in entries.iter().enumerate() {
             texts.push(one(entry, key).ok_or_else(|| {
                 let unit = one(entry, "unit").unwrap_or("");
-                CoreError::invalid(format!(
+                CoreError::file(format!(
                     "entry {} (unit `{unit}`): lacks the covariate `{key}` that others have",
                     k + 1
                 ))

@@ -104,7 +104,7 @@ impl Fleet {
             None => work(),
             Some(jobs) => {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
-                pool.map_err(|e| CoreError::invalid(format!("{jobs} jobs: {e}")))?.install(work)
+                pool.map_err(|e| CoreError::file(format!("{jobs} jobs: {e}")))?.install(work)
             }
         }?;
         let mut summary = Summary { elsewhere: manifest.tasks.len() - own.len(), ..Summary::default() };

@@ -91,7 +91,7 @@ impl Task {
         let (train, holdout) = if self.holdout.is_empty() { hold_out(&train)? } else { (train, read(&self.holdout)?) };
         let Diagnosed { diagnosis, augmented, .. } = settings.run(&model, &train, &holdout, progress)?;
         let html = gpsindy_report::render(&diagnosis);
-        let json = gpsindy_report::json(&diagnosis).map_err(|e| gpsindy_core::Error::invalid(e.to_string()))?;
+        let json = gpsindy_report::json(&diagnosis).map_err(|e| gpsindy_core::Error::file(e.to_string()))?;
         let augmented = gpsindy_report::augmented(&diagnosis, &model_to_toml(&augmented)?);
         let name = folder.display().to_string();
         std::fs::create_dir_all(folder).map_err(|source| Error::Write { file: name, source })?;

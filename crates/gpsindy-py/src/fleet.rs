@@ -44,7 +44,7 @@ pub(crate) fn fleet_task(
     let work = move || {
         fleet.attempt(&task, &out, listening.as_ref()).map_err(|error| match error {
             gpsindy_files::Error::Core(error) => error,
-            other => Error::invalid(other.to_string()),
+            other => Error::file(other.to_string()),
         })
     };
     Ok(match watch.run(py, None, work)? {

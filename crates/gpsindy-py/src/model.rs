@@ -381,7 +381,7 @@ impl PyModel {
                 let lasts = format!("{} to {} s", run.time[0], run.time[run.n_samples() - 1]);
                 let message =
                     format!("run `{}`: no sample between `start` and `stop`; it lasts from {lasts}", run.name);
-                return Err(Error::invalid(message));
+                return Err(Error::model(message));
             }
             let mut state = StateReader::new(&system, run, logs.channels(), &excitation)?.at(first)?;
             for (name, value) in &initial {

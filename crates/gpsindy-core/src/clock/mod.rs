@@ -110,7 +110,7 @@ pub fn clock_offset(
     let (own, others) = (traces(own), traces(others));
     let span = |traces: &[Trace]| traces.iter().map(Trace::span).fold(None, common);
     let (Some((begin, end)), Some(other)) = (span(&own), span(&others)) else {
-        return Err(Error::invalid("a topic has no column that changes, so nothing tells its offset"));
+        return Err(Error::data("a topic has no column that changes, so nothing tells its offset"));
     };
     let (begin, end) = (begin.max(other.0), end.min(other.1));
     let reach = REACH.min(SHARE * (end - begin));
@@ -141,12 +141,12 @@ pub fn clock_offset(
         }
     }
     let Some((fit, sign)) = best else {
-        return Err(Error::invalid(format!("{refused}; give the offset in seconds")));
+        return Err(Error::data(format!("{refused}; give the offset in seconds")));
     };
     let quantile = StudentsT::new(0.0, 1.0, (BLOCKS - 1) as f64).map_or(f64::NAN, |t| t.inverse_cdf(0.5 + level / 2.0));
     let (half, seconds) = (quantile * fit.error, sign * fit.shift);
     if !(half < 0.5 * reach) || fit.shift.abs() + half > reach {
-        return Err(Error::invalid(format!(
+        return Err(Error::data(format!(
             "an offset of {seconds:.3} s fits best, give or take {half:.3} s, where up to {reach:.3} s were looked for; \
              give the offset in seconds"
         )));

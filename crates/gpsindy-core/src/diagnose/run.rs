@@ -100,9 +100,9 @@ mod tests {
         }
     }
 
-    /// A drive with a drag and a bias that its model lacks.
+    /// A drive with a drag that its model lacks.
     fn diagnosed(time_limit: Option<f64>, clock: &Clock) -> Diagnosed {
-        let (model, data) = drive(None, |x| x + 0.8 * x * x.abs() + 0.3, 0.01, (3, 200));
+        let (model, data) = drive(None, |x| x + 0.8 * x * x.abs(), 0.01, (3, 200));
         let (train, holdout) = hold_out(&data).unwrap();
         Diagnose { time_limit, ..Diagnose::default() }.run(&model, &train, &holdout, clock).unwrap()
     }

@@ -17,7 +17,7 @@ pub(super) fn derivative(expression: &Expression, name: &str) -> Result<Expressi
         E::Binary(operator, a, b) => binary(*operator, a, b, name)?,
         E::Call(function, arguments) => call(*function, arguments, name)?,
         E::Simulator(..) => {
-            return Err(Error::invalid(format!("the user's own simulator has no exact derivative by `{name}`")));
+            return Err(Error::model(format!("the user's own simulator has no exact derivative by `{name}`")));
         }
     })
 }
@@ -107,7 +107,7 @@ fn call(function: Function, arguments: &[Expression], name: &str) -> Result<Expr
             outside.times(da)
         }
         F::Delay | F::Play => {
-            return Err(Error::invalid(format!("`{}` has no pointwise derivative by `{name}`", function.name())));
+            return Err(Error::model(format!("`{}` has no pointwise derivative by `{name}`", function.name())));
         }
     })
 }

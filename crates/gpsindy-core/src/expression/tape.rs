@@ -222,7 +222,7 @@ impl Compiler<'_> {
                 let (a, b) = (self.compile(a)?, self.compile(b)?);
                 Ok(self.emit(Operation::Binary(*operator), [a, b, a]))
             }
-            Expression::Call(function @ (Function::Delay | Function::Play), _) => Err(Error::invalid(format!(
+            Expression::Call(function @ (Function::Delay | Function::Play), _) => Err(Error::model(format!(
                 "`{}` may only be used in a model's equations and measured outputs: `{expression}`",
                 function.name()
             ))),

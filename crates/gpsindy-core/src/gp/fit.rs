@@ -157,7 +157,7 @@ const NOISE_SHARE: f64 = 0.1;
 /// No kernel or no point; values that are not finite; a covariance that stays indefinite.
 pub fn fit(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> Result<Fit> {
     let Some(first) = kernels.first() else {
-        return Err(Error::invalid("no kernel to try; name at least one, for example `se`"));
+        return Err(Error::settings("no kernel to try; name at least one, for example `se`"));
     };
     let dimension = check(runs, settings)?;
     let scale = Scale::of(runs, settings)?;

@@ -187,7 +187,7 @@ impl std::str::FromStr for Kernel {
                 });
             }
         }
-        sum.ok_or_else(|| crate::Error::invalid("the kernel's name is empty; write for example `se` or `se*periodic`"))
+        sum.ok_or_else(|| crate::Error::settings("the kernel's name is empty; write for example `se` or `se*periodic`"))
     }
 }
 

@@ -128,12 +128,12 @@ impl Conditioned {
         let kernel = &self.evaluation.kernel;
         if quantities.contains(&Quantity::Derivative) {
             if self.dimension != 1 {
-                return Err(Error::invalid(
+                return Err(Error::settings(
                     "a derivative is defined for a process of time alone, not of several inputs",
                 ));
             }
             if !kernel.differentiable() {
-                return Err(Error::invalid(format!(
+                return Err(Error::settings(format!(
                     "a process with kernel `{kernel}` has no derivative; take matern32 or a smoother one"
                 )));
             }

@@ -119,7 +119,7 @@ fn delays(settings: &Identify, period: f64, longest: f64) -> Result<Vec<DelayVal
 /// The columns in use, under the names of the model, of the first part of every run; and where logged derivatives stand.
 fn training(settings: &Identify, data: &Dataset) -> Result<(Dataset, Vec<Option<usize>>)> {
     if settings.states.is_empty() {
-        return Err(Error::invalid("no state named; say which columns are states"));
+        return Err(Error::settings("no state named; say which columns are states"));
     }
     let fraction = settings.train_fraction;
     if !(fraction > 0.0 && fraction <= 1.0) {

@@ -92,7 +92,7 @@ fn smooth_slopes(
     let kernels = smoother.kernels.iter().filter(|kernel| kernel.differentiable()).cloned().collect::<Vec<_>>();
     if kernels.is_empty() {
         let text = "is not in the logs, and kernel matern12 has no slope; take matern32 or a smoother one";
-        return Err(Error::invalid(format!("state `{velocity}` {text}")));
+        return Err(Error::settings(format!("state `{velocity}` {text}")));
     }
     let smoother = Smoother { kernels, noise: Noise::Estimated, covariance: false, ..smoother.clone() };
     let columns: Vec<usize> = (0..logged.channels().len()).collect();

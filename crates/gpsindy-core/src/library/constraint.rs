@@ -19,7 +19,7 @@ impl Fixed {
     /// # Errors
     /// Text without `' =`, or an expression that can't be read.
     pub fn parse(text: &str) -> Result<Self> {
-        let wrong = || Error::invalid(format!("`{text}`: expected an equation such as \"x' = v\""));
+        let wrong = || Error::settings(format!("`{text}`: expected an equation such as \"x' = v\""));
         let (left, right) = text.split_once('=').ok_or_else(wrong)?;
         let state = left.trim().strip_suffix('\'').ok_or_else(wrong)?.trim();
         if state.is_empty() {
@@ -44,7 +44,7 @@ impl Forbidden {
     /// # Errors
     /// Text without a colon.
     pub fn parse(text: &str) -> Result<Self> {
-        let wrong = || Error::invalid(format!("`{text}`: expected STATE:TERM, such as v:x^2"));
+        let wrong = || Error::settings(format!("`{text}`: expected STATE:TERM, such as v:x^2"));
         let (state, term) = text.split_once(':').ok_or_else(wrong)?;
         if state.trim().is_empty() || term.trim().is_empty() {
             return Err(wrong());
@@ -90,7 +90,7 @@ impl Signed {
     /// # Errors
     /// Text of another form.
     pub fn parse(text: &str) -> Result<Self> {
-        let wrong = || Error::invalid(format!("`{text}`: expected STATE:TERM=+ or STATE:TERM=-, such as v:v=-"));
+        let wrong = || Error::settings(format!("`{text}`: expected STATE:TERM=+ or STATE:TERM=-, such as v:v=-"));
         let (place, sign) = text.rsplit_once('=').ok_or_else(wrong)?;
         let positive = match sign.trim() {
             "+" => true,
@@ -193,11 +193,11 @@ impl Constraints {
             let column = library.index_of(&kept.term)?;
             if self.fixed_equation(&kept.state).is_some() {
                 let text = "is kept in an equation that is given; leave one of the two out";
-                return Err(Error::invalid(format!("term `{}` of state `{}` {text}", kept.term, kept.state)));
+                return Err(Error::settings(format!("term `{}` of state `{}` {text}", kept.term, kept.state)));
             }
             if !self.allowed(&kept.state, library)?.contains(&column) {
                 let text = "is both kept and forbidden; leave one of the two out";
-                return Err(Error::invalid(format!("term `{}` of state `{}` {text}", kept.term, kept.state)));
+                return Err(Error::settings(format!("term `{}` of state `{}` {text}", kept.term, kept.state)));
             }
         }
         Ok(())

@@ -109,7 +109,7 @@ impl Library {
             }
         }
         if kept.is_empty() {
-            return Err(Error::invalid("the library holds no term; raise `degree` or add a term"));
+            return Err(Error::settings("the library holds no term; raise `degree` or add a term"));
         }
         if kept.len() > MOST_TERMS {
             let expected = format!("small enough for {MOST_TERMS} terms");

@@ -41,7 +41,7 @@ impl Term {
             with_memory |= matches!(part, Expression::Call(Function::Delay | Function::Play, _));
         });
         if with_memory {
-            return Err(Error::invalid(format!(
+            return Err(Error::settings(format!(
                 "term `{text}`: `delay` and `play` can't stand in a term; give the control a delay instead"
             )));
         }

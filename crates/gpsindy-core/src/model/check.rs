@@ -9,7 +9,7 @@ pub(super) fn check(model: &Model) -> Result<()> {
         return Err(Error::Schema { found: model.schema.clone(), supported: SCHEMA.into() });
     }
     if model.states.is_empty() {
-        return Err(Error::invalid("the model has no state; add a [[state]] with a name and an equation"));
+        return Err(Error::model("the model has no state; add a [[state]] with a name and an equation"));
     }
     check_texts(model)?;
     check_names(model)?;
@@ -53,7 +53,7 @@ fn check_ports(model: &Model) -> Result<()> {
         }
         if !model.states.iter().any(|s| s.equation.contains(&port.name)) {
             let place = format!("port `{}`", port.name);
-            return Err(Error::invalid(format!("{place}: no equation has it; add it where a force there would act")));
+            return Err(Error::model(format!("{place}: no equation has it; add it where a force there would act")));
         }
     }
     Ok(())

@@ -178,7 +178,7 @@ fn log(run: &Run, channels: &[usize], controls: &[usize], model: &crate::model::
     for (&column, control) in controls.iter().zip(&model.controls) {
         let values = run.column(column);
         let Some(&first) = values.iter().find(|v| v.is_finite()) else {
-            return Err(Error::invalid(format!("run `{}`: control `{}` has no value at all", run.name, control.name)));
+            return Err(Error::data(format!("run `{}`: control `{}` has no value at all", run.name, control.name)));
         };
         let mut last = first;
         filled.push(

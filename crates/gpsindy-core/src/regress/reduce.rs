@@ -36,7 +36,7 @@ impl Reduced {
             return Err(Error::TooFewSamples { what: "regression".into(), needed: 1, found: 0 });
         }
         if p == 0 {
-            return Err(Error::invalid("the library holds no term; allow at least one"));
+            return Err(Error::settings("the library holds no term; allow at least one"));
         }
         if let Some(i) = target.iter().position(|v| !v.is_finite()) {
             return Err(Error::NotFinite { what: format!("regression target, row {}", i + 1) });

@@ -86,7 +86,7 @@ impl Selection {
                 sparsest(Candidates { fits, scores, errors }, one_standard_error)
             }
             Self::Bic { noise } => smallest_bic(fits, problem.n_rows() as f64, problem.target_square(), noise),
-            Self::Fixed(_) => Err(Error::invalid("a fixed tuning value leaves nothing to choose")),
+            Self::Fixed(_) => Err(Error::settings("a fixed tuning value leaves nothing to choose")),
         }
     }
 }

@@ -27,7 +27,7 @@ impl Simulate {
     ) -> Result<(Rollout, Mat<f64>)> {
         let (n, m, r) = (system.n_states(), system.n_controls(), time.len());
         if r < 2 || time.windows(2).any(|w| !(w[1] > w[0])) {
-            return Err(Error::invalid("a closed loop needs two times or more, in s and rising"));
+            return Err(Error::settings("a closed loop needs two times or more, in s and rising"));
         }
         let mut states = Mat::zeros(r, n);
         let mut outputs = Mat::zeros(r, n);

@@ -73,7 +73,7 @@ impl Excitation {
         for (j, control) in system.model().controls.iter().enumerate() {
             let column: Vec<f64> = (0..r).map(|i| controls[(i, j)]).collect();
             filled.push(hold_missing(&column).ok_or_else(|| {
-                Error::invalid(format!("control `{}` has no value in the whole run; log it or fix it", control.name))
+                Error::data(format!("control `{}` has no value in the whole run; log it or fix it", control.name))
             })?);
         }
         let mut excitation = Self {

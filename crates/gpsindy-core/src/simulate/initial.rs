@@ -125,7 +125,7 @@ impl StateReader {
         for (source, state) in found.into_iter().zip(&model.states) {
             let source = source.or_else(|| model.initial.get(&state.name).map(|&v| Source::Given(v)));
             sources.push(source.ok_or_else(|| {
-                Error::invalid(format!(
+                Error::data(format!(
                     "state `{}` is not in run `{}`, is not the time derivative of a logged state and has no initial value; log it or add it under [initial]",
                     state.name, run.name
                 ))
@@ -151,7 +151,7 @@ impl StateReader {
                             let what = "derivative of a logged state".to_string();
                             Error::TooFewSamples { what, needed, found: series.values.len() }
                         }),
-                    _ => Err(Error::invalid("a derivative's state is not logged")),
+                    _ => Err(Error::data("a derivative's state is not logged")),
                 },
                 Source::Driven(values) => Ok(values[sample]),
                 Source::Given(value) => Ok(*value),

@@ -112,11 +112,11 @@ impl Suite {
     /// Reads the text of `answers.toml`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for text that is no such file, an id that stands twice, or an `of` without its effect.
+    /// [`Error::File`] for text that is no such file, an id that stands twice, or an `of` without its effect.
     pub fn from_toml(text: &str) -> Result<Self> {
         let suite: Self = toml::from_str(text).map_err(|error| {
             let line = error.span().map_or(0, |span| text[..span.start].matches('\n').count() + 1);
-            Error::invalid(format!("answers.toml:{line}: {}", error.message().replace('\n', " ")))
+            Error::file(format!("answers.toml:{line}: {}", error.message().replace('\n', " ")))
         })?;
         for (i, case) in suite.cases.iter().enumerate() {
             if suite.cases[..i].iter().any(|other| other.id == case.id) {
@@ -124,7 +124,7 @@ impl Suite {
             }
             if let Some(wrong) = case.accept.iter().find(|a| a.of >= case.effects.len()) {
                 let (id, of, n) = (&case.id, wrong.of, case.effects.len());
-                return Err(Error::invalid(format!(
+                return Err(Error::file(format!(
                     "answers.toml: case `{id}` accepts a name for effect {of}, but has {n} effects; `of` counts from 0"
                 )));
             }

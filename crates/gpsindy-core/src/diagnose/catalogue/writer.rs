@@ -178,7 +178,7 @@ impl<'a> Writer<'a> {
     /// A variable of the hypothesis.
     pub(crate) fn variable(&self, index: usize) -> Result<Expression> {
         let name = self.hypothesis.variables.get(index).ok_or_else(|| {
-            Error::invalid(format!("effect `{}` needs a variable that it depends on", self.hypothesis.id()))
+            Error::model(format!("effect `{}` needs a variable that it depends on", self.hypothesis.id()))
         })?;
         Ok(Expression::variable(name.clone()))
     }

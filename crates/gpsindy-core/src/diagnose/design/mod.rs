@@ -44,7 +44,7 @@ impl Design {
         }
         step(progress, "experiment: refining", total, total)?;
         let Some((signal, _)) = best else {
-            return Err(Error::invalid(
+            return Err(Error::settings(
                 "no signal within these limits keeps every state within its bounds; lower the limits or widen the bounds",
             ));
         };

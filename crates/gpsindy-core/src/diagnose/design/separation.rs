@@ -298,7 +298,7 @@ impl Player {
         {
             let names =
                 |m: &crate::model::Model| m.controls.iter().map(|c| c.name.clone()).collect::<Vec<_>>().join(", ");
-            return Err(Error::invalid(format!(
+            return Err(Error::model(format!(
                 "the simulators have different controls: {} and {}; give both the same, in the same order",
                 names(first),
                 names(model)
@@ -328,8 +328,7 @@ impl Player {
         let relative = relative + DMatrix::identity(size, size) * RIDGE;
         let diagonal = || DMatrix::from_diagonal(&relative.diagonal());
         let root = relative.clone().cholesky().or_else(|| diagonal().cholesky());
-        let root =
-            root.ok_or_else(|| Error::invalid(format!("covariance of `{}` is not positive", candidate.label)))?;
+        let root = root.ok_or_else(|| Error::model(format!("covariance of `{}` is not positive", candidate.label)))?;
         let inverse = DMatrix::from_fn(size, size, |i, j| if i == j { 1.0 / scale[(i, i)] } else { 0.0 });
         let precision = &inverse * root.inverse() * &inverse;
         let mut parameters = vec![mean.clone()];

@@ -91,7 +91,7 @@ impl Design {
             return Err(Error::range("duration times rate", "between 16 and 1,000,000 samples", self.samples()));
         }
         if open.pairs.is_empty() {
-            return Err(Error::invalid("no two simulators are to be told apart; hand in at least two"));
+            return Err(Error::settings("no two simulators are to be told apart; hand in at least two"));
         }
         let model = &open.candidates[0].model;
         let controls = || model.controls.iter().map(|c| &c.name);
@@ -118,7 +118,7 @@ impl Design {
         }
         match controls().find(|name| self.limits.iter().all(|l| l.0 != **name)) {
             Some(name) => {
-                Err(Error::invalid(format!("control `{name}` has no limit; say its lowest and highest value")))
+                Err(Error::settings(format!("control `{name}` has no limit; say its lowest and highest value")))
             }
             None => Ok(()),
         }

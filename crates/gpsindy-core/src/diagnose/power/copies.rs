@@ -74,7 +74,7 @@ impl Bench {
         }
         let missing = |held_out: bool| bench.pieces.iter().all(|p| p.held_out != held_out);
         if missing(false) || missing(true) {
-            return Err(Error::invalid(
+            return Err(Error::model(
                 "the nominal model leaves the logs within some samples, so its copies of them mean nothing; no power can be said",
             ));
         }

@@ -22,11 +22,11 @@ fn values(model: &Model, data: &Dataset) -> Result<()> {
     let columns = logged(model, data);
     for (i, run) in data.runs().iter().enumerate() {
         if !columns.is_empty() && columns.iter().all(|(_, values)| values[i].is_empty()) {
-            return Err(Error::invalid(format!("run `{}`: no state of the model has a value; leave it out", run.name)));
+            return Err(Error::data(format!("run `{}`: no state of the model has a value; leave it out", run.name)));
         }
     }
     match columns.iter().find(|(_, values)| values.iter().all(Vec::is_empty)) {
-        Some((name, _)) => Err(Error::invalid(format!("column `{name}` has no value in any run; leave it out"))),
+        Some((name, _)) => Err(Error::data(format!("column `{name}` has no value in any run; leave it out"))),
         None => Ok(()),
     }
 }
@@ -42,7 +42,7 @@ pub(crate) fn logs(model: &Model, train: &Dataset, holdout: &Dataset, notes: &No
     values(model, train)?;
     values(model, holdout)?;
     if !moves(model, train) {
-        return Err(Error::invalid(
+        return Err(Error::data(
             "no state moves in the logs: every value of a column is the same; record a motion, or check the sensors",
         ));
     }
@@ -61,7 +61,7 @@ pub(crate) fn columns(system: &System, experiment: &Experiment) -> Result<()> {
         let follows_input = state.equation.variables().iter().all(own);
         let known_start = model.initial.contains_key(&state.name);
         if experiment.column_of(j).is_none() && !is_rate && !follows_input && !known_start {
-            return Err(Error::invalid(format!(
+            return Err(Error::data(format!(
                 "the logs have no column for state `{}`, and no logged state has it as its rate; log it, rename a column, or give it an [initial] value",
                 state.name
             )));
@@ -89,7 +89,7 @@ pub(crate) fn nominal(fitted: &Contestant) -> Result<()> {
                 let time = &experiment.logs[w.log].time;
                 time[w.last] - time[w.first]
             });
-            return Err(Error::invalid(format!(
+            return Err(Error::model(format!(
                 "the model leaves the logs at once: over {:.3} s it misses `{}` by {:.0e}, while the logs spread by {spread:.2e}; check its signs, units and values",
                 length.fold(0.0, f64::max),
                 fitted.system.model().states[state].name,

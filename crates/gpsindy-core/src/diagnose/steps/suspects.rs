@@ -74,7 +74,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
         });
     }
     if hypotheses.is_empty() {
-        return Err(Error::invalid("no effect of the chosen ones can act in this model; choose others"));
+        return Err(Error::settings("no effect of the chosen ones can act in this model; choose others"));
     }
     let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
     let rivals = rival::enumerate(model, &scene, model.states.len());

@@ -106,7 +106,7 @@ impl Online {
         let constraints = &settings.constraints;
         constraints.check(&states, &library)?;
         if !constraints.kept.is_empty() {
-            return Err(Error::invalid("online identification keeps no terms for certain; leave them out"));
+            return Err(Error::settings("online identification keeps no terms for certain; leave them out"));
         }
         let (n, m, p) = (states.len(), controls.len(), library.n_terms());
         let delays = settings.delay_values().iter().map(|&value| DelayValue::known(value, 0.0)).collect();
@@ -225,7 +225,7 @@ impl Online {
             return Err(Error::NotFinite { what: "time of a sample".into() });
         }
         if let Some(before) = self.time.filter(|before| t <= *before) {
-            return Err(Error::invalid(format!(
+            return Err(Error::data(format!(
                 "time must increase, but a sample at {before} s is followed by one at {t} s; sort the samples or begin a run"
             )));
         }

@@ -53,7 +53,7 @@ pub(super) fn report(
 /// The sparse regression of state `s`; a term that comes out with a forbidden sign is taken out and the regression runs again.
 fn choose(settings: &OnlineSettings, frame: &Equations, s: usize, rows: &Accumulator) -> Result<Chosen> {
     if frame.allowed[s].is_empty() {
-        return Err(Error::invalid("the library holds no term; allow at least one"));
+        return Err(Error::settings("the library holds no term; allow at least one"));
     }
     let (groups, weights) = rows.groups(s);
     let total =

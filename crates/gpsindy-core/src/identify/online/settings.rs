@@ -80,7 +80,7 @@ impl OnlineSettings {
     /// Refuses what is out of range or contradicts itself.
     pub(super) fn check(&self) -> Result<()> {
         if self.states.is_empty() {
-            return Err(Error::invalid("no state named; say which columns are states"));
+            return Err(Error::settings("no state named; say which columns are states"));
         }
         let names = || self.states.iter().chain(&self.controls).map(|c| c.name.as_str());
         for (i, name) in names().enumerate() {

@@ -52,7 +52,7 @@ impl Scope<'_> {
                 best = Some((trial, hold));
             }
         }
-        let nothing = || Error::invalid("no start of the search");
+        let nothing = || Error::settings("no start of the search");
         Ok(best.ok_or_else(|| failure.unwrap_or_else(nothing)))
     }
 
