@@ -73,7 +73,7 @@ impl CsvLog {
         }
         let mut records = records.into_iter();
         let Some(first) = records.next() else {
-            return Err(Error::file(file, "the file is empty; expected a header row and then one sample a row"));
+            return Err(Error::file(file, "the file is empty; expected a header row and then one sample per row"));
         };
         let mut log = Self::of_header(file, &first, options)?;
         log.separator = separator;
@@ -322,15 +322,8 @@ impl Source for CsvLog {
         CsvLog::lacks(self, name)
     }
 
-    fn doubts(&self) -> Vec<String> {
-        let header = &self.headers[self.time];
-        if !matches!(header.unit.as_str(), "ms" | "us" | "\u{b5}s" | "ns" | "min" | "h" | "d") {
-            return Vec::new();
-        }
-        vec![format!(
-            "{}: the time column `{}` is read as seconds, so rates are per {}",
-            self.file, header.text, header.unit
-        )]
+    fn time_header(&self) -> Option<&Header> {
+        (!matches!(self.clock, Clock::Date(_))).then(|| &self.headers[self.time])
     }
 }
 
@@ -339,6 +332,9 @@ fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<Vec<Header>>
     let wrong = |message: String| Error::line(file, first.line, None, message);
     if first.cells.len() == 1 && first.cells[0].contains('|') {
         return Err(wrong("the cells look separated by bars; separate them by commas, semicolons or tabs".into()));
+    }
+    if first.cells.get(0).is_some_and(|cell| cell.starts_with("schema") && cell.contains("gpsindy.model/")) {
+        return Err(wrong("this is a model, not a log; a log has a header row and then one sample per row".into()));
     }
     if first.cells.iter().all(|c| number(c).is_ok()) {
         return Err(wrong("no header: the first row holds only numbers; put a row of column names before it".into()));
