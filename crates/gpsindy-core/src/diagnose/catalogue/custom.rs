@@ -1,4 +1,4 @@
-//! Start values for an effect of the user's own: which of its parameters are sizes, and which set its shape.
+//! Start values for a custom effect: which of its parameters are amplitudes, and which set its shape.
 
 use crate::diagnose::catalogue::effect::{CustomEffect, CustomParameter};
 use crate::diagnose::catalogue::excited::Scene;

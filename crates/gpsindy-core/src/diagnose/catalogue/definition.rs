@@ -1,4 +1,4 @@
-//! What the diagnosis knows of one effect: one [`Definition`] a file of `effects/`.
+//! The definition of an effect: one [`Definition`] per file of `effects/`.
 
 use crate::diagnose::catalogue::effects::Effect;
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -80,21 +80,27 @@ impl Place {
     /// The place in words.
     pub(crate) fn words(self) -> &'static str {
         match self {
-            Self::Row => "any equation of a rate",
-            Self::Own => "an equation of a rate, on its own state",
-            Self::Position => "an equation of a rate, on the place that belongs to it",
-            Self::Other => "an equation of a rate, on another state or a control that it lacks",
-            Self::Pair => "an equation of a rate, on two variables",
-            Self::Time => "any equation of a rate, on time",
-            Self::Parameter => "every equation in which a parameter stands",
-            Self::Control => "every equation in which a control stands",
+            Self::Row => "any dynamic equation",
+            Self::Own => "a dynamic equation, as a function of its own state",
+            Self::Position => "a dynamic equation, as a function of the position that belongs to it",
+            Self::Other => {
+                "a dynamic equation, as a function of another state or of a control that it does not contain"
+            }
+            Self::Pair => "a dynamic equation, as a function of two variables",
+            Self::Time => "any dynamic equation, as a function of time",
+            Self::Parameter => "every equation that contains a parameter",
+            Self::Control => "every equation that contains a control",
             Self::Sensor => "a logged column",
-            Self::Load => "an equation of a rate, on its own state and on another force of it",
-            Self::DriveAndSpeed => "every equation in which a control stands, on the speed that the control drives",
-            Self::Supply => "every equation in which a control stands, on a logged control that no equation has",
-            Self::Rate => "every equation in which a parameter stands, on a state that its terms hold",
-            Self::Heated => "every equation in which a parameter stands, on a control of the same equation",
-            Self::Gap => "every equation that holds the difference of two places",
+            Self::Load => "a dynamic equation, as a function of its own state and of another force in it",
+            Self::DriveAndSpeed => {
+                "every equation that contains a control, as a function of the speed that the control drives"
+            }
+            Self::Supply => {
+                "every equation that contains a control, as a function of a logged control that no equation uses"
+            }
+            Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
+            Self::Heated => "every equation that contains a parameter, as a function of a control of the same equation",
+            Self::Gap => "every equation that contains the difference of two positions",
         }
     }
 }
@@ -170,11 +176,11 @@ pub(crate) fn as_fitted(_: &mut Model, _: usize) {}
 pub(crate) mod experiment {
     pub(crate) const SLOW_REVERSALS: &str = "slow reversals at three or more speeds, or a coast-down";
     pub(crate) const KNOWN_LOAD: &str = "add a known mass or load, or check one static reading against a ruler";
-    pub(crate) const TURN_THE_RIG: &str = "turn the rig round, or stand still at two positions";
+    pub(crate) const TURN_THE_RIG: &str = "turn the rig around, or hold still at two positions";
     pub(crate) const TRIANGLES: &str = "triangles of rising amplitude about two offsets";
     pub(crate) const AMPLITUDES: &str = "one frequency at several amplitudes";
     pub(crate) const THE_SAME_AGAIN: &str = "the identical run repeated three times";
     pub(crate) const LARGER: &str = "a larger amplitude, or a second mean position";
     /// Where no pair has one of its own.
-    pub(crate) const ANOTHER_RUN: &str = "a run with another amplitude, offset and speed than the given logs have";
+    pub(crate) const ANOTHER_RUN: &str = "a run with another amplitude, offset and speed than the given logs";
 }

@@ -1,4 +1,4 @@
-//! What others ask of an effect, and the effects of the user's own.
+//! The public interface of effects, and custom effects.
 
 use crate::diagnose::catalogue::definition::{Definition, Family, Place, experiment};
 pub use crate::diagnose::catalogue::effects::Effect;
