@@ -1,4 +1,4 @@
-//! One CSV file: a header row, then one sample a row. Every kind of bad input is one error with file, line and column.
+//! One CSV file: a header row, then one sample per row. Every kind of bad input gives one error with file, line and column.
 
 use crate::error::{Error, Result};
 use crate::header::Header;

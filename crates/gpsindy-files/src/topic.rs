@@ -1,4 +1,4 @@
-//! What every log format yields: topics, each with columns on its own clock.
+//! The common form of all log formats: topics, each with columns on its own clock.
 
 use crate::error::Result;
 use crate::header::Header;
