@@ -3,6 +3,7 @@
 //! Lotka-Volterra and unicycle follow Hsin et al., section V: the same equations, parameters and initial state of the unicycle;
 //! "derivatives given" means the true right side plus noise of the same standard deviation as the states'.
 
+use crate::bag;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use std::fmt::Write;
@@ -13,6 +14,9 @@ const SEED: u64 = 1;
 /// Files of `data/` that the program carries for `gpsindy demo`: a packed crate holds nothing from outside its folder.
 const CARRIED: [&str; 3] = ["lotka_volterra.csv", "pendulum.csv", "pendulum.toml"];
 
+/// A log of topics in `data/`, and the map of its columns beside it.
+const BAG: &str = "pendulum.mcap";
+
 /// Writes every generated file into `data/`, and what the program carries into its crate.
 pub(crate) fn write() -> Result<(), String> {
     let root = crate::shell::root();
@@ -22,6 +26,9 @@ pub(crate) fn write() -> Result<(), String> {
         std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
         crate::shell::complain(&format!("wrote {}", path.display()));
     }
+    let path = root.join("data").join(BAG);
+    std::fs::write(&path, pendulum_bag()?).map_err(|e| failed(&path, e))?;
+    crate::shell::complain(&format!("wrote {}", path.display()));
     for name in CARRIED {
         let path = carried(name);
         std::fs::copy(root.join("data").join(name), &path).map_err(|e| failed(&path, e))?;
@@ -122,14 +129,33 @@ fn unicycle() -> String {
     text
 }
 
-/// A driven pendulum whose bearing has dry friction; the torque is held between samples.
+/// A driven pendulum whose bearing has dry friction.
 ///
 /// `phi' = omega`, `omega' = -9.81*sin(phi) - 0.1*omega - friction + 2*u`, where friction is 0.35 rad/s^2 against the
 /// motion, and holds the pendulum at rest as long as the other torques stay below it.
+struct Pendulum {
+    phi: f64,
+    omega: f64,
+}
+
+impl Pendulum {
+    /// Moves on by `steps` steps of `h` seconds under one torque.
+    fn advance(&mut self, torque: f64, h: f64, steps: usize) {
+        const DRY: f64 = 0.35;
+        for _ in 0..steps {
+            let smooth = -9.81 * f64::sin(self.phi) - 0.1 * self.omega + 2.0 * torque;
+            let pushed: f64 = self.omega + h * smooth;
+            // Dry friction takes away speed but never turns it round.
+            self.omega = pushed.signum() * (pushed.abs() - h * DRY).max(0.0);
+            self.phi += h * self.omega;
+        }
+    }
+}
+
+/// Four runs of the pendulum as a table; the torque is held between samples.
 fn pendulum() -> String {
     const PERIOD: f64 = 0.04;
     const STEPS: usize = 400;
-    const DRY: f64 = 0.35;
     let mut normal = Normal::new(3);
     let mut text = String::from(
         "# Driven pendulum, 4 runs: phi' = omega, omega' = -9.81*sin(phi) - 0.1*omega + 2*u - dry friction of 0.35 rad/s^2\n\
@@ -137,7 +163,7 @@ fn pendulum() -> String {
          run,t [s],phi [rad],omega [rad/s],u [N*m]\n",
     );
     for run in 1..=4 {
-        let (mut phi, mut omega) = (1.2 * normal.draw(), 0.0);
+        let mut pendulum = Pendulum { phi: 1.2 * normal.draw(), omega: 0.0 };
         let (mut torque, mut hold) = (0.0, 0);
         for sample in 0..400 {
             if hold == 0 {
@@ -145,19 +171,47 @@ fn pendulum() -> String {
                 hold = 5 + (25.0 * normal.uniform()) as usize;
             }
             hold -= 1;
-            let (angle, rate) = (phi + 0.003 * normal.draw(), omega + 0.02 * normal.draw());
+            let (angle, rate) = (pendulum.phi + 0.003 * normal.draw(), pendulum.omega + 0.02 * normal.draw());
             let _ = writeln!(text, "{run},{:.2},{angle:.4},{rate:.4},{torque:.2}", sample as f64 * PERIOD);
-            let h = PERIOD / STEPS as f64;
-            for _ in 0..STEPS {
-                let smooth = -9.81 * f64::sin(phi) - 0.1 * omega + 2.0 * torque;
-                let pushed: f64 = omega + h * smooth;
-                // Dry friction takes away speed but never turns it round.
-                omega = pushed.signum() * (pushed.abs() - h * DRY).max(0.0);
-                phi += h * omega;
-            }
+            pendulum.advance(torque, PERIOD / STEPS as f64, STEPS);
         }
     }
     text
+}
+
+/// Forty seconds of the same pendulum as a robot records it: joint states at 50 Hz, a command in every second cycle of the
+/// controller, stamped like the state that it answers. Cycles jitter by up to 2 ms.
+fn pendulum_bag() -> Result<Vec<u8>, String> {
+    const BEGIN: i64 = 1_767_600_000_000_000_000;
+    const TICKS: i64 = 40_000;
+    let mut normal = Normal::new(4);
+    let mut bag = bag::Bag::new()?;
+    let (states, commands) = (bag.channel("/joint_states")?, bag.channel("/joint_commands")?);
+    let mut pendulum = Pendulum { phi: 1.2 * normal.draw(), omega: 0.0 };
+    let (mut torque, mut hold) = (0.0, 0);
+    let mut jitter = Normal::new(5);
+    let mut next = |period: i64, count: i64| period * count + (3.0 * jitter.uniform()) as i64;
+    let mut cycle = (0, 0);
+    for tick in 0..TICKS {
+        let now = BEGIN + tick * 1_000_000;
+        if tick == cycle.0 {
+            let angle = (1e4 * (pendulum.phi + 0.003 * normal.draw())).round() / 1e4;
+            let rate = (1e4 * (pendulum.omega + 0.02 * normal.draw())).round() / 1e4;
+            // Both reach the recorder a little later.
+            bag.write(states, now, now + 400_000, [Some(angle), Some(rate), None])?;
+            if cycle.1 % 2 == 0 {
+                if hold == 0 {
+                    torque = (100.0 * 1.5 * normal.draw()).round() / 100.0;
+                    hold = 3 + (15.0 * normal.uniform()) as usize;
+                }
+                hold -= 1;
+                bag.write(commands, now, now + 500_000, [None, None, Some(torque)])?;
+            }
+            cycle = (next(20, cycle.1 + 1), cycle.1 + 1);
+        }
+        pendulum.advance(torque, 1e-4, 10);
+    }
+    bag.done()
 }
 
 #[cfg(test)]
@@ -178,6 +232,17 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_bag_in_data_is_what_the_generator_writes() {
+        let kept = std::fs::read(crate::shell::root().join("data").join(BAG)).unwrap();
+        let (kept, written) = (bag::numbers(&kept), bag::numbers(&pendulum_bag().unwrap()));
+        assert_eq!(kept.len(), written.len());
+        for ((time, a), (other, b)) in kept.iter().zip(&written) {
+            assert_eq!((time, a.len()), (other, b.len()));
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 3e-4), "{time}: {a:?} and {b:?}");
         }
     }
 

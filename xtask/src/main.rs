@@ -1,6 +1,7 @@
 //! Tasks of a developer: `cargo xtask test` runs all checks; the other tasks are in [`HELP`].
 #![forbid(unsafe_code)]
 
+mod bag;
 mod data;
 mod package;
 mod picture;
@@ -22,8 +23,8 @@ cargo xtask semver [REV]  the public interface against a tag or commit; without 
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg again
-cargo xtask effects       write docs/effects again from the catalogue
-cargo xtask site          build the site of docs/ into target/site/public, run its snippets, check its links
+cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
+cargo xtask site          build the site of docs/ into target/site/public: references, every command and program of the pages, links
 ";
 
 fn main() -> ExitCode {
@@ -39,10 +40,7 @@ fn main() -> ExitCode {
         "msrv" => tools::msrv(),
         "data" => data::write(),
         "picture" => picture::hare_lynx(),
-        "effects" => {
-            let arguments = "run --release -p gpsindy-report --example effects -- docs/effects";
-            shell::run("cargo", arguments.split(' '), &[])
-        }
+        "effects" => site::effects(),
         "site" => site::build(true),
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);

@@ -3,10 +3,24 @@
 use crate::shell::{root, run};
 use std::path::PathBuf;
 
+const PIP: [&str; 5] = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+
 /// Builds the wheel with maturin, installs it with its test requirements, runs pytest and compares the stubs with the module.
+pub(crate) fn test() -> Result<(), String> {
+    let python = environment(&[])?;
+    run(&python, ["-m", "pytest", "-q", "-rs", "crates/gpsindy-py"], &[])?;
+    run(&python, ["-m", "pytest", "-q", "-rs", "experiments"], &[])?;
+    // The package carries its types; the compiled part has a stub by hand, which is compared with the module itself.
+    let package = "crates/gpsindy-py";
+    let configuration = format!("{package}/pyproject.toml");
+    run(&python, ["-m", "mypy", "--config-file", &configuration, &format!("{package}/python/gpsindy")], &[])?;
+    run(&python, ["-m", "mypy.stubtest", "gpsindy._gpsindy"], &[])
+}
+
+/// The Python that has the wheel of this tree with its test requirements, and `more` packages.
 ///
 /// Everything lives under `target/`: `target/venv` is made once and used again, `target/wheels` holds the wheel.
-pub(crate) fn test() -> Result<(), String> {
+pub(crate) fn environment(more: &[&str]) -> Result<PathBuf, String> {
     let environment = root().join("target/venv");
     let program = |name: &str| -> PathBuf {
         if cfg!(windows) { environment.join("Scripts").join(name) } else { environment.join("bin").join(name) }
@@ -16,8 +30,7 @@ pub(crate) fn test() -> Result<(), String> {
         let system = std::env::var("PYTHON").unwrap_or_else(|_| "python3".into());
         run(system, ["-m", "venv", &environment.to_string_lossy()], &[])?;
     }
-    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    run(&python, pip.iter().chain(&["maturin>=1.9,<2"]), &[])?;
+    run(&python, PIP.iter().chain(&["maturin>=1.9,<2"]), &[])?;
 
     let wheels = root().join("target/wheels");
     if wheels.exists() {
@@ -34,13 +47,7 @@ pub(crate) fn test() -> Result<(), String> {
 
     // The wheel itself first and without asking an index, so that a new build of the same version replaces the old one.
     let wheel = wheel.to_string_lossy();
-    run(&python, pip.iter().chain(&["--force-reinstall", "--no-deps", &wheel]), &[])?;
-    run(&python, pip.iter().chain(&[&*format!("{wheel}[test]")]), &[])?;
-    run(&python, ["-m", "pytest", "-q", "-rs", "crates/gpsindy-py"], &[])?;
-    run(&python, ["-m", "pytest", "-q", "-rs", "experiments"], &[])?;
-    // The package carries its types; the compiled part has a stub by hand, which is compared with the module itself.
-    let package = "crates/gpsindy-py";
-    let configuration = format!("{package}/pyproject.toml");
-    run(&python, ["-m", "mypy", "--config-file", &configuration, &format!("{package}/python/gpsindy")], &[])?;
-    run(&python, ["-m", "mypy.stubtest", "gpsindy._gpsindy"], &[])
+    run(&python, PIP.iter().chain(&["--force-reinstall", "--no-deps", &wheel]), &[])?;
+    run(&python, PIP.iter().chain(&[&*format!("{wheel}[test]")]).chain(more), &[])?;
+    Ok(python)
 }

@@ -4,12 +4,13 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 use crate::commands::{
-    completions, demo, diagnose, effects, exam, export, fleet, identify, inspect, man, score, simulate, smooth,
+    completions, demo, design, diagnose, effects, exam, export, fleet, identify, inspect, man, mcp, score, simulate,
+    smooth,
 };
 use crate::failure::Outcome;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gpsindy_core::Hold;
-use gpsindy_files::{LogOptions, Stamp};
+use gpsindy_files::{LogOptions, Offset, Stamp};
 use std::path::PathBuf;
 
 /// Identify equations from sparse, noisy logs, and diagnose where a simulator is wrong.
@@ -55,12 +56,14 @@ pub(crate) enum Command {
     Score(score::Score),
     Export(export::Export),
     Diagnose(Box<diagnose::Diagnose>),
+    Design(Box<design::Design>),
     Exam(exam::Exam),
     Effects(effects::Effects),
     Fleet(Box<fleet::Fleet>),
     Demo(demo::Demo),
     Completions(completions::Completions),
     Man(man::Man),
+    Mcp(mcp::Mcp),
 }
 
 /// How the columns of logs are found.
@@ -85,9 +88,9 @@ pub(crate) struct Columns {
     /// Which time stamps of messages to use [default: that of the header if there is one, else the recording time]
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub(crate) stamp: Option<Clock>,
-    /// Shift the stamps of a topic by a number of seconds
-    #[arg(long, value_name = "TOPIC=SECONDS", value_parser = offset, allow_hyphen_values = true)]
-    pub(crate) offset: Vec<(String, f64)>,
+    /// Shift the stamps of a topic by a number of seconds; `auto` estimates the shift, with an interval, from the agreement with other topics
+    #[arg(long, value_name = "TOPIC=SECONDS|auto", value_parser = offset, allow_hyphen_values = true)]
+    pub(crate) offset: Vec<(String, Offset)>,
     /// Unwrap an angle (rad) that jumps by full turns, at the full sampling rate
     #[arg(long, value_name = "COLUMN")]
     pub(crate) angle: Vec<String>,
@@ -137,10 +140,9 @@ fn place(text: &str) -> Result<(String, String), String> {
     }
 }
 
-fn offset(text: &str) -> Result<(String, f64), String> {
-    let (topic, shift) = pair(text).map_err(|_| "expected TOPIC=SECONDS".to_string())?;
-    let seconds = shift.parse::<f64>().ok().filter(|s| s.is_finite());
-    seconds.map(|s| (topic, s)).ok_or_else(|| format!("`{shift}` is not a number of seconds"))
+fn offset(text: &str) -> Result<(String, Offset), String> {
+    let (topic, shift) = pair(text).map_err(|_| "expected TOPIC=SECONDS or TOPIC=auto".to_string())?;
+    Ok((topic, shift.parse()?))
 }
 
 /// `A=B`, cut at the last `=` because a header may hold one.

@@ -96,6 +96,11 @@ impl Screen {
     }
 }
 
+/// Writes out what was printed: a host that ends without Rust's own end of program would lose it.
+pub(crate) fn flush() {
+    let _ = std::io::stdout().flush();
+}
+
 /// A progress bar that the library reports to.
 #[derive(Debug)]
 pub(crate) struct Bar {

@@ -56,3 +56,25 @@ fn nothing_is_written_through_a_link_or_among_the_cases() {
     assert_eq!(std::fs::read_dir(folder.path().join("elsewhere")).unwrap().count(), 0);
     assert_eq!(std::fs::read_dir(folder.path().join("suite/case_1")).unwrap().count(), 2);
 }
+
+#[test]
+fn reports_of_another_tool_are_scored() {
+    let folder = suite();
+    std::fs::create_dir_all(folder.path().join("other/case_1")).unwrap();
+    folder.write("other/case_1/report.json", "{\"verdict\": \"no_gap\"}");
+    let told = folder.run("exam suite --reports other --out card --quiet").done().stdout;
+    assert!(told.contains("diagnoses: other"), "{told}");
+    let card: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.path().join("card/scorecard.json")).unwrap()).unwrap();
+    assert_eq!(card["cases"][0]["verdict"], "no_gap", "{card}");
+    assert!(!folder.path().join("card/case_1").exists());
+    folder.write("other/case_1/report.json", "{\"verdict\": \"perhaps\"}");
+    let told = folder.run("exam suite --reports other --out card");
+    assert!(told.refused().contains("other/case_1/report.json: "), "{told:?}");
+    assert!(
+        folder
+            .run("exam suite --reports nowhere --out card")
+            .refused()
+            .contains("--reports: nowhere has no CASE/report.json")
+    );
+}

@@ -13,11 +13,13 @@ const COMMANDS: &[&str] = &[
     "simulate",
     "score",
     "diagnose",
+    "design",
     "exam",
     "effects",
     "demo",
     "completions",
     "man",
+    "mcp",
 ];
 
 #[test]

@@ -112,6 +112,7 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod clock;
 mod data;
 pub mod diagnose;
 mod differentiate;
@@ -136,6 +137,7 @@ pub mod systems;
 /// this crate was built with. faer is below 1.0, and a new version of it is a new version of this crate.
 pub use faer;
 
+pub use clock::{ClockOffset, Signal, clock_offset};
 pub use data::{Channel, Dataset, Hold, Run};
 pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives, SecondStage, central, slope};
 pub use error::{Error, Result};
@@ -151,5 +153,5 @@ pub use model::{
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};
 pub use score::{Errors, Score, Scoring, StateError, score};
-pub use simulate::{Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
+pub use simulate::{Controller, Excitation, Method, Rollout, Simulate, StateReader, initial_state, unmeasure};
 pub use smooth::{Noise, Smoothed, SmoothedRun, Smoother};

@@ -2,15 +2,23 @@
 
 use crate::error::{Error, Result};
 use crate::header::Header;
+use crate::input::Input;
 use crate::log::LogOptions;
-use crate::near::hint;
 use crate::time::{self, Clock};
 use crate::topic::{Reading, Source, Topic};
 use csv::StringRecord;
 use gpsindy_core::Progress;
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
-/// A log file with its time column read; the other columns are read when they are asked for.
+mod headers;
+mod scan;
+
+pub(crate) use headers::separator;
+use headers::{headers, missing, names};
+use scan::Body;
+
+/// A log file with its time column read; the other columns are read from the file when they are asked for.
 ///
 /// So a column that nobody asks for may hold text.
 #[derive(Debug, Clone)]
@@ -21,16 +29,23 @@ pub(crate) struct CsvLog {
     headers: Vec<Header>,
     /// The same without time and run.
     columns: Vec<Header>,
-    separator: u8,
     time: usize,
     run: Option<usize>,
     clock: Clock,
     header_line: u64,
-    rows: Vec<Row>,
+    /// Where the rows are; `None` where they come one by one.
+    body: Option<(Input, Body)>,
+    /// The first stamp as it is written.
+    first_stamp: String,
     pub(crate) times: Vec<f64>,
+    /// Runs in their order, and of several the one of each row.
+    run_names: Vec<String>,
+    run_of_row: Vec<u32>,
+    /// Which headers stand over nothing but numbers, once somebody asked.
+    numeric: OnceLock<Vec<bool>>,
 }
 
-/// Cells of one line, which begins at line number `line`.
+/// Cells of one line, which begins at line number `line`; in a pass over a file at byte `line`.
 #[derive(Debug, Clone)]
 pub(crate) struct Row {
     pub(crate) line: u64,
@@ -41,45 +56,26 @@ impl CsvLog {
     /// Reads the bytes of a log; `file` names them in messages.
     ///
     /// # Errors
-    /// [`Error::Line`] or [`Error::File`]: not UTF-8, no header, a column twice, no time column, a row of another
-    /// length, a time that is no number or does not increase, fewer than 2 samples in a run.
+    /// As [`CsvLog::open`], and a time that does not increase.
+    #[cfg(test)]
     pub(crate) fn parse(file: &str, bytes: &[u8], options: &LogOptions) -> Result<Self> {
-        let log = Self::open(file, bytes, options)?;
-        log.check_times()?;
-        Ok(log)
+        Self::open(Input::of_bytes(file, bytes), options, true)
     }
 
-    /// The same without a look at the order of the times.
-    pub(crate) fn open(file: &str, bytes: &[u8], options: &LogOptions) -> Result<Self> {
-        let text = decode(file, bytes)?;
-        let (start, first_line) = skip_comments(text);
-        let mut lines = Lines { text, at: start, line: first_line };
-        let separator = separator(text[start..].lines().next().unwrap_or_default());
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(separator)
-            .trim(csv::Trim::All)
-            .from_reader(&text.as_bytes()[start..]);
-        let mut records = Vec::new();
-        loop {
-            let mut cells = StringRecord::new();
-            let more = reader.read_record(&mut cells).map_err(|e| Error::file(file, format!("not a CSV file: {e}")))?;
-            if !more {
-                break;
-            }
-            let at = cells.position().map_or(0, csv::Position::byte) as usize;
-            records.push(Row { line: lines.of(start + at), cells });
-        }
-        let mut records = records.into_iter();
-        let Some(first) = records.next() else {
-            return Err(Error::file(file, "the file is empty; expected a header row and then one sample per row"));
+    /// Goes through a log once for its times and runs. The other columns are read when they are asked for, by another pass:
+    /// so a log is never in memory as text.
+    ///
+    /// # Errors
+    /// [`Error::Line`] or [`Error::File`]: not UTF-8, no header, a column twice, no time column, a row of another
+    /// length, a time that is no number; where `ordered`, one that does not increase, fewer than 2 samples in a run.
+    pub(crate) fn open(input: Input, options: &LogOptions, ordered: bool) -> Result<Self> {
+        let Some((body, first)) = scan::head(&input)? else {
+            let message = "the file is empty; expected a header row and then one sample a row";
+            return Err(Error::file(&input.file, message));
         };
-        let mut log = Self::of_header(file, &first, options)?;
-        log.separator = separator;
-        log.rows = records.collect();
-        log.check_lengths()?;
-        log.read_times()?;
+        let mut log = Self::of_header(&input.file, &first, options)?;
+        log.read_times(&input, body, ordered)?;
+        log.body = Some((input, body));
         Ok(log)
     }
 
@@ -107,14 +103,17 @@ impl CsvLog {
         Ok(Self {
             file: file.into(),
             columns: columns.map(|(_, h)| h.clone()).collect(),
-            separator: b',',
             headers,
             time,
             run,
             clock: Clock::Plain,
             header_line: first.line,
-            rows: Vec::new(),
+            body: None,
+            first_stamp: String::new(),
             times: Vec::new(),
+            run_names: Vec::new(),
+            run_of_row: Vec::new(),
+            numeric: OnceLock::new(),
         })
     }
 
@@ -139,23 +138,50 @@ impl CsvLog {
     }
 
     /// The values of a column, NaN where the cell is missing.
+    #[cfg(test)]
     pub(crate) fn values(&self, name: &str) -> Result<Vec<f64>> {
-        let Some(index) = self.position(name) else { return Err(self.lacks(name)) };
-        self.rows.iter().map(|row| self.number(row, index)).collect()
+        let column = self.columns.iter().position(|h| h.answers_to(name)).ok_or_else(|| self.lacks(name))?;
+        let mut values = Vec::with_capacity(self.times.len());
+        self.each(&[column], &gpsindy_core::Silent, &mut |_, found| values.push(found[0]))?;
+        Ok(values)
     }
 
-    /// Runs of the file: name of the run (empty where the file is one run) and its rows in order.
+    /// The values of columns, row by row; `take` gets the row's number.
+    fn each(&self, columns: &[usize], progress: &dyn Progress, take: &mut dyn FnMut(usize, &[f64])) -> Result<()> {
+        let Some((input, body)) = &self.body else { return Ok(()) };
+        let places: Vec<usize> = columns.iter().filter_map(|c| self.position(&self.columns[*c].name)).collect();
+        let mut values = vec![f64::NAN; places.len()];
+        let mut count = 0;
+        scan::rows(input, *body, progress, &mut |row| {
+            self.check_row(row)?;
+            for (value, &place) in values.iter_mut().zip(&places) {
+                *value = self.number(row, place)?;
+            }
+            if count < self.times.len() {
+                take(count, &values);
+            }
+            count += 1;
+            Ok(())
+        })?;
+        if count != self.times.len() {
+            return Err(Error::file(
+                &self.file,
+                "the file changed while it was read; read it again when it is complete",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Runs of the file, for tests: name of the run (empty where the file is one run) and its rows in order.
+    #[cfg(test)]
     pub(crate) fn runs(&self) -> Vec<(String, Vec<usize>)> {
-        let Some(column) = self.run else { return vec![(String::new(), (0..self.rows.len()).collect())] };
-        let mut order: HashMap<&str, usize> = HashMap::new();
-        let mut runs: Vec<(String, Vec<usize>)> = Vec::new();
-        for (i, row) in self.rows.iter().enumerate() {
-            let name = cell(row, column);
-            let at = *order.entry(name).or_insert_with(|| {
-                runs.push((name.to_string(), Vec::new()));
-                runs.len() - 1
-            });
-            runs[at].1.push(i);
+        if self.run.is_none() {
+            return vec![(String::new(), (0..self.times.len()).collect())];
+        }
+        let mut runs: Vec<(String, Vec<usize>)> =
+            self.run_names.iter().map(|name| (name.clone(), Vec::new())).collect();
+        for (row, &run) in self.run_of_row.iter().enumerate() {
+            runs[run as usize].1.push(row);
         }
         runs
     }
@@ -179,13 +205,6 @@ impl CsvLog {
             }
             Err(()) => Err(wrong(format!("not a number: {}; leave the cell empty for a missing value", shown(text)))),
         }
-    }
-
-    fn check_lengths(&self) -> Result<()> {
-        if self.rows.is_empty() {
-            return Err(Error::line(&self.file, self.header_line, None, "no samples follow the header"));
-        }
-        self.rows.iter().try_for_each(|row| self.check_row(row))
     }
 
     /// Refuses a comment, and a row of another length than the header's.
@@ -254,37 +273,63 @@ impl CsvLog {
         Err(Error::line(&self.file, line, Some(&self.headers[self.time].name), message))
     }
 
-    fn read_times(&mut self) -> Result<()> {
-        if let Some(first) = self.rows.first().cloned() {
-            self.start_clock(&first);
+    /// Times and runs of all rows. Where `ordered`, times must increase within a run.
+    fn read_times(&mut self, input: &Input, body: Body, ordered: bool) -> Result<()> {
+        /// The end of a run, as far as it was read.
+        struct Tail {
+            first: u64,
+            last: f64,
+            count: usize,
         }
-        self.times = self.rows.iter().map(|row| self.time_of(row)).collect::<Result<_>>()?;
+        let (mut times, mut run_of_row): (Vec<f64>, Vec<u32>) = (Vec::new(), Vec::new());
+        let mut known: HashMap<String, u32> = HashMap::new();
+        let mut tails: Vec<Tail> = Vec::new();
+        let mut run_names: Vec<String> = Vec::new();
+        scan::rows(input, body, &gpsindy_core::Silent, &mut |row| {
+            self.check_row(row)?;
+            if times.is_empty() {
+                self.start_clock(row);
+                self.first_stamp = cell(row, self.time).into();
+            }
+            let time = self.time_of(row)?;
+            let name = self.run_of(row);
+            // Rows of a run mostly follow each other.
+            let at = match run_names.last() {
+                Some(last) if last == name => run_names.len() - 1,
+                _ => match known.get(name) {
+                    Some(at) => *at as usize,
+                    None => {
+                        let at = run_names.len();
+                        known.insert(name.into(), u32::try_from(at).unwrap_or(u32::MAX));
+                        run_names.push(name.into());
+                        tails.push(Tail { first: row.line, last: f64::NEG_INFINITY, count: 0 });
+                        at
+                    }
+                },
+            };
+            let tail = &mut tails[at];
+            if ordered && tail.count > 0 {
+                self.check_step(tail.last, time, row.line)?;
+            }
+            (tail.last, tail.count) = (time, tail.count + 1);
+            times.push(time);
+            if self.run.is_some() {
+                run_of_row.push(u32::try_from(at).unwrap_or(u32::MAX));
+            }
+            Ok(())
+        })?;
+        if times.is_empty() {
+            return Err(Error::line(&self.file, self.header_line, None, "no samples follow the header"));
+        }
+        let short = run_names.iter().zip(&tails).find(|(_, tail)| ordered && tail.count < 2);
+        if let Some((name, tail)) = short {
+            let whose = if name.is_empty() { String::new() } else { format!("run `{name}` has ") };
+            let line = scan::line_of(input, tail.first)?;
+            return Err(Error::line(&self.file, line, None, format!("{whose}1 sample; a run needs at least 2")));
+        }
+        (self.times, self.run_of_row, self.run_names) = (times, run_of_row, run_names);
         Ok(())
     }
-
-    fn check_times(&self) -> Result<()> {
-        for (run, rows) in self.runs() {
-            for pair in rows.windows(2) {
-                self.check_step(self.times[pair[0]], self.times[pair[1]], self.rows[pair[1]].line)?;
-            }
-            if rows.len() < 2 {
-                let whose = if run.is_empty() { String::new() } else { format!("run `{run}` has ") };
-                let line = rows.first().map_or(self.header_line, |&i| self.rows[i].line);
-                return Err(Error::line(&self.file, line, None, format!("{whose}1 sample; a run needs at least 2")));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// What separates the cells: a comma, or where the header has none, a semicolon or a tab.
-pub(crate) fn separator(header: &str) -> u8 {
-    let outside: String = header.split('"').step_by(2).collect();
-    if outside.contains(';') && (!outside.contains(',') || outside.matches(';').count() > outside.matches(',').count())
-    {
-        return b';';
-    }
-    if outside.contains('\t') && !outside.contains(',') { b'\t' } else { b',' }
 }
 
 impl Source for CsvLog {
@@ -292,28 +337,43 @@ impl Source for CsvLog {
         &self.columns
     }
 
-    /// An infinite value is a number, if a bad one.
+    /// An infinite value is a number, if a bad one. Told by one pass over all columns, the first time that anybody asks.
     fn is_numeric(&self, column: usize) -> bool {
-        let index = self.position(&self.columns[column].name);
-        index.is_some_and(|i| self.rows.iter().all(|row| number(cell(row, i)).is_ok()))
+        let Some((input, body)) = &self.body else { return true };
+        let numeric = self.numeric.get_or_init(|| {
+            let mut numeric = vec![true; self.headers.len()];
+            let done = scan::rows(input, *body, &gpsindy_core::Silent, &mut |row| {
+                for (i, numeric) in numeric.iter_mut().enumerate() {
+                    *numeric = *numeric && number(cell(row, i)).is_ok();
+                }
+                Ok(())
+            });
+            if done.is_ok() { numeric } else { Vec::new() }
+        });
+        self.position(&self.columns[column].name).is_some_and(|i| numeric.get(i).copied().unwrap_or(false))
     }
 
-    fn read(&self, columns: &[usize], _: &dyn Progress) -> Result<Reading> {
-        let mut values = Vec::with_capacity(columns.len());
-        for &column in columns {
-            values.push(self.values(&self.columns[column].name)?);
-        }
-        let topic = |(run, rows): (String, Vec<usize>)| Topic {
+    fn read(&self, columns: &[usize], progress: &dyn Progress) -> Result<Reading> {
+        let topic = |name: &String, count: usize| Topic {
             name: String::new(),
-            run,
-            stamps: rows.iter().map(|&i| self.times[i]).collect(),
-            columns: values.iter().enumerate().map(|(j, v)| (j, rows.iter().map(|&i| v[i]).collect())).collect(),
+            run: if self.run.is_some() { name.clone() } else { String::new() },
+            stamps: Vec::with_capacity(count),
+            columns: (0..columns.len()).map(|j| (j, Vec::with_capacity(count))).collect(),
         };
-        let topics = self.runs().into_iter().map(topic).collect();
-        let first = self.rows.first().map_or("", |row| cell(row, self.time));
+        let mut counts = vec![0_usize; self.run_names.len()];
+        self.run_of_row.iter().for_each(|run| counts[*run as usize] += 1);
+        if self.run.is_none() {
+            counts = vec![self.times.len()];
+        }
+        let mut topics: Vec<Topic> = self.run_names.iter().zip(&counts).map(|(name, n)| topic(name, *n)).collect();
+        self.each(columns, progress, &mut |row, values| {
+            let topic = &mut topics[self.run_of_row.get(row).map_or(0, |run| *run as usize)];
+            topic.stamps.push(self.times[row]);
+            topic.columns.iter_mut().zip(values).for_each(|((_, column), value)| column.push(*value));
+        })?;
         let notes = match self.clock {
             Clock::Plain => Vec::new(),
-            _ => vec![format!("{}: times are counted from the first stamp, {first}", self.file)],
+            _ => vec![format!("{}: times are counted from the first stamp, {}", self.file, self.first_stamp)],
         };
         Ok(Reading { topics, notes })
     }
@@ -325,62 +385,6 @@ impl Source for CsvLog {
     fn time_header(&self) -> Option<&Header> {
         (!matches!(self.clock, Clock::Date(_))).then(|| &self.headers[self.time])
     }
-}
-
-/// Headers of the first row, renamed, each name once.
-fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<Vec<Header>> {
-    let wrong = |message: String| Error::line(file, first.line, None, message);
-    if first.cells.len() == 1 && first.cells[0].contains('|') {
-        return Err(wrong("the cells look separated by bars; separate them by commas, semicolons or tabs".into()));
-    }
-    if first.cells.get(0).is_some_and(|cell| cell.starts_with("schema") && cell.contains("gpsindy.model/")) {
-        return Err(wrong("this is a model, not a log; a log has a header row and then one sample per row".into()));
-    }
-    if first.cells.iter().all(|c| number(c).is_ok()) {
-        return Err(wrong("no header: the first row holds only numbers; put a row of column names before it".into()));
-    }
-    let mut headers: Vec<Header> = first.cells.iter().map(Header::parse).collect();
-    for (i, header) in headers.iter_mut().enumerate() {
-        if header.name.is_empty() {
-            header.name = format!("column_{}", i + 1);
-        }
-    }
-    for (old, new) in &options.rename {
-        // The whole header is looked for first, so that two columns of one name can be told apart.
-        let at =
-            headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));
-        let Some(at) = at else { return Err(missing(file, "--rename: column", old, &headers)) };
-        headers[at].name.clone_from(new);
-    }
-    for (new, old) in &options.map {
-        let at =
-            headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));
-        match at {
-            Some(at) => headers[at].name.clone_from(new),
-            // A map may serve logs of several kinds: this one has the name already.
-            None if headers.iter().any(|h| h.name == *new) => {}
-            None => return Err(missing(file, &format!("--map {new}: column"), old, &headers)),
-        }
-    }
-    for (i, header) in headers.iter().enumerate() {
-        if let Some(other) = headers[..i].iter().find(|h| h.name == header.name) {
-            let message = format!(
-                "column stands twice, as `{}` and as `{}`; remove one or name one otherwise with --rename '{}=...'",
-                other.text, header.text, header.text
-            );
-            return Err(Error::line(file, first.line, Some(&header.name), message));
-        }
-    }
-    Ok(headers)
-}
-
-fn missing(file: &str, kind: &str, name: &str, headers: &[Header]) -> Error {
-    let found = hint(name, headers.iter().map(|h| h.name.as_str()));
-    Error::file(file, format!("{kind} `{name}` is not in the file{found}"))
-}
-
-fn names(headers: &[Header]) -> String {
-    headers.iter().map(|h| h.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 fn cell(row: &Row, index: usize) -> &str {
@@ -402,52 +406,6 @@ fn shown(text: &str) -> String {
         short.push_str("...");
     }
     format!("{short:?}")
-}
-
-/// UTF-8 without a byte order mark.
-fn decode<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(Error::line(file, 1, None, "the file is UTF-16; save it as UTF-8"));
-    }
-    let text = std::str::from_utf8(bytes).map_err(|e| {
-        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u64;
-        let byte = bytes[e.valid_up_to()];
-        Error::line(file, line, None, format!("byte 0x{byte:02x} is not UTF-8; save the file as UTF-8"))
-    })?;
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
-}
-
-/// Where the header begins (byte) and the line it stands in.
-fn skip_comments(text: &str) -> (usize, u64) {
-    let (mut start, mut line) = (0, 1);
-    for piece in text.split_inclusive('\n') {
-        let trimmed = piece.trim();
-        if !(trimmed.is_empty() || trimmed.starts_with('#')) {
-            break;
-        }
-        start += piece.len();
-        line += 1;
-    }
-    (start, line)
-}
-
-/// Line numbers of ascending byte positions. The csv crate's own count is of the blank line before a record.
-struct Lines<'a> {
-    text: &'a str,
-    at: usize,
-    line: u64,
-}
-
-impl Lines<'_> {
-    fn of(&mut self, mut position: usize) -> u64 {
-        let bytes = self.text.as_bytes();
-        while bytes.get(position).is_some_and(|b| matches!(b, b'\r' | b'\n')) {
-            position += 1;
-        }
-        self.line += bytes[self.at..position].iter().filter(|b| **b == b'\n').count() as u64;
-        self.at = position;
-        self.line
-    }
 }
 
 #[cfg(test)]

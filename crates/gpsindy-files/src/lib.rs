@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod align;
 mod csv_log;
 mod effects;
 mod error;
@@ -34,11 +35,12 @@ mod topic;
 #[cfg(feature = "ulog")]
 mod ulog;
 
+pub use align::TopicOffset;
 pub use effects::{parse_effects, read_effects};
 pub use error::{Error, Result};
 pub use header::Header;
 pub use inspect::{ClockReport, ColumnReport, Finding, Inspection, TopicReport, inspect};
-pub use log::{Log, LogOptions, Stamp};
+pub use log::{Log, LogOptions, Offset, Stamp};
 pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 pub use output::write_whole;

@@ -26,14 +26,35 @@ pub struct LogOptions {
     pub unit: Vec<(String, String)>,
     /// The clock of messages.
     pub stamp: Stamp,
-    /// Seconds that are added to the stamps of a topic.
-    pub offset: Vec<(String, f64)>,
+    /// What is added to the stamps of a topic.
+    pub offset: Vec<(String, Offset)>,
 }
 
 impl LogOptions {
     /// The unit that the options give a column, empty where they give none.
     pub(crate) fn unit_of(&self, name: &str) -> String {
         self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()
+    }
+}
+
+/// What is added to the stamps of a topic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Offset {
+    /// So many seconds.
+    Seconds(f64),
+    /// What makes its columns agree with those of the other topics best.
+    Auto,
+}
+
+impl std::str::FromStr for Offset {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let seconds = text.parse().ok().filter(|s: &f64| s.is_finite());
+        seconds.map(Self::Seconds).ok_or_else(|| format!("`{text}` is neither a number of seconds nor `auto`"))
     }
 }
 
@@ -57,6 +78,7 @@ pub struct Log {
     /// The file, as the user named it.
     pub file: String,
     source: Arc<dyn Source>,
+    unaligned: Vec<String>,
 }
 
 impl Log {
@@ -84,30 +106,36 @@ impl Log {
     fn open(input: Input, options: &LogOptions) -> Result<Self> {
         let file = input.file.clone();
         let source: Arc<dyn Source> = match input.kind()? {
-            Kind::Csv => Arc::new(CsvLog::parse(&file, &input.bytes()?, options)?),
+            Kind::Csv => Arc::new(CsvLog::open(input, options, true)?),
             Kind::Mcap => mcap(vec![input], &file, options)?,
             Kind::Parquet => parquet(input, options)?,
             Kind::Ulog => ulog(input, options)?,
         };
-        Ok(Self { file, source })
+        Ok(Self::of_source(file, source, options))
+    }
+
+    fn of_source(file: String, source: Arc<dyn Source>, options: &LogOptions) -> Self {
+        let auto = options.offset.iter().filter(|(_, offset)| *offset == Offset::Auto);
+        Self { file, source, unaligned: auto.map(|(topic, _)| topic.clone()).collect() }
     }
 
     /// A LeRobot data set, or the folder of a ROS 2 bag with its parts.
     fn of_folder(path: &Path, options: &LogOptions) -> Result<Self> {
         let file = path.display().to_string();
         if let Some(source) = data_set(path, options)? {
-            return Ok(Self { file, source });
+            return Ok(Self::of_source(file, source, options));
         }
         let parts = parts(path)?;
         if parts.is_empty() {
             let message = "a folder that is neither a LeRobot data set (meta/info.json) nor a ROS 2 bag (*.mcap); name the files in it";
             return Err(Error::file(&file, message));
         }
-        Ok(Self { source: mcap(parts, &file, options)?, file })
+        let source = mcap(parts, &file, options)?;
+        Ok(Self::of_source(file, source, options))
     }
 
     pub(crate) fn of_csv(log: CsvLog) -> Self {
-        Self { file: log.file.clone(), source: Arc::new(log) }
+        Self { file: log.file.clone(), source: Arc::new(log), unaligned: Vec::new() }
     }
 
     /// The columns beside time and run, in the log's order.
@@ -134,6 +162,11 @@ impl Log {
     /// The error that says that `name` is not in this log and what is.
     pub(crate) fn lacks(&self, name: &str) -> Error {
         self.source.lacks(name)
+    }
+
+    /// The topics whose offset is to be estimated.
+    pub(crate) fn unaligned(&self) -> &[String] {
+        &self.unaligned
     }
 
     pub(crate) fn read_columns(&self, columns: &[usize], progress: &dyn Progress) -> Result<Reading> {

@@ -1,5 +1,6 @@
 //! Several log files as one dataset: always a list of runs.
 
+use crate::align::{TopicOffset, align};
 use crate::error::{Error, Result};
 use crate::log::{Log, LogOptions};
 use crate::merge::{Roles, merge};
@@ -42,6 +43,8 @@ pub struct Assembled {
     pub data: Dataset,
     /// What the user should know: one sentence each.
     pub notes: Vec<String>,
+    /// Offsets of clocks that were estimated; each displays as one sentence.
+    pub offsets: Vec<TopicOffset>,
 }
 
 impl Logs {
@@ -130,7 +133,7 @@ impl Logs {
     /// own (or interpolated).
     ///
     /// # Errors
-    /// As [`Logs::dataset`], topics without a common time, and a request to stop.
+    /// As [`Logs::dataset`], topics without a common time, an offset that the columns do not tell, and a request to stop.
     pub fn assemble(&self, task: &Task, progress: &dyn Progress) -> Result<Assembled> {
         let present = |name: &&String| self.files.iter().any(|log| log.position(name).is_some());
         let names: Vec<(&String, bool)> = (task.needed.iter().map(|name| (name, true)))
@@ -139,8 +142,9 @@ impl Logs {
         let unit =
             |name: &str| self.files.iter().find_map(|log| log.column(name)).map(|h| h.unit.clone()).unwrap_or_default();
         let channels = names.iter().map(|(name, _)| Channel::new(*name).with_unit(unit(name))).collect();
+        let names_of: Vec<&str> = names.iter().map(|(name, _)| name.as_str()).collect();
         let held: Vec<bool> = names.iter().map(|(name, _)| task.controls.contains(name)).collect();
-        let (mut runs, mut notes) = (Vec::new(), Vec::new());
+        let (mut runs, mut notes, mut offsets) = (Vec::new(), Vec::new(), Vec::new());
         for (i, log) in self.files.iter().enumerate() {
             if !progress.report("reading", i, self.files.len()) {
                 return Err(gpsindy_core::Error::Cancelled.into());
@@ -161,11 +165,13 @@ impl Logs {
             for (column, _) in reading.topics.iter_mut().flat_map(|topic| &mut topic.columns) {
                 *column = targets[*column];
             }
+            let aligned = align(log, &mut reading.topics, &names_of, &held, progress)?;
+            offsets.extend(aligned);
             let (found, told) = merge(&log.file, &reading.topics, Roles { held: &held, hold: task.hold })?;
             runs.extend(found.into_iter().map(|run| Run { name: self.run_name(log, &run.name), ..run }));
             notes.extend(reading.notes.into_iter().chain(told));
         }
-        Ok(Assembled { data: Dataset::new(channels, runs)?, notes })
+        Ok(Assembled { data: Dataset::new(channels, runs)?, notes, offsets })
     }
 
     /// Columns of any file that are not among the `used` ones, each once.

@@ -1,7 +1,7 @@
 //! The map of a whole project: where each column comes from, its unit, and the clocks, in one TOML file.
 
 use crate::error::{Error, Result};
-use crate::log::{LogOptions, Stamp};
+use crate::log::{LogOptions, Offset, Stamp};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,8 +14,22 @@ struct MapFile {
     #[serde(default)]
     unit: BTreeMap<String, String>,
     #[serde(default)]
-    offset: BTreeMap<String, f64>,
+    offset: BTreeMap<String, Shift>,
     stamp: Option<Clock>,
+}
+
+/// Seconds, or `"auto"`.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a number of seconds or \"auto\"")]
+enum Shift {
+    Seconds(f64),
+    Word(Auto),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Auto {
+    Auto,
 }
 
 #[derive(Deserialize)]
@@ -35,7 +49,7 @@ impl LogOptions {
     /// [unit]
     /// q = "rad"
     /// [offset]
-    /// "/joint_states" = 0.004
+    /// "/joint_states" = 0.004    # or "auto"
     /// ```
     ///
     /// # Errors
@@ -53,9 +67,13 @@ impl LogOptions {
             }
         }
         self.unit.extend(read.unit);
-        for (topic, seconds) in read.offset {
+        for (topic, shift) in read.offset {
             if !self.offset.iter().any(|(t, _)| *t == topic) {
-                self.offset.push((topic, seconds));
+                let offset = match shift {
+                    Shift::Seconds(seconds) => Offset::Seconds(seconds),
+                    Shift::Word(Auto::Auto) => Offset::Auto,
+                };
+                self.offset.push((topic, offset));
             }
         }
         if self.stamp == Stamp::Auto {
@@ -84,11 +102,10 @@ mod tests {
 
     #[test]
     fn a_map_file_adds_to_the_options_and_never_overrules_them() {
-        let text =
-            "stamp = \"log\"\n[map]\nq = \"/a.q\"\nu = \"/b.data[0]\"\n[unit]\nu = \"N\"\n[offset]\n\"/b\" = 0.5\n";
+        let text = "stamp = \"log\"\n[map]\nq = \"/a.q\"\nu = \"/b.data[0]\"\n[unit]\nu = \"N\"\n[offset]\n\"/b\" = 0.5\n\"/c\" = \"auto\"\n";
         let options = read(text).unwrap();
         assert_eq!(options.map, [("q".to_string(), "/mine.q".to_string()), ("u".into(), "/b.data[0]".into())]);
-        assert_eq!(options.offset, [("/b".to_string(), 0.5)]);
+        assert_eq!(options.offset, [("/b".to_string(), Offset::Seconds(0.5)), ("/c".into(), Offset::Auto)]);
         assert_eq!((options.stamp, options.unit), (Stamp::Log, vec![("u".to_string(), "N".to_string())]));
     }
 
@@ -96,6 +113,12 @@ mod tests {
     fn a_wrong_key_names_its_line() {
         let error = read("stamp = \"log\"\n[maps]\nq = \"/a\"\n").err().unwrap().to_string();
         assert!(error.contains(".toml:2: unknown field `maps`"), "{error}");
-        assert!(read("[offset]\nx = \"later\"\n").err().unwrap().to_string().contains(":2: invalid type"));
+        assert!(
+            read("[offset]\nx = \"later\"\n")
+                .err()
+                .unwrap()
+                .to_string()
+                .contains(":2: expected a number of seconds or \"auto\"")
+        );
     }
 }

@@ -6,7 +6,7 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::Input;
-use crate::log::{LogOptions, Stamp};
+use crate::log::{LogOptions, Offset, Stamp};
 use crate::mapped::{self, Place};
 use crate::message::path::{self, Step};
 use crate::message::schema::{Kind, Many, Schema};
@@ -20,6 +20,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 pub(crate) mod container;
+mod records;
 
 use container::{Channel, Event, scan};
 
@@ -32,7 +33,7 @@ pub(crate) struct McapLog {
     /// Where each column comes from.
     places: Vec<Place>,
     stamp: Stamp,
-    offsets: Vec<(String, f64)>,
+    offsets: Vec<(String, Offset)>,
 }
 
 impl McapLog {

@@ -12,9 +12,11 @@ use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 
+mod episodes;
 mod leaf;
 pub(crate) mod lerobot;
 
+use episodes::Episodes;
 use leaf::{Leaf, Rows, Table};
 
 /// Elements of a list that become columns.
@@ -32,6 +34,7 @@ pub(crate) struct ParquetLog {
     run: Option<usize>,
     /// Frames per second, and the column that counts them, where stamps can be made again from both.
     frames: Option<(f64, usize)>,
+    episodes: Episodes,
 }
 
 /// A column of the table: a leaf of its schema, and the element where that is a list.
@@ -87,6 +90,7 @@ impl ParquetLog {
             places: Vec::new(),
             run: None,
             frames: None,
+            episodes: Episodes::default(),
         };
         if let Some(run) = run {
             log.run = Some(log.places.len());
@@ -120,6 +124,17 @@ impl ParquetLog {
         self
     }
 
+    /// What the data set says of its episodes.
+    pub(crate) fn with_episodes(mut self, episodes: Episodes) -> Self {
+        self.episodes = episodes;
+        self
+    }
+
+    /// The parts, opened one after the other: a data set may have more files than a program may open at once.
+    fn tables(&self) -> impl Iterator<Item = Result<Table>> + '_ {
+        self.inputs.iter().map(Table::open)
+    }
+
     /// The type of a column, for people.
     pub(crate) fn told(&self, column: usize) -> &str {
         &self.place(column).leaf.told
@@ -131,13 +146,13 @@ impl ParquetLog {
     }
 
     /// The times, s, and what to say about them.
-    fn times(&self, tables: &[Table]) -> Result<Times> {
+    fn times(&self) -> Result<Times> {
         let mut notes = Vec::new();
         let leaf = &self.time.leaf;
         if let Some(per_second) = leaf.per_second {
             let mut stamps: Vec<i64> = Vec::new();
-            for table in tables {
-                stamps.extend(table.integers(leaf)?);
+            for table in self.tables() {
+                stamps.extend(table?.integers(leaf)?);
             }
             let first = stamps.first().copied().unwrap_or(0);
             let origin = if first.unsigned_abs() as f64 / per_second >= EPOCH { first } else { 0 };
@@ -147,9 +162,9 @@ impl ParquetLog {
             let stamps = stamps.into_iter().map(seconds).collect();
             return Ok(Times { stamps, origin: origin as f64 / per_second, notes });
         }
-        let mut stamps = self.column(tables, &self.time)?;
+        let mut stamps = self.column(&self.time)?;
         if let Some((rate, frames)) = self.frames {
-            let frames = self.column(tables, self.place(frames))?;
+            let frames = self.column(self.place(frames))?;
             // What LeRobot itself tolerates; a float32 at an hour is twice as coarse.
             let near = |(t, frame): (&f64, &f64)| (t - frame / rate).abs() <= 1e-4 + t.abs() * 1.2e-7;
             if stamps.iter().zip(&frames).all(near) {
@@ -171,21 +186,21 @@ impl ParquetLog {
         Ok(Times { stamps, origin, notes })
     }
 
-    fn column(&self, tables: &[Table], place: &Place) -> Result<Vec<f64>> {
+    fn column(&self, place: &Place) -> Result<Vec<f64>> {
         let mut values = Vec::new();
-        for table in tables {
-            let rows = table.numbers(&place.leaf)?;
+        for table in self.tables() {
+            let rows = table?.numbers(&place.leaf)?;
             values.extend((0..rows.len()).map(|row| rows.value(row, place.element.unwrap_or(0))));
         }
         Ok(values)
     }
 
     /// The rows of each run in order.
-    fn runs(&self, tables: &[Table], count: usize) -> Result<Vec<(String, Vec<usize>)>> {
+    fn runs(&self, count: usize) -> Result<Vec<(String, Vec<usize>)>> {
         let Some(place) = self.run_place() else { return Ok(vec![(String::new(), (0..count).collect())]) };
         let mut names: Vec<String> = Vec::with_capacity(count);
-        for table in tables {
-            names.extend(table.texts(&place.leaf)?);
+        for table in self.tables() {
+            names.extend(table?.texts(&place.leaf)?);
         }
         let mut order: HashMap<String, usize> = HashMap::new();
         let mut runs: Vec<(String, Vec<usize>)> = Vec::new();
@@ -276,9 +291,9 @@ impl ParquetLog {
 
     /// Reads columns, with a look at the order of the times where asked for.
     pub(crate) fn gather(&self, columns: &[usize], progress: &dyn Progress, check: bool) -> Result<Gathered> {
-        let tables = self.inputs.iter().map(Table::open).collect::<Result<Vec<_>>>()?;
-        let Times { stamps: times, origin, notes } = self.times(&tables)?;
-        let runs = self.runs(&tables, times.len())?;
+        let Times { stamps: times, origin, mut notes } = self.times()?;
+        let runs = self.runs(times.len())?;
+        notes.extend(self.episodes.missing(&self.file, &runs));
         for (run, rows) in runs.iter().filter(|_| check) {
             self.check_times(&times, run, rows)?;
         }
@@ -297,8 +312,8 @@ impl ParquetLog {
                 let (name, told) = (&self.headers[column].name, &leaf.told);
                 return Err(Error::file(&self.file, format!("column `{name}` holds {told}, not numbers")));
             }
-            for table in &tables {
-                let rows: Rows = table.numbers(leaf)?;
+            for table in self.tables() {
+                let rows: Rows = table?.numbers(leaf)?;
                 for (j, &other) in columns.iter().enumerate().filter(|(_, other)| self.place(**other).leaf == *leaf) {
                     let element = self.place(other).element.unwrap_or(0);
                     values[j].extend((0..rows.len()).map(|row| {

@@ -1,6 +1,7 @@
 //! Stamps of messages: put in order, counted from the first where they are a calendar's, shifted where asked.
 
 use crate::error::{Error, Result};
+use crate::log::Offset;
 use crate::near::hint;
 use crate::time::EPOCH;
 use crate::topic::Topic;
@@ -25,7 +26,7 @@ const LEAP: i64 = 1_000_000_000;
 pub(crate) fn topics(
     file: &str,
     mut series: Vec<Series>,
-    offsets: &[(String, f64)],
+    offsets: &[(String, Offset)],
     clock_option: &str,
 ) -> Result<(Vec<Topic>, Vec<String>)> {
     let mut notes = Vec::new();
@@ -49,10 +50,11 @@ pub(crate) fn topics(
             columns: s.columns,
         })
         .collect();
-    for (topic, seconds) in offsets {
+    for (topic, offset) in offsets {
+        // An estimate needs the columns of all topics: it is made once they are read.
+        let Offset::Seconds(seconds) = offset else { continue };
         for one in topics.iter_mut().filter(|t| t.name == *topic) {
-            // Whole nanoseconds, as stamps are: else two that are the same would differ in their last digit.
-            one.stamps.iter_mut().for_each(|t| *t = ((*t + seconds) * 1e9).round() / 1e9);
+            one.shift(*seconds);
         }
     }
     Ok((topics, notes))
@@ -144,9 +146,9 @@ mod tests {
 
     #[test]
     fn an_offset_shifts_its_topic_alone() {
-        let offsets = [("/q".to_string(), -0.5)];
+        let offsets = [("/q".to_string(), Offset::Seconds(-0.5))];
         assert_eq!(topics("log", series(&[0, 1_000_000_000]), &offsets, "").unwrap().0[0].stamps, [-0.5, 0.5]);
-        let offsets = [("/joint".to_string(), -0.5)];
+        let offsets = [("/joint".to_string(), Offset::Auto)];
         assert!(topics("log", series(&[0, 1]), &offsets, "").unwrap_err().to_string().contains("found: /q"));
     }
 }

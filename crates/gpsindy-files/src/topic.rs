@@ -18,6 +18,14 @@ pub(crate) struct Topic {
     pub(crate) columns: Vec<(usize, Vec<f64>)>,
 }
 
+impl Topic {
+    /// Adds seconds to the stamps.
+    pub(crate) fn shift(&mut self, seconds: f64) {
+        // Whole nanoseconds, as stamps are: else two that are the same would differ in their last digit.
+        self.stamps.iter_mut().for_each(|t| *t = ((*t + seconds) * 1e9).round() / 1e9);
+    }
+}
+
 /// What came of reading columns.
 #[derive(Debug, Default)]
 pub(crate) struct Reading {

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::Input;
-use crate::log::LogOptions;
+use crate::log::{LogOptions, Offset};
 use crate::mapped::{self, Place};
 use crate::near::hint;
 use crate::stamps::{self, Series};
@@ -21,7 +21,7 @@ pub(crate) struct Ulog {
     input: Input,
     headers: Vec<Header>,
     places: Vec<Place>,
-    offsets: Vec<(String, f64)>,
+    offsets: Vec<(String, Offset)>,
 }
 
 impl Ulog {

@@ -3,7 +3,7 @@
 use crate::convert::{Matrix, Vector, array1, array2, error, file_error, matrix, vector};
 use crate::watch::Watch;
 use gpsindy_core::{Channel, Dataset, Hold, Run};
-use gpsindy_files::{Header, LogOptions, Logs, Stamp, Task};
+use gpsindy_files::{Header, LogOptions, Logs, Offset, Stamp, Task};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -52,7 +52,8 @@ impl PyDataset {
             let logs = Logs::read(&paths, &options)?;
             let needed = columns.unwrap_or_else(|| logs.numeric_columns());
             let read = logs.assemble(&Task { needed, controls, hold, ..Task::default() }, &*progress)?;
-            Ok((read.data, [logs.warnings(), read.notes].concat()))
+            let offsets = read.offsets.iter().map(ToString::to_string).collect();
+            Ok((read.data, [logs.warnings(), read.notes, offsets].concat()))
         };
         let (data, doubts) = watch.run(py, None, move || Ok(read()))?.map_err(file_error)?;
         Ok((data.into(), doubts))
@@ -135,7 +136,7 @@ impl PyLogOptions {
         rename: Vec<(String, String)>,
         map: Vec<(String, String)>,
         unit: Vec<(String, String)>,
-        offset: Vec<(String, f64)>,
+        offset: Vec<(String, String)>,
         stamp: Option<&str>,
         map_file: Option<PathBuf>,
     ) -> PyResult<Self> {
@@ -146,6 +147,10 @@ impl PyLogOptions {
             Some("log") => Stamp::Log,
             Some(other) => return Err(wrong(format!("stamp: expected 'header' or 'log', found {other:?}"))),
         };
+        let offset = offset.into_iter().map(|(topic, shift)| {
+            shift.parse::<Offset>().map(|shift| (topic, shift)).map_err(|e| wrong(format!("offset: {e}")))
+        });
+        let offset = offset.collect::<PyResult<Vec<_>>>()?;
         let mut options = LogOptions { time, run, rename, map, unit, stamp, offset };
         if let Some(file) = map_file {
             options.add_map_file(&file).map_err(file_error)?;

@@ -2,11 +2,12 @@
 
 use crate::convert::{error, file_error};
 use crate::dataset::PyDataset;
+use crate::design::PyOpen;
 use crate::model::{PyModel, hold_of};
 use crate::watch::Watch;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Effect, Power, hold_out};
-use gpsindy_core::{Dataset, Expression, Paired};
+use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Diagnosed, Effect, Power, hold_out};
+use gpsindy_core::{Dataset, Expression, Model, Paired};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -22,6 +23,8 @@ pub(crate) struct Options {
     effects: Vec<String>,
     without: Vec<String>,
     custom: Vec<Custom>,
+    allow_place: bool,
+    all_suspects: bool,
     confidence: f64,
     most_effects: usize,
     hold: Option<String>,
@@ -38,6 +41,8 @@ impl Options {
             effects: self.effects,
             without: self.without,
             custom: self.custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?,
+            allow_place: self.allow_place,
+            all_suspects: self.all_suspects,
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.as_deref().map(hold_of).transpose()?,
@@ -63,7 +68,7 @@ fn split(
     }
 }
 
-/// The report as JSON, and the corrected model.
+/// A diagnosis.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -72,7 +77,7 @@ pub(crate) fn diagnose(
     holdout: Option<&Bound<'_, PyDataset>>,
     options: Options,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, PyModel)> {
+) -> PyResult<Findings> {
     let settings = options.settings()?;
     let (train, holdout) = split(train, holdout)?;
     let model = model.get();
@@ -84,9 +89,19 @@ pub(crate) fn diagnose(
         None => settings.run(&nominal, &train, &holdout, listening.as_ref()),
     };
     let diagnosed = model.run(py, &watch, progress.as_ref(), work)?;
-    let simulator = model.simulator.as_ref().map(|s| s.clone_ref(py));
-    let augmented = PyModel { model: diagnosed.augmented, simulator };
-    Ok((serde_json::to_string_pretty(&diagnosed.diagnosis).map_err(internal)?, augmented))
+    let around = |inner: Model| PyModel { model: inner, simulator: model.simulator.as_ref().map(|s| s.clone_ref(py)) };
+    findings(diagnosed, model.model.clone(), around)
+}
+
+/// The report as JSON, the nominal model, the corrected one, that without each of the included causes, and what was left
+/// open.
+pub(crate) type Findings = (String, PyModel, PyModel, Vec<PyModel>, PyOpen);
+
+pub(crate) fn findings(diagnosed: Diagnosed, nominal: Model, around: impl Fn(Model) -> PyModel) -> PyResult<Findings> {
+    let Diagnosed { diagnosis, augmented, open, without, .. } = diagnosed;
+    let report = serde_json::to_string_pretty(&diagnosis).map_err(internal)?;
+    let without = without.into_iter().map(&around).collect();
+    Ok((report, around(nominal), around(augmented), without, PyOpen(open)))
 }
 
 /// The same for a simulator of which there are only logs.
@@ -99,7 +114,7 @@ pub(crate) fn diagnose_paired(
     holdout: Option<&Bound<'_, PyDataset>>,
     options: Options,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, PyModel)> {
+) -> PyResult<Findings> {
     let simulated = simulated.get().0.clone();
     let settings = Paired { identify: identify.identify()?, diagnose: options.settings()?, ..Paired::default() };
     let (train, holdout) = split(train, holdout)?;
@@ -107,8 +122,7 @@ pub(crate) fn diagnose_paired(
     let listening = watch.clone();
     let work = move || settings.run(&simulated, &train, &holdout, listening.as_ref());
     let found = watch.run(py, progress.as_ref(), work)?;
-    let report = serde_json::to_string_pretty(&found.diagnosed.diagnosis).map_err(internal)?;
-    Ok((report, found.diagnosed.augmented.into()))
+    findings(found.diagnosed, found.model, PyModel::from)
 }
 
 /// The self-contained page of a report.
@@ -150,10 +164,23 @@ pub(crate) fn write_whole(path: PathBuf, text: &str) -> PyResult<()> {
     gpsindy_files::write_whole(&path, text.as_bytes()).map_err(file_error)
 }
 
-/// (id, form, parameters, what it looks like in a log) of every effect.
+/// Id, form, parameters, signature, name, meaning, and twins with their experiments.
+type Entry = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    Vec<(&'static str, &'static str)>,
+);
+
+/// Every effect of the catalogue.
 #[pyfunction]
-pub(crate) fn effects() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
-    Effect::ALL.iter().map(|e| (e.id(), e.form(), e.parameters(), e.signature())).collect()
+pub(crate) fn effects() -> Vec<Entry> {
+    let twins = |e: &Effect| e.twins().into_iter().map(|(twin, experiment)| (twin.id(), experiment)).collect();
+    let entry = |e: &Effect| (e.id(), e.form(), e.parameters(), e.signature(), e.name(), e.meaning(), twins(e));
+    Effect::ALL.iter().map(entry).collect()
 }
 
 fn custom_effect((id, state, form, parameters): Custom) -> PyResult<CustomEffect> {

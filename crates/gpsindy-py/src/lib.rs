@@ -3,8 +3,10 @@
 //! What a user sees, with types and documentation, is the Python package in `python/gpsindy`.
 
 mod author;
+mod command;
 mod convert;
 mod dataset;
+mod design;
 mod diagnose;
 mod fleet;
 mod identify;
@@ -26,9 +28,13 @@ mod _gpsindy {
     #[pymodule_export]
     use super::author::author;
     #[pymodule_export]
+    use super::command::command;
+    #[pymodule_export]
     use super::convert::NumericalError;
     #[pymodule_export]
     use super::dataset::{PyDataset, PyLogOptions, inspect, parse_header};
+    #[pymodule_export]
+    use super::design::{PyOpen, design};
     #[pymodule_export]
     use super::diagnose::{
         augmented_toml, diagnose, diagnose_paired, effects, read_effects, render, report_json, summary, write_whole,

@@ -322,6 +322,34 @@ impl PyModel {
         Ok(arrays(py, &rollout))
     }
 
+    /// A rollout from `initial` (n) at `t[0]` with `controller(t, y)` in the loop, and its controls.
+    fn closed_loop<'py>(
+        &self,
+        py: Python<'py>,
+        initial: Vec<f64>,
+        t: Vector<'py>,
+        controller: Py<PyAny>,
+        tolerance: f64,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let simulate = Simulate { tolerance, ..Simulate::default() };
+        let t = vector(&t);
+        let watch = Arc::new(Watch::default());
+        let system = self.system(py, &watch)?;
+        let listening = watch.clone();
+        // The controller is Python, whatever the model is.
+        let (rollout, controls) = watch.run_calling(py, None, move || {
+            let mut close = |time: f64, y: &[f64], u: &mut [f64]| {
+                let said = Python::attach(|py| said(py, &controller, time, y, u));
+                said.map_err(|failure| {
+                    listening.fail(failure);
+                    Error::Cancelled
+                })
+            };
+            simulate.closed_loop(&system, &t, &initial, &mut close)
+        })?;
+        Ok((array2(py, &rollout.states), array2(py, &rollout.outputs), array2(py, &controls)))
+    }
+
     /// A rollout of every run of `data`, over the samples of the span (s); `initial` overrides the log's.
     fn simulate_runs<'py>(
         &self,
@@ -426,6 +454,20 @@ pub(crate) fn hold_of(text: &str) -> PyResult<Hold> {
         "linear" => Ok(Hold::Linear),
         other => Err(error(Error::range("hold", "\"zero\" or \"linear\"", format!("{other:?}")))),
     }
+}
+
+/// What a controller says.
+fn said(py: Python<'_>, controller: &Py<PyAny>, time: f64, y: &[f64], u: &mut [f64]) -> PyResult<()> {
+    let answer = controller.bind(py).call1((time, numpy::PyArray1::from_slice(py, y)))?;
+    let values: Vec<f64> =
+        answer.extract().or_else(|_| answer.extract::<f64>().map(|one| vec![one])).map_err(|_| {
+            PyValueError::new_err(format!("controller: expected {} numbers, found {}", u.len(), answer.get_type()))
+        })?;
+    if values.len() != u.len() {
+        return Err(PyValueError::new_err(format!("controller: expected {} numbers, found {}", u.len(), values.len())));
+    }
+    u.copy_from_slice(&values);
+    Ok(())
 }
 
 fn settings((hold, method, tolerance): &How) -> PyResult<Simulate> {

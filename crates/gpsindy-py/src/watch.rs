@@ -43,7 +43,22 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// A pool of one thread, which the interpreter knows all the while.
+pub(crate) fn calling_pool() -> PyResult<rayon::ThreadPool> {
+    let known = |worker: rayon::ThreadBuilder| {
+        let task = move || Python::attach(|py| py.detach(|| worker.run()));
+        thread::Builder::new().stack_size(STACK).spawn(task).map(|_| ())
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).spawn_handler(known).build();
+    pool.map_err(|e| PyRuntimeError::new_err(format!("no thread for the simulator: {e}")))
+}
+
 impl Watch {
+    /// Takes the first error of the user's own code.
+    pub(crate) fn failure(&self) -> Option<PyErr> {
+        lock(&self.failure).take()
+    }
+
     /// Whether somebody asked to stop.
     pub(crate) fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
@@ -68,12 +83,7 @@ impl Watch {
         listener: Option<&Py<PyAny>>,
         work: impl FnOnce() -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
-        let known = |worker: rayon::ThreadBuilder| {
-            let task = move || Python::attach(|py| py.detach(|| worker.run()));
-            thread::Builder::new().stack_size(STACK).spawn(task).map(|_| ())
-        };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).spawn_handler(known).build();
-        let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("no thread for the simulator: {e}")))?;
+        let pool = calling_pool()?;
         self.run(py, listener, move || pool.install(work))
     }
 

@@ -319,3 +319,14 @@ def test_a_wrong_name_suggests_the_right_one(tmp_path: Path) -> None:
         gpsindy.read_log(tmp_path / "log.mcap", map={"q": "/topic.positon"})
     with pytest.raises(ValueError, match="say where each state and control comes from"):
         gpsindy.read_log(tmp_path / "log.mcap")
+
+
+def test_the_offset_of_a_clock_is_estimated_and_told() -> None:
+    data = Path(__file__).parents[3] / "data"
+    read = {"map_file": data / "pendulum_map.toml", "controls": "u"}
+    with pytest.warns(gpsindy.DataWarning, match="were added to the stamps of `/joint_commands`"):
+        found = gpsindy.read_log(data / "pendulum.mcap", offset={"/joint_commands": "auto"}, **read)
+    plain = gpsindy.read_log(data / "pendulum.mcap", **read)
+    assert np.isnan(found[0]["phi"]).any() and not np.isnan(plain[0]["phi"]).any()
+    with pytest.raises(ValueError, match="neither a number of seconds nor `auto`"):
+        gpsindy.read_log(data / "pendulum.mcap", offset={"/joint_commands": "soon"}, **read)

@@ -3,9 +3,10 @@
 use gpsindy_core::diagnose::Effect;
 use std::fmt::Write;
 
-/// The page of one effect, in Markdown.
-pub fn effect_page(effect: Effect) -> String {
+/// The page of one effect, in Markdown; `caption` stands under its picture, `ID.svg` in the same folder.
+pub fn effect_page(effect: Effect, caption: &str) -> String {
     let mut page = format!("# {}: `{}`\n\n{}\n\n", capital(effect.name()), effect.id(), effect.meaning());
+    let _ = write!(page, "![What {} looks like in a log]({}.svg)\n\n{caption}\n\n", effect.name(), effect.id());
     let mut row = |what: &str, text: &str| {
         let _ = writeln!(page, "| {what} | {} |", text.replace('|', "\\|"));
     };

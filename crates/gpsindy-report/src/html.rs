@@ -365,7 +365,10 @@ fn next(report: &Diagnosis) -> Markup {
     let mut seen = BTreeSet::new();
     experiments.retain(|cause| seen.insert(cause.next_experiment.as_deref()));
     let none = Figures::default();
-    let equations = &report.figures.as_ref().unwrap_or(&none).equations;
+    let figures = report.figures.as_ref().unwrap_or(&none);
+    // Of an engine's file the changed lines say what the call of a simulator can't.
+    let difference = &figures.difference;
+    let equations: &[_] = if difference.is_empty() { &figures.equations } else { &[] };
     html! {
         section {
             h2 { "What to do next" }
@@ -376,6 +379,14 @@ fn next(report: &Diagnosis) -> Markup {
                     @if !equation.before.is_empty() { code.equation { span.soft { "nominal   " } (equation.left) " = " (equation.before) } }
                     code.equation { span.soft { "augmented " } (equation.left) " = " (changed(&equation.before, &equation.after)) }
                 }
+                @if !difference.is_empty() { pre.difference { @for line in difference {
+                    @match line.as_bytes().first() {
+                        Some(b'+') => ins { (line) },
+                        Some(b'-') => del { (line) },
+                        _ => (line),
+                    }
+                    "\n"
+                } } }
                 @if equations.is_empty() { @for cause in report.included() {
                     code.equation { (cause.state) ": " ins { (cause.form) } }
                 } }

@@ -4,7 +4,7 @@
 //!
 //! - [`render`]: the page `report.html`, self-contained, for a wide screen, a phone and paper
 //! - [`summary`]: what a terminal shows
-//! - [`effect_page`], [`effects_index`]: the pages of docs/effects
+//! - [`effect_page`], [`effects_index`], [`effect_picture`]: the pages of docs/effects
 //! - [`fleet`]: the page of a whole fleet
 //! - [`scorecard`]: an exam's answers against its diagnoses
 //! - [`SCHEMA`]: the JSON Schema of `report.json`
@@ -16,14 +16,17 @@ mod effects;
 mod figures;
 pub mod fleet;
 mod html;
+mod pictures;
 mod power;
 mod provenance;
+mod scenes;
 pub mod scorecard;
 mod summary;
 mod words;
 
 pub use effects::{effect_page, effects_index};
 pub use html::{render, render_with};
+pub use pictures::{EffectPicture, effect_picture};
 pub use provenance::{LogFacts, Provenance};
 pub use summary::{summary, summary_with};
 
@@ -59,6 +62,10 @@ pub fn is_ours(name: &str, start: &str) -> bool {
     match name {
         "report.json" => start.contains("\"gpsindy.diagnosis/"),
         "report.html" => start.contains("content=\"gpsindy\""),
+        // Files of engines, in the user's own words but for a comment at the top.
+        "augmented.xml" | "augmented.ssv" => start.contains("<!-- gpsindy:"),
+        "randomization.py" => start.contains("written by gpsindy"),
+        "open.json" => start.contains("\"candidates\""),
         _ => start.starts_with(MARK),
     }
 }

@@ -1,29 +1,33 @@
 //! `gpsindy diagnose`: where a simulator is wrong, why, and how much a correction helps.
 
 use crate::args::{AutoHold, Columns};
+use crate::commands::design::OPEN;
 use crate::commands::identify::{LibraryOptions, all_states};
-use crate::commands::{check_states, chosen, dataset, model_dataset};
+use crate::commands::nominal::Nominal;
+use crate::commands::{Session, check_states, chosen, dataset, model_dataset};
+use crate::engine::Corrected;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::report::{Diagnosis, Verdict};
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
-use gpsindy_files::{Logs, Task, model_to_toml, read_effects, read_model, write_whole};
+use gpsindy_files::{Logs, Task, TopicOffset, model_to_toml, read_effects, write_whole};
 use gpsindy_report::{LogFacts, Provenance};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Diagnose the gap between a simulator and logs of the machine
 ///
-/// Writes report.json, report.html (one page that opens offline) and augmented.toml (the simulator with the causes added) into --out, and a
-/// summary to stdout. Held-out logs are used for validation only, never for a fit or a selection. Without --holdout, the last quarter of the
-/// runs is held out; of a single run, its last quarter in time.
+/// Writes report.json, report.html (one page that opens offline) and augmented.toml (the simulator with the causes added; augmented.xml for a
+/// MuJoCo model) into --out, and a summary to stdout. Held-out logs are used for validation only, never for a fit or a selection. Without
+/// --holdout, the last quarter of the runs is held out; of a single run, its last quarter in time.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy diagnose simulator.toml run_1.csv run_2.csv --holdout run_3.csv --out diagnosis"
 )]
 pub(crate) struct Diagnose {
-    /// The nominal model (TOML or JSON); with --simulated, the first log of the machine
+    /// The nominal model (TOML or JSON; from the Python package's command also MJCF, URDF or an FMU); with --simulated, the first log of the machine
     model: PathBuf,
     /// Logs of the machine
     #[arg(required_unless_present = "simulated", value_name = "LOG")]
@@ -96,6 +100,12 @@ pub(crate) struct Options {
     /// Custom effects: a TOML file with `[[effect]]` entries
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
+    /// Let effects depend on the position or heading of the machine even if no rate of the model does
+    #[arg(long)]
+    allow_place: bool,
+    /// Test every effect everywhere, even where units or positions rule it out
+    #[arg(long)]
+    all_suspects: bool,
     /// Confidence level of the intervals; no test and no verdict depends on it
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     confidence: f64,
@@ -127,6 +137,8 @@ impl Options {
             effects: effects.into_iter().cloned().collect(),
             without: without.into_iter().map(|e| e.trim_start_matches('!').to_string()).collect(),
             custom,
+            allow_place: self.allow_place,
+            all_suspects: self.all_suspects,
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.into(),
@@ -138,7 +150,8 @@ impl Options {
     }
 }
 
-pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
+pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
+    let screen = &session.screen;
     if let Some(folder) = command.out.as_deref().filter(|folder| folder.exists() && !folder.is_dir()) {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
@@ -159,25 +172,65 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
             twice.display()
         )));
     }
-    let power = command.power.then(|| Power { seed, ..Power::default() });
+    let power = command.power.then(|| Power { seed: session.seed, ..Power::default() });
     let settings = Settings { power, ..command.options.settings()? };
-    let mut provenance = provenance();
-    let (diagnosed, identified) = if simulated.is_empty() {
-        let model = read_model(&command.model)?;
-        let Parts { train, holdout, time_unit } =
-            logs(&model, &train, &command.holdout, settings.hold, &command.columns, screen)?;
+    let mut provenance = provenance(session.line);
+    if simulated.is_empty() {
+        let nominal = Nominal::open(&command.model, session)?;
+        let (model, holdout) = (&nominal.model, &command.holdout);
+        let Parts { train, holdout, offsets, time_unit } =
+            logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
         provenance.time_unit = time_unit;
         provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
-        (settings.run(&model, &train, &holdout, &screen.progress())?, None)
-    } else {
-        let (diagnosed, model) = paired(command, settings, &train, seed, screen)?;
-        (diagnosed, Some(model))
-    };
-    if let Some(folder) = &command.out {
-        write(folder, &diagnosed, &provenance)?;
-        if let Some(model) = &identified {
-            gpsindy_files::write_model(&folder.join("simulator.toml"), model)?;
+        let progress = screen.progress();
+        let mut diagnosed = nominal.run(|| {
+            Ok(match nominal.dynamics() {
+                Some(dynamics) => settings.run_simulator(model, dynamics, &train, &holdout, &progress)?,
+                None => settings.run(model, &train, &holdout, &progress)?,
+            })
+        })?;
+        drop(progress);
+        diagnosed.diagnosis.notes.extend(offsets.iter().map(ToString::to_string));
+        if let Some(folder) = &command.out {
+            let files = nominal.beside(&diagnosed)?;
+            if !files.is_empty() {
+                make(folder)?;
+            }
+            for (name, text) in files {
+                write_whole(&folder.join(name), text.as_bytes())?;
+            }
         }
+        let folder = command.out.as_deref().unwrap_or(Path::new("."));
+        match nominal.corrected(&diagnosed.augmented, folder) {
+            None => deliver(command, diagnosed, Augmented::Equations, &provenance, screen),
+            Some(Ok(corrected)) => deliver(command, diagnosed, Augmented::File(corrected), &provenance, screen),
+            Some(Err(why)) => {
+                screen.warn(&format!("no corrected file of the simulator: {why}"));
+                deliver(command, diagnosed, Augmented::None, &provenance, screen)
+            }
+        }
+    } else {
+        let (diagnosed, model) = paired(command, settings, &train, session.seed, screen)?;
+        deliver(command, diagnosed, Augmented::Equations, &provenance, screen)?;
+        match &command.out {
+            Some(folder) => Ok(gpsindy_files::write_model(&folder.join("simulator.toml"), &model)?),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Files and summary of a diagnosis, and the status that its verdict was asked to give.
+fn deliver(
+    command: &Diagnose,
+    mut diagnosed: Diagnosed,
+    augmented: Augmented,
+    provenance: &Provenance,
+    screen: &Screen,
+) -> Outcome {
+    augmented.tell(&mut diagnosed.diagnosis);
+    if let Some(folder) = &command.out {
+        write_with(folder, &diagnosed, &augmented, provenance)?;
+        write_open(folder, &diagnosed, &augmented)?;
     }
     if screen.json() {
         screen.out(&report_json(&diagnosed.diagnosis)?)?;
@@ -200,9 +253,34 @@ pub(crate) fn run(command: &Diagnose, seed: u64, screen: &Screen) -> Outcome {
     }
 }
 
+/// How the corrected simulator is written.
+enum Augmented {
+    /// As equations.
+    Equations,
+    /// As the file of its engine.
+    File(Corrected),
+    /// Not at all.
+    None,
+}
+
+impl Augmented {
+    /// Names the file in the report, and what changed in it on the page.
+    fn tell(&self, diagnosis: &mut Diagnosis) {
+        diagnosis.augmented_model = match self {
+            Self::Equations => return,
+            Self::File(corrected) => Some(corrected.name.clone()),
+            Self::None => None,
+        };
+        if let (Self::File(corrected), Some(figures)) = (self, &mut diagnosis.figures) {
+            figures.difference.clone_from(&corrected.difference);
+        }
+    }
+}
+
 /// Refuses a folder that holds a file which the report would overwrite and gpsindy did not write.
 fn refuse_others(folder: &Path) -> Outcome {
-    for name in ["report.json", "report.html", "augmented.toml"] {
+    let engines = ["augmented.xml", "augmented.ssv", "randomization.py"];
+    for name in ["report.json", "report.html", "augmented.toml", OPEN].into_iter().chain(engines) {
         let path = folder.join(name);
         let Ok(bytes) = std::fs::read(&path) else { continue };
         let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
@@ -217,10 +295,10 @@ fn refuse_others(folder: &Path) -> Outcome {
 }
 
 /// The day, the version and the command line.
-fn provenance() -> Provenance {
+fn provenance(line: &[OsString]) -> Provenance {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let days = since.map_or(0, |since| since.as_secs() / 86_400);
-    let command: Vec<String> = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
+    let command: Vec<String> = line.iter().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
     Provenance {
         date: date(days),
         version: format!("gpsindy {}", env!("CARGO_PKG_VERSION")),
@@ -304,6 +382,8 @@ fn paired(
 pub(crate) struct Parts {
     pub(crate) train: Dataset,
     pub(crate) holdout: Dataset,
+    /// Offsets of clocks that were estimated in both.
+    pub(crate) offsets: Vec<TopicOffset>,
     /// Unit of the time of the logs to learn from.
     pub(crate) time_unit: String,
 }
@@ -320,26 +400,59 @@ pub(crate) fn logs(
     let hold = hold.unwrap_or_default();
     let logs = Logs::read(train, &columns.options()?)?;
     let time_unit = logs.time_unit().to_string();
-    let train = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
+    let (train, mut offsets) = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
     if holdout.is_empty() {
         let (train, holdout) = hold_out(&train)?;
-        return Ok(Parts { train, holdout, time_unit });
+        return Ok(Parts { train, holdout, offsets, time_unit });
     }
     let holdout = Logs::read(holdout, &columns.options()?)?;
-    let holdout = model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?;
-    Ok(Parts { train, holdout, time_unit })
+    let (holdout, more) = model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?;
+    offsets.extend(more);
+    Ok(Parts { train, holdout, offsets, time_unit })
 }
 
-/// Writes the three files of a diagnosis.
+/// Writes the three files of a diagnosis of equations.
 pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed, provenance: &Provenance) -> Outcome {
+    write_with(folder, diagnosed, &Augmented::Equations, provenance)
+}
+
+fn make(folder: &Path) -> Outcome {
+    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))
+}
+
+fn write_with(folder: &Path, diagnosed: &Diagnosed, augmented: &Augmented, provenance: &Provenance) -> Outcome {
     // All texts first, so that nothing is written where one of them fails.
     let html = gpsindy_report::render_with(&diagnosed.diagnosis, provenance);
     let json = report_json(&diagnosed.diagnosis)?;
-    let augmented = gpsindy_report::augmented(&diagnosed.diagnosis, &model_to_toml(&diagnosed.augmented)?);
-    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
+    let corrected = match augmented {
+        Augmented::Equations => {
+            let model = model_to_toml(&diagnosed.augmented)?;
+            Some(("augmented.toml", gpsindy_report::augmented(&diagnosed.diagnosis, &model)))
+        }
+        Augmented::File(corrected) => Some((corrected.name.as_str(), corrected.text.clone())),
+        Augmented::None => None,
+    };
+    make(folder)?;
     write_whole(&folder.join("report.json"), json.as_bytes())?;
     write_whole(&folder.join("report.html"), html.as_bytes())?;
-    Ok(write_whole(&folder.join("augmented.toml"), augmented.as_bytes())?)
+    if let Some((name, text)) = corrected {
+        write_whole(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// What `gpsindy design` reads: the simulators that the logs can't tell apart, as equations.
+fn write_open(folder: &Path, diagnosed: &Diagnosed, augmented: &Augmented) -> Outcome {
+    let path = folder.join(OPEN);
+    if !matches!(augmented, Augmented::Equations) || diagnosed.open.candidates.len() < 2 {
+        // One of an earlier diagnosis would be taken for this one's.
+        if path.exists() {
+            std::fs::remove_file(&path).map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
+        }
+        return Ok(());
+    }
+    let text = serde_json::to_string(&diagnosed.open).map_err(|e| Failure::Work(format!("{OPEN}: {e}")))?;
+    Ok(write_whole(&path, (text + "\n").as_bytes())?)
 }
 
 /// The report as in report.json.

@@ -6,10 +6,11 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::Progress;
+use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed};
 use gpsindy_files::{read_model, write_whole};
 use gpsindy_report::Provenance;
-use gpsindy_report::scorecard::{ScoreCard, Suite};
+use gpsindy_report::scorecard::{ScoreCard, Suite, read_report};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,13 +21,21 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A case is a folder with model.toml, real_*.csv and, optionally, holdout_*.csv. Every case is diagnosed into a folder of its name in --out,
 /// never inside the suite. Only then are the answers read from answers.toml and the score card printed.
 #[derive(Debug, Args)]
-#[command(before_help = "Example: gpsindy exam suite --out exam")]
+#[command(
+    before_help = "Example: gpsindy exam suite --out exam\n         gpsindy exam suite --reports other_tool --out exam_other"
+)]
 pub(crate) struct Exam {
     /// Folder of the suite
     suite: PathBuf,
     /// Folder for the diagnoses, one subfolder per case, and for scorecard.json; created if it does not exist
     #[arg(long, short, value_name = "DIR", default_value = "exam")]
     out: PathBuf,
+    /// The answers, if they are not in the suite [default: SUITE/answers.toml]
+    #[arg(long, value_name = "FILE")]
+    answers: Option<PathBuf>,
+    /// Score the reports of another tool, DIR/CASE/report.json, instead of diagnosing; a case without one counts as missed
+    #[arg(long, value_name = "DIR")]
+    reports: Option<PathBuf>,
     /// Diagnose only these cases, separated by commas
     #[arg(long, value_name = "CASE", value_delimiter = ',')]
     only: Vec<String>,
@@ -44,11 +53,34 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
         }
         cases.retain(|id| command.only.contains(id));
     }
-    let answers = command.suite.join("answers.toml");
+    let answers = command.answers.clone().unwrap_or_else(|| command.suite.join("answers.toml"));
     if !answers.is_file() {
         return Err(Failure::input(format!("{}: there is no such file; the score card needs it", answers.display())));
     }
     check_out(command, &cases)?;
+    let diagnoses = match &command.reports {
+        Some(folder) => read(folder, &cases, screen)?,
+        None => diagnose_all(command, &cases, screen)?,
+    };
+    // From here on nothing is diagnosed any more: the answers may be read.
+    let text = std::fs::read_to_string(&answers).map_err(|e| Failure::input(format!("{}: {e}", answers.display())))?;
+    let mut suite = Suite::from_toml(&text)?;
+    if !command.only.is_empty() {
+        suite.cases.retain(|case| command.only.contains(&case.id));
+    }
+    let card = ScoreCard::new(&suite, &diagnoses);
+    let json = serde_json::to_string_pretty(&card).map_err(|e| Failure::Work(format!("scorecard.json: {e}")))? + "\n";
+    std::fs::create_dir_all(&command.out).map_err(|e| Failure::Work(format!("{}: {e}", command.out.display())))?;
+    write_whole(&command.out.join("scorecard.json"), json.as_bytes())?;
+    if screen.json() {
+        return screen.out(&json);
+    }
+    screen.out(&card.text())?;
+    screen.out(&format!("\ndiagnoses: {}\n", command.reports.as_ref().unwrap_or(&command.out).display()))
+}
+
+/// A diagnosis of every case that could be diagnosed.
+fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BTreeMap<String, Diagnosis>> {
     let settings = command.options.settings()?;
     let progress = screen.progress();
     let done = AtomicUsize::new(0);
@@ -68,21 +100,25 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
             Err(failure) => screen.warn(&format!("{id}: no diagnosis: {failure}")),
         }
     }
-    // From here on nothing is diagnosed any more: the answers may be read.
-    let text = std::fs::read_to_string(&answers).map_err(|e| Failure::input(format!("{}: {e}", answers.display())))?;
-    let mut suite = Suite::from_toml(&text)?;
-    if !command.only.is_empty() {
-        suite.cases.retain(|case| command.only.contains(&case.id));
+    Ok(diagnoses)
+}
+
+/// The reports of another tool; one that can't be read is an error, since a score of the rest would flatter it.
+fn read(folder: &Path, cases: &[String], screen: &Screen) -> Outcome<BTreeMap<String, Diagnosis>> {
+    let mut diagnoses = BTreeMap::new();
+    for id in cases {
+        let path = folder.join(id).join("report.json");
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            screen.warn(&format!("{}: there is no such file; the case counts as missed", path.display()));
+            continue;
+        };
+        let report = read_report(&text).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+        diagnoses.insert(id.clone(), report);
     }
-    let card = ScoreCard::new(&suite, &diagnoses);
-    let json = serde_json::to_string_pretty(&card).map_err(|e| Failure::Work(format!("scorecard.json: {e}")))? + "\n";
-    std::fs::create_dir_all(&command.out).map_err(|e| Failure::Work(format!("{}: {e}", command.out.display())))?;
-    write_whole(&command.out.join("scorecard.json"), json.as_bytes())?;
-    if screen.json() {
-        return screen.out(&json);
+    if diagnoses.is_empty() {
+        return Err(Failure::input(format!("--reports: {} has no CASE/report.json of this suite", folder.display())));
     }
-    screen.out(&card.text())?;
-    screen.out(&format!("\ndiagnoses: {}\n", command.out.display()))
+    Ok(diagnoses)
 }
 
 /// Refuses to write among the cases, or through a link to somewhere else: a suite may come from a stranger.

@@ -8,7 +8,7 @@ pub(crate) use result::{Fit, On, as_json, rounded, summary, summary_of};
 
 use crate::args::{AutoHold, Columns, Output, pair};
 use crate::commands::follow::{self, FollowOptions};
-use crate::commands::{check_folder_of, chosen, chosen_with, dataset, smooth};
+use crate::commands::{check_folder_of, chosen, chosen_with, dataset, dataset_and_offsets, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use choices::{Preset, Smoothing, named};
@@ -17,7 +17,7 @@ use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings
 use gpsindy_core::regress::Selection;
 use gpsindy_core::{Choice, Delay, Identify as Settings, Regression, Target};
 use gpsindy_core::{Dataset, Expression, Identification, Progress, Run, Scoring, Simulate, Smoother, score};
-use gpsindy_files::{Logs, Task, model_to_toml, write_model};
+use gpsindy_files::{Logs, Task, TopicOffset, model_to_toml, write_model};
 use std::path::PathBuf;
 
 /// Identify a model from logs: equations with standard errors
@@ -197,7 +197,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
         hold: settings.hold.unwrap_or_default(),
         ..Task::default()
     };
-    let data = dataset(&logs, &task, &command.columns, screen)?;
+    let (data, offsets) = dataset_and_offsets(&logs, &task, &command.columns, screen)?;
     if by_default {
         leave_clocks_out(&mut settings.states, &data, screen);
     }
@@ -215,7 +215,13 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     }
     let summary = summary(&data, &found, Some(&fit));
     match &command.output.out {
-        _ if screen.json() => screen.out(&format!("{}\n", as_json(&found, Some(&fit))))?,
+        _ if screen.json() => {
+            let mut value = as_json(&found, Some(&fit));
+            if !offsets.is_empty() {
+                value["clock_offsets"] = offsets.iter().map(TopicOffset::json).collect();
+            }
+            screen.out(&format!("{value}\n"))?;
+        }
         Some(path) => screen.out(&format!("{summary}\nmodel: {}\n", path.display()))?,
         None => {
             screen.note(&summary);

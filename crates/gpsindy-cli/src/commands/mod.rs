@@ -2,6 +2,7 @@
 
 pub(crate) mod completions;
 pub(crate) mod demo;
+pub(crate) mod design;
 pub(crate) mod diagnose;
 pub(crate) mod effects;
 pub(crate) mod exam;
@@ -11,37 +12,53 @@ mod follow;
 pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
+pub(crate) mod mcp;
+mod nominal;
 pub(crate) mod score;
 pub(crate) mod simulate;
 pub(crate) mod smooth;
 
 use crate::args::{Arguments, Columns, Command, Output};
+use crate::engine::Engines;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Hold, Model};
-use gpsindy_files::{Log, Logs, Task};
+use gpsindy_files::{Log, Logs, Task, TopicOffset};
+use std::ffi::OsString;
 use std::path::Path;
 
+/// What every command may ask for: the screen, the engines, and the line that started it all.
+pub(crate) struct Session<'a> {
+    pub(crate) screen: Screen,
+    pub(crate) engines: &'a dyn Engines,
+    /// The command line, the program's name first.
+    pub(crate) line: &'a [OsString],
+    pub(crate) seed: u64,
+}
+
 /// Runs the command that was asked for.
-pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Outcome {
+pub(crate) fn run(arguments: &Arguments, session: &Session<'_>) -> Outcome {
     if let Some(threads) = arguments.global.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
         pool.map_err(|e| Failure::Work(format!("--threads {threads}: {e}")))?;
     }
+    let screen = &session.screen;
     match &arguments.command {
         Command::Inspect(command) => inspect::run(command, screen),
         Command::Smooth(command) => smooth::run(command, screen),
-        Command::Simulate(command) => simulate::run(command, screen),
-        Command::Score(command) => score::run(command, screen),
-        Command::Diagnose(command) => diagnose::run(command, arguments.global.seed, screen),
+        Command::Simulate(command) => simulate::run(command, session),
+        Command::Score(command) => score::run(command, session),
+        Command::Diagnose(command) => diagnose::run(command, session),
+        Command::Design(command) => design::run(command, session),
         Command::Exam(command) => exam::run(command, screen),
         Command::Effects(command) => effects::run(command, screen),
         Command::Fleet(command) => fleet::run(command, screen),
-        Command::Identify(command) => identify::run(command, arguments.global.seed, screen),
+        Command::Identify(command) => identify::run(command, session.seed, screen),
         Command::Export(command) => export::run(command, screen),
         Command::Demo(command) => demo::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
+        Command::Mcp(_) => mcp::run(),
     }
 }
 
@@ -75,12 +92,25 @@ fn chosen_with(logs: &Logs, options: &[String], others: &[String]) -> Outcome<Ve
 
 /// Cuts logs down to a task's columns, unwraps its angles and tells which columns were ignored.
 fn dataset(logs: &Logs, task: &Task, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
+    Ok(dataset_and_offsets(logs, task, columns, screen)?.0)
+}
+
+/// The same with the offsets of clocks that were estimated.
+fn dataset_and_offsets(
+    logs: &Logs,
+    task: &Task,
+    columns: &Columns,
+    screen: &Screen,
+) -> Outcome<(Dataset, Vec<TopicOffset>)> {
     for warning in logs.warnings() {
         screen.warn(&warning);
     }
     let read = logs.assemble(task, &screen.progress())?;
     for note in &read.notes {
         screen.warn(note);
+    }
+    for offset in &read.offsets {
+        screen.note(&offset.to_string());
     }
     let mut data = read.data;
     for angle in &columns.angle {
@@ -97,7 +127,7 @@ fn dataset(logs: &Logs, task: &Task, columns: &Columns, screen: &Screen) -> Outc
     if !ignored.is_empty() {
         screen.note(&format!("columns ignored: {}", ignored.join(", ")));
     }
-    Ok(data)
+    Ok((data, read.offsets))
 }
 
 /// The columns that a model reads: its controls, which the logs must carry, and its states, which they may.
@@ -107,7 +137,13 @@ fn columns_of(model: &Model) -> (Vec<String>, Vec<String>) {
 }
 
 /// The columns of models, in logs that each carry at least one state of each.
-fn model_dataset(logs: &Logs, models: &[Model], hold: Hold, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
+fn model_dataset(
+    logs: &Logs,
+    models: &[Model],
+    hold: Hold,
+    columns: &Columns,
+    screen: &Screen,
+) -> Outcome<(Dataset, Vec<TopicOffset>)> {
     let (mut all_controls, mut all_states): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
     for (controls, states) in models.iter().map(columns_of) {
         for log in logs.files() {
@@ -123,7 +159,7 @@ fn model_dataset(logs: &Logs, models: &[Model], hold: Hold, columns: &Columns, s
     }
     // A state of one model may be a control of another.
     all_states.retain(|name| !all_controls.contains(name));
-    dataset(
+    dataset_and_offsets(
         logs,
         &Task { needed: all_controls.clone(), optional: all_states, controls: all_controls, hold },
         columns,

@@ -1,16 +1,14 @@
 //! `gpsindy score`: rollout, windowed and one-step errors of models on logs, by state.
 
 use crate::args::{Columns, Output};
+use crate::commands::nominal::Nominal;
 use crate::commands::simulate::Between;
-use crate::commands::{check_folder_of, deliver, model_dataset};
+use crate::commands::{Session, check_folder_of, deliver, model_dataset};
 use crate::failure::Outcome;
-use crate::screen::Screen;
 use crate::text::{aligned, count, short};
 use clap::Args;
-use gpsindy_core::{
-    Channel, Dataset, Errors, Hold, Model, Score as Scores, Scoring, Simulate as Settings, System, score,
-};
-use gpsindy_files::{Logs, Table, read_model};
+use gpsindy_core::{Channel, Dataset, Errors, Hold, Model, Score as Scores, Scoring, Simulate as Settings, score};
+use gpsindy_files::{Logs, Table};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -40,20 +38,22 @@ pub(crate) struct Score {
     output: Output,
 }
 
-pub(crate) fn run(command: &Score, screen: &Screen) -> Outcome {
+pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
-    let models = command.models.iter().map(|file| read_model(file)).collect::<gpsindy_files::Result<Vec<Model>>>()?;
-    let systems = models.iter().map(Model::compile).collect::<gpsindy_core::Result<Vec<System>>>()?;
+    let screen = &session.screen;
+    let opened = command.models.iter().map(|file| Nominal::open(file, session)).collect::<Outcome<Vec<Nominal>>>()?;
+    let models: Vec<Model> = opened.iter().map(|nominal| nominal.model.clone()).collect();
     let logs = Logs::read(&command.data, &command.columns.options()?)?;
     let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();
-    let data = model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
+    let (data, _) =
+        model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
     let progress = screen.progress();
-    let scored = |(system, &hold): (&System, &Hold)| {
+    let scored = |(nominal, &hold): (&Nominal, &Hold)| {
         let simulate = Settings { hold, ..Settings::default() };
-        score(system, &data, &Scoring { simulate, window: command.window }, &progress)
+        let scoring = Scoring { simulate, window: command.window };
+        nominal.run(|| Ok(score(&nominal.system(&nominal.model)?, &data, &scoring, &progress)?))
     };
-    let scores = systems.iter().zip(&holds).map(scored);
-    let scores = scores.collect::<gpsindy_core::Result<Vec<Scores>>>()?;
+    let scores = opened.iter().zip(&holds).map(scored).collect::<Outcome<Vec<Scores>>>()?;
     drop(progress);
     let scored: Vec<Scored> = names(&models, &command.models).into_iter().zip(scores).collect();
     if screen.json() {

@@ -1,14 +1,15 @@
 //! `gpsindy simulate`: a rollout of a model under the controls of a log or under constant ones, as CSV.
 
 use crate::args::{Columns, Output, values};
-use crate::commands::{check_folder_of, check_states, columns_of, dataset, deliver};
+use crate::commands::nominal::Nominal;
+use crate::commands::{Session, check_folder_of, check_states, columns_of, dataset, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
 use gpsindy_core::{
     Channel, Dataset, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System,
 };
-use gpsindy_files::{Logs, Table, Task, read_model};
+use gpsindy_files::{Logs, Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -70,9 +71,14 @@ impl From<Between> for Hold {
     }
 }
 
-pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
+pub(crate) fn run(command: &Simulate, session: &Session<'_>) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
-    let mut model = read_model(&command.model)?;
+    let nominal = Nominal::open(&command.model, session)?;
+    nominal.run(|| simulate(command, &nominal, &session.screen))
+}
+
+fn simulate(command: &Simulate, nominal: &Nominal, screen: &Screen) -> Outcome {
+    let mut model = nominal.model.clone();
     let given: Vec<(String, f64)> = command.initial.iter().flatten().cloned().collect();
     for (name, value) in &given {
         if model.state_index(name).is_none() {
@@ -82,7 +88,7 @@ pub(crate) fn run(command: &Simulate, screen: &Screen) -> Outcome {
         // States that the log lacks start from the model's own initial values.
         model.initial.insert(name.clone(), *value);
     }
-    let system = model.compile()?;
+    let system = nominal.system(&model)?;
     let settings = Settings { hold: command.hold.map_or_else(|| model.hold(), Into::into), ..Settings::default() };
     let kept = kept_controls(&model, command)?;
     let rollouts = match &command.data {

@@ -1,7 +1,8 @@
 //! The contract test of the catalogue, over `Effect::ALL`: a new effect joins by its line in the list.
 
-use crate::diagnose::catalogue::effect::Effect;
-use crate::diagnose::catalogue::hypothesis::{Hypothesis, enumerate};
+use crate::diagnose::catalogue::enumerate::enumerate;
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::planting::{Planted, plant};
 use crate::diagnose::fixture::{Bench, benches};
 use crate::diagnose::{Diagnose, Diagnosed};

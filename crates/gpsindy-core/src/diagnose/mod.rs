@@ -8,6 +8,7 @@ mod catalogue;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::panic)]
 mod contract;
+mod design;
 mod exclusions;
 mod fit;
 #[cfg(test)]
@@ -20,8 +21,11 @@ pub mod report;
 mod run;
 mod steps;
 
-pub use catalogue::definition::Family;
-pub use catalogue::effect::{CustomEffect, CustomParameter, Effect};
+pub use catalogue::custom::{CustomEffect, CustomParameter};
+pub use catalogue::list::Effect;
+pub use catalogue::place::Family;
+pub use design::open::{Candidate, Open};
+pub use design::settings::{Design, Designed, Parting};
 pub use notes::Note;
 pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
@@ -31,17 +35,18 @@ use crate::error::{Error, Result};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
 use crate::refine::Hold;
+use design::open::left_open;
 use power::study::{Found, Study};
 use run::Run;
 use std::sync::Arc;
 use steps::attribute::attribute;
-use steps::augment::augment;
+use steps::augment::{augment, without};
 use steps::contest::Contest;
 use steps::detect::detect;
 use steps::findings::Judged;
 use steps::hold::reconsider_hold;
 use steps::prepare::{Known, Prepared, prepare};
-use steps::suspects::suspects;
+use steps::suspects::{Choice, suspects};
 use steps::{localise, nameless, verify, weigh};
 
 /// Settings of a diagnosis.
@@ -51,6 +56,8 @@ use steps::{localise, nameless, verify, weigh};
 /// | `effects` | none | ids | only these effects are suspects; empty: all |
 /// | `without` | none | ids | these effects are no suspects |
 /// | `custom` | none | | effects of the user's own |
+/// | `allow_place` | false | | an effect may depend on where the machine is although no rate of the model does |
+/// | `all_suspects` | false | | effects are suspects also where they make no sense by units or place |
 /// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals; no verdict, probability or cause depends on it |
 /// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
@@ -66,6 +73,10 @@ pub struct Diagnose {
     pub without: Vec<String>,
     /// Effects of the user's own.
     pub custom: Vec<CustomEffect>,
+    /// Whether an effect may depend on where the machine is, or which way it faces, although no rate of the model does.
+    pub allow_place: bool,
+    /// Whether effects are suspects also where they make no sense: by units, by what the logs show, by place.
+    pub all_suspects: bool,
     /// Confidence of intervals. A gap is detected at a level of its own: 5 % of gap-free logs, at most, show one.
     pub confidence: f64,
     /// Largest number of effects together; never more than four of them in one equation.
@@ -90,6 +101,8 @@ impl Default for Diagnose {
             effects: Vec::new(),
             without: Vec::new(),
             custom: Vec::new(),
+            allow_place: false,
+            all_suspects: false,
             confidence: 0.95,
             most_effects: 6,
             hold: None,
@@ -110,6 +123,24 @@ pub struct Diagnosed {
     pub augmented: Model,
     /// What the report's notes say, as data.
     pub notes: Vec<Note>,
+    /// What the logs can't tell apart, for the next experiment.
+    pub open: Open,
+    /// For every included cause, as [`Diagnosis::included`] has them, the corrected simulator without it.
+    pub without: Vec<Model>,
+}
+
+/// The corrected simulator without each of the included causes, in the report's order.
+fn ablated(contest: &Contest<'_>, judged: &Judged, diagnosis: &Diagnosis) -> Result<Vec<Model>> {
+    let best = &judged.outcome.best;
+    let place = |cause: &report::Cause| {
+        let is_it = |h: &catalogue::hypothesis::Hypothesis| {
+            h.id() == cause.effect && h.variables == cause.variables && h.place() == cause.place
+        };
+        let on_row = |h: &catalogue::hypothesis::Hypothesis| best.system.model().states[h.moves()].name == cause.state;
+        best.hypotheses.iter().position(|h| is_it(h) && on_row(h))
+    };
+    let places = diagnosis.included().filter_map(place);
+    places.map(|place| without(best, &judged.nominal, place, &contest.scene)).collect()
 }
 
 /// Training and held-out logs of one diagnosis.
@@ -187,7 +218,7 @@ impl Diagnose {
         let run = Run::new(progress, self.time_limit);
         let known = Known { hold: self.hold, model_error: &self.model_error };
         let prepared = prepare(&run, system, logs, &known)?;
-        let suspects = suspects(&prepared.nominal, &self.effects, &self.without, &self.custom)?;
+        let suspects = suspects(&prepared.nominal, &self.choice(), &run.notes)?;
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let judged = attribute(&contest, suspected)?;
@@ -203,11 +234,23 @@ impl Diagnose {
         let (mut diagnosis, augmented) =
             weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
-        let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all() };
+        let open = left_open(&judged);
+        let without = ablated(&contest, &judged, &diagnosis)?;
+        let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all(), open, without };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;
         Ok((diagnosed, Found { nominal, best: outcome.best, hypotheses, scene, train, holdout }))
+    }
+
+    fn choice(&self) -> Choice<'_> {
+        Choice {
+            chosen: &self.effects,
+            without: &self.without,
+            custom: &self.custom,
+            places: self.allow_place,
+            senseless: self.all_suspects,
+        }
     }
 
     fn check(&self) -> Result<()> {

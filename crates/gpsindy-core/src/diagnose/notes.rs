@@ -30,6 +30,20 @@ pub enum Note {
         /// One in how many samples was seen.
         one_in: usize,
     },
+    /// Effects that would depend on a place, or a heading, that no rate of the model depends on: they are no suspects.
+    PlaceRuledOut {
+        /// The place.
+        place: String,
+        /// Their ids.
+        effects: Vec<String>,
+    },
+    /// Effects that are no suspects, at some places at least, for what these lack.
+    RuledOut {
+        /// What they need, in words.
+        needs: String,
+        /// Their ids.
+        effects: Vec<String>,
+    },
     /// Rollouts of the fits are shorter than the runs.
     Restarted {
         /// Their length, s.
@@ -91,6 +105,14 @@ impl std::fmt::Display for Note {
                 f,
                 "the logs hold {samples} samples; the search used windows of {length:.3} s that cover one sample in {one_in}"
             ),
+            Self::PlaceRuledOut { place, effects } => write!(
+                f,
+                "no rate of the model depends on `{place}`, so no effect that does was a suspect: {}",
+                effects.join(", ")
+            ),
+            Self::RuledOut { needs, effects } => {
+                write!(f, "no suspects where there is not {needs}: {}", effects.join(", "))
+            }
             Self::Restarted { length } => write!(
                 f,
                 "the fits use rollouts of {length:.3} s; in longer ones the nominal model diverges from the logs or only accumulates its error"

@@ -346,6 +346,9 @@ pub struct Figures {
     /// Equations that the included causes change; a sensor effect changes what a column reads.
     #[cfg_attr(feature = "serde", serde(default))]
     pub equations: Vec<EquationFigure>,
+    /// Where the simulator is the file of an engine: the lines that changed in it, as in `diff -u`.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub difference: Vec<String>,
     /// What the logs hold, per run and column.
     #[cfg_attr(feature = "serde", serde(default))]
     pub signals: Vec<SignalFigure>,

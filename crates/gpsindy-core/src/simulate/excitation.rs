@@ -93,6 +93,16 @@ impl Excitation {
         Ok(excitation)
     }
 
+    /// How far back, in s, the rates depend on the controls; infinite where a play does.
+    pub(super) fn memory(&self) -> f64 {
+        let of = |history: &History| match history.kind {
+            InputKind::Delay => history.amount.max(0.0),
+            InputKind::Play => f64::INFINITY,
+        };
+        // A delayed delay adds up.
+        self.histories.iter().map(of).sum()
+    }
+
     /// Takes the model's controls out of a run by their names.
     ///
     /// # Errors

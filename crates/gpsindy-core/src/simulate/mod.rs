@@ -3,6 +3,7 @@
 // Indices are those of the formulas.
 #![allow(clippy::needless_range_loop)]
 
+mod closed_loop;
 mod dense;
 mod excitation;
 mod explicit;
@@ -13,6 +14,7 @@ mod rates;
 mod rosenbrock;
 mod stepped;
 
+pub use closed_loop::Controller;
 pub use excitation::Excitation;
 pub use initial::{StateReader, initial_state, unmeasure};
 

@@ -4,8 +4,10 @@ use super::Sheet;
 use super::column::Column;
 use crate::csv_log::CsvLog;
 use crate::error::{Error, Result};
+use crate::header::Header;
 use crate::input::{Input, Kind};
 use crate::log::LogOptions;
+use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;
 use std::io::Read;
 use std::path::Path;
@@ -37,7 +39,7 @@ pub(crate) fn of(path: &Path, options: &LogOptions, progress: &dyn Progress) -> 
     };
     let file = input.file.clone();
     match input.kind()? {
-        Kind::Csv => of_csv(&input, &options),
+        Kind::Csv => of_csv(&input, &options, progress),
         #[cfg(feature = "mcap")]
         Kind::Mcap => mcap::look(vec![input], file, options.stamp, progress),
         #[cfg(feature = "parquet")]
@@ -69,45 +71,67 @@ fn of_folder(path: &Path, file: &str, options: &LogOptions, progress: &dyn Progr
     Err(Error::file(file, message))
 }
 
-fn of_csv(input: &Input, options: &LogOptions) -> Result<Looked> {
-    let log = CsvLog::open(&input.file, &input.bytes()?, options)?;
-    let runs = log.runs();
-    let order: Vec<usize> = runs.iter().flat_map(|(_, rows)| rows.iter().copied()).collect();
-    let mut begin = 0;
-    let mut begins = Vec::new();
-    for (_, rows) in &runs {
-        begins.push(begin);
-        begin += rows.len();
-    }
-    let mut sheet = Sheet {
-        clock: log.time_name().into(),
-        stamps: order.iter().map(|&i| log.times[i]).collect(),
-        runs: begins,
-        origin: log.origin(),
-        ..Sheet::default()
-    };
+/// Values that are in memory at a time.
+const AT_ONCE: usize = 4_000_000;
+
+fn of_csv(input: &Input, options: &LogOptions, progress: &dyn Progress) -> Result<Looked> {
+    let log = CsvLog::open(input.clone(), options, false)?;
+    let mut sheet = Sheet { clock: log.time_name().into(), origin: log.origin(), ..Sheet::default() };
     let mut notes = Vec::new();
-    for (index, header) in log.columns().enumerate() {
-        let numeric = crate::topic::Source::is_numeric(&log, index);
+    let column = |(index, header): (usize, &Header)| {
+        let numeric = log.is_numeric(index);
         let kind = if numeric { "number" } else { "text" };
-        let mut column = Column::new(&header.name, &header.name, kind, &header.unit, numeric);
-        match if numeric { log.values(&header.name) } else { Ok(Vec::new()) } {
-            Ok(values) => fill(&mut column, &values, &order, &sheet.runs),
-            Err(error) => notes.push(error.to_string()),
+        Column::new(&header.name, &header.name, kind, &header.unit, numeric)
+    };
+    sheet.columns = log.columns().enumerate().map(column).collect();
+    let numeric: Vec<usize> = (0..sheet.columns.len()).filter(|&i| sheet.columns[i].numeric).collect();
+    // A log without a number still has stamps.
+    let groups = numeric.chunks((AT_ONCE / log.times.len().max(1)).max(1));
+    for group in groups.chain(numeric.is_empty().then_some(&[][..])) {
+        // An infinite value is told, and its column left without values.
+        for columns in readable(&log, group, progress, &mut notes)? {
+            take(&mut sheet, &columns.0, columns.1);
         }
-        sheet.columns.push(column);
     }
     Ok((input.file.clone(), "CSV", vec![sheet], notes))
 }
 
-/// Hands a column its values, run after run.
-fn fill(column: &mut Column, values: &[f64], order: &[usize], runs: &[usize]) {
-    for (i, &row) in order.iter().enumerate() {
-        if runs.binary_search(&i).is_ok() {
-            column.end_run();
+/// What can be read of columns: all at once, or one by one where one of them holds what is no value.
+fn readable(
+    log: &CsvLog,
+    columns: &[usize],
+    progress: &dyn Progress,
+    notes: &mut Vec<String>,
+) -> Result<Vec<(Vec<usize>, Reading)>> {
+    match log.read(columns, progress) {
+        Ok(reading) => Ok(vec![(columns.to_vec(), reading)]),
+        Err(error @ Error::Line { .. }) if columns.len() <= 1 => {
+            notes.push(error.to_string());
+            Ok(vec![(Vec::new(), log.read(&[], progress)?)])
         }
-        if let Some(value) = values.get(row) {
-            column.push(*value);
+        Err(Error::Line { .. }) => {
+            let mut found = Vec::new();
+            for column in columns {
+                found.extend(readable(log, &[*column], progress, notes)?);
+            }
+            Ok(found)
+        }
+        Err(other) => Err(other),
+    }
+}
+
+/// Hands columns their values, run after run; the first reading brings the stamps.
+fn take(sheet: &mut Sheet, columns: &[usize], reading: Reading) {
+    let first = sheet.stamps.is_empty();
+    for topic in reading.topics {
+        if first {
+            sheet.runs.push(sheet.stamps.len());
+            sheet.stamps.extend(&topic.stamps);
+        }
+        for (j, values) in topic.columns {
+            let column = &mut sheet.columns[columns[j]];
+            column.end_run();
+            values.into_iter().for_each(|value| column.push(value));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The container: channels, schemas and messages in the order of the file, up to a break.
 
+use super::records;
 use crate::error::{Error, Result};
 use crate::input::Input;
 use crate::message::schema::Schema;
@@ -96,16 +97,16 @@ pub(crate) fn scan(
                 }
                 Ok(LinearReadEvent::Record { data, opcode }) => {
                     records += 1;
-                    match mcap::parse_record(opcode, data) {
-                        Ok(Record::Schema { header, data }) => {
+                    match records::parse(opcode, data) {
+                        Ok(Some(Record::Schema { header, data })) => {
                             schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
                         }
-                        Ok(Record::Channel(found)) => {
+                        Ok(Some(Record::Channel(found))) => {
                             let schema = schemas.get(&found.schema_id).cloned();
                             let channel = Channel { topic: found.topic, encoding: found.message_encoding, schema };
                             take(part, Event::Channel(found.id, channel))?;
                         }
-                        Ok(Record::Message { header, data }) => {
+                        Ok(Some(Record::Message { header, data })) => {
                             messages += 1;
                             if messages % REPORT == 0 && !progress.report("reading", at as usize, length as usize) {
                                 return Err(gpsindy_core::Error::Cancelled.into());
@@ -114,7 +115,7 @@ pub(crate) fn scan(
                                 Event::Message { channel: header.channel_id, time: header.log_time, data: &data };
                             take(part, event)?;
                         }
-                        Ok(Record::DataEnd(_) | Record::Footer(_)) => ended = true,
+                        Ok(Some(Record::DataEnd(_) | Record::Footer(_))) => ended = true,
                         Ok(_) => {}
                         Err(error) => {
                             ended = true;
@@ -163,7 +164,7 @@ pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
         }
     };
     for input in inputs {
-        if let Some(found) = summary(input) {
+        if let Some(found) = records::summary(input) {
             found.into_iter().for_each(&mut add);
             continue;
         }
@@ -175,40 +176,4 @@ pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
         })?;
     }
     Ok(channels)
-}
-
-/// The channels in the summary at the end of a file; `None` where it has none, or none that can be read.
-fn summary(input: &Input) -> Option<Vec<Channel>> {
-    use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
-    use std::io::Seek;
-    let length = input.len().ok()?;
-    let limit = usize::try_from(length).ok()?;
-    let options = SummaryReaderOptions::default().with_file_size(length).with_record_length_limit(limit);
-    let mut reader = SummaryReader::new_with_options(options);
-    let mut bytes = input.open().ok()?;
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::ReadRequest(wanted) => {
-                let wanted = wanted.min(limit).max(1);
-                let count = bytes.read(&mut reader.insert(wanted)[..wanted]).ok()?;
-                reader.notify_read(count);
-            }
-            SummaryReadEvent::SeekRequest(to) => {
-                let position = bytes.seek(to).ok()?;
-                reader.notify_seeked(position);
-            }
-        }
-    }
-    let summary = reader.finish()?;
-    if summary.channels.is_empty() {
-        return None;
-    }
-    let mut found: Vec<_> = summary.channels.into_iter().collect();
-    found.sort_by_key(|(id, _)| *id);
-    let channel = |channel: &mcap::Channel<'_>| Channel {
-        topic: channel.topic.clone(),
-        encoding: channel.message_encoding.clone(),
-        schema: channel.schema.as_ref().map(|s| (s.name.clone(), s.encoding.clone(), s.data.to_vec())),
-    };
-    Some(found.iter().map(|(_, c)| channel(c)).collect())
 }

@@ -1,8 +1,9 @@
 //! LeRobot data sets: a folder whose `meta/info.json` names the elements of vectors; an episode is a run.
 //!
 //! Source: LeRobotDataset v3, docs/source/lerobot-dataset-v3.mdx of huggingface/lerobot. Folders of version 2, with a file
-//! an episode, have the same columns and are read too.
+//! an episode, have the same columns and are read too. What the data set says of its episodes is compared with the data.
 
+use super::episodes::Episodes;
 use super::{Elements, ParquetLog};
 use crate::error::{Error, Result};
 use crate::input::Input;
@@ -40,8 +41,11 @@ pub(crate) fn open(folder: &Path, options: &LogOptions) -> Result<ParquetLog> {
     let mut options = options.clone();
     options.time.get_or_insert_with(|| "timestamp".into());
     options.run.get_or_insert_with(|| "episode_index".into());
+    let by_episode = options.run.as_deref() == Some("episode_index");
     let inputs = files.iter().map(|path| Input::of_path(path)).collect();
     let log = ParquetLog::open(inputs, &folder.display().to_string(), &options, &elements)?;
+    // Runs by another column say nothing of episodes.
+    let log = if by_episode { log.with_episodes(Episodes::of(folder, &info)?) } else { log };
     let rate = info.get("fps").and_then(Value::as_f64).filter(|fps| *fps > 0.0);
     Ok(match rate {
         Some(rate) if options.time.as_deref() == Some("timestamp") => log.with_frames(rate, "frame_index"),
@@ -59,7 +63,8 @@ fn element_names(names: &Value) -> Option<Vec<String>> {
     list.iter().map(|name| name.as_str().map(Into::into)).collect()
 }
 
-fn parquet_files(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
+/// The tables below a folder.
+pub(super) fn parquet_files(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
     let failed = |source| Error::Read { file: folder.display().to_string(), source };
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();

@@ -191,6 +191,46 @@ fn a_data_set_of_episodes_is_runs_with_named_elements() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
+/// Writes what a data set of version 3 says of its episodes: number, frames, chunk and file.
+fn tell_episodes(folder: &std::path::Path, episodes: &[[i64; 4]]) {
+    let schema = "message schema { REQUIRED INT64 episode_index; REQUIRED INT64 length; REQUIRED INT64 data/chunk_index; REQUIRED INT64 data/file_index; }";
+    let columns: Vec<Cells> = (0..4).map(|c| Cells::Integer(episodes.iter().map(|e| e[c]).collect())).collect();
+    let place = folder.join("meta/episodes/chunk-000");
+    std::fs::create_dir_all(&place).unwrap();
+    std::fs::write(place.join("file-000.parquet"), written(schema, &columns, 1)).unwrap();
+}
+
+#[test]
+fn episodes_that_are_not_as_the_data_set_tells_them_are_told() {
+    let folder = lerobot(|frame| frame as f32 / 30.0);
+    let notes = || {
+        let logs = Logs::read(&[&folder], &LogOptions::default()).unwrap();
+        let task = Task { needed: vec!["action_elbow_pos".into()], ..Task::default() };
+        let found = logs.assemble(&task, &Silent).unwrap();
+        assert_eq!(found.data.runs().len(), 2);
+        found.notes[1..].to_vec()
+    };
+    tell_episodes(&folder, &[[0, 40, 0, 0], [1, 40, 0, 1]]);
+    assert_eq!(notes(), [""; 0]);
+    tell_episodes(&folder, &[[0, 40, 0, 0], [1, 50, 0, 1], [2, 40, 0, 7], [3, 40, 0, 7]]);
+    let found = notes();
+    assert!(
+        found[0].ends_with("episode 1 has 40 frames, where meta/episodes says 50; what is there was read"),
+        "{found:?}"
+    );
+    let lost =
+        "episodes that meta/episodes names and no file holds: 2, 3; data/chunk-000/file-007.parquet is not there";
+    assert!(found[1].ends_with(lost), "{found:?}");
+    std::fs::remove_dir_all(folder.join("meta/episodes")).unwrap();
+    // Version 2.
+    std::fs::write(folder.join("meta/episodes.jsonl"), "{\"episode_index\": 0, \"length\": 40}\n\n").unwrap();
+    assert!(notes()[0].ends_with("meta/episodes does not name 1 of the episodes that were read"));
+    std::fs::write(folder.join("meta/episodes.jsonl"), "{\"episode_index\": 0}\n").unwrap();
+    let error = Logs::read(&[&folder], &LogOptions::default()).unwrap_err().to_string();
+    assert!(error.ends_with("episodes.jsonl:1: an episode without `episode_index` and `length`"), "{error}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
 #[test]
 fn stamps_that_disagree_with_the_frames_are_left_and_told() {
     let folder = lerobot(|frame| frame as f32 / 29.0);
@@ -200,44 +240,4 @@ fn stamps_that_disagree_with_the_frames_are_left_and_told() {
     assert_eq!(found.data.runs()[0].time[1], f64::from(1.0_f32 / 29.0));
     assert!(found.notes[0].contains("do not agree"), "{:?}", found.notes);
     std::fs::remove_dir_all(folder).unwrap();
-}
-
-/// Rounds of the fuzz test in the ordinary run, and in the long one.
-const ROUNDS: usize = 3_000;
-const LONG_ROUNDS: usize = 100_000;
-
-fn fuzz(rounds: usize) {
-    let mut seed = 0x2545_f491_4f6c_dd1d_u64;
-    let mut random = move || {
-        seed ^= seed << 13;
-        seed ^= seed >> 7;
-        seed ^= seed << 17;
-        seed as usize
-    };
-    let whole = table(2);
-    for _ in 0..rounds {
-        let mut bytes = whole.clone();
-        for _ in 0..=random() % 6 {
-            let at = random() % bytes.len();
-            match random() % 5 {
-                0 => bytes.truncate(at.max(4)),
-                1 => bytes[at] = [0, 0x7f, 0xff, 0x80][random() % 4],
-                _ => bytes[at] ^= 1 << (random() % 8),
-            }
-        }
-        if let Ok(logs) = Logs::parse("fuzz.parquet", &bytes, &options(Some("trial"))) {
-            let _ = logs.dataset(&["x", "n"], &[]);
-        }
-    }
-}
-
-#[test]
-fn broken_bytes_never_panic() {
-    fuzz(ROUNDS);
-}
-
-#[test]
-#[ignore = "minutes"]
-fn broken_bytes_never_panic_in_the_long_run() {
-    fuzz(LONG_ROUNDS);
 }

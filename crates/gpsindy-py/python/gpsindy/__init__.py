@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsindy._gpsindy import NumericalError, __version__
+from gpsindy.consequences import Consequence, Loop, Loss, closed_loop, consequence
 from gpsindy.dataset import Dataset, Run, read_csv
 from gpsindy.diagnosis import (
     Cause,
@@ -28,10 +29,12 @@ from gpsindy.diagnosis import (
 )
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
+from gpsindy.experiment import Experiment, Parting
 from gpsindy.fleets import Fleet, fleet
 from gpsindy.logs import Inspection, inspect, read_log
 from gpsindy.model import Control, Identification, Model, Parameter, Port, State
 from gpsindy.online import Estimate, Online
+from gpsindy.randomizing import Randomization, Range, randomization
 from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score
 from gpsindy.simulation import Rollout, simulate
@@ -42,6 +45,7 @@ __all__ = [
     "AuthorFit",
     "Cause",
     "ColumnFit",
+    "Consequence",
     "Control",
     "CustomEffect",
     "DataWarning",
@@ -50,16 +54,22 @@ __all__ = [
     "Effect",
     "Errors",
     "Estimate",
+    "Experiment",
     "Fleet",
     "GPSINDy",
     "Identification",
     "Inspection",
+    "Loop",
+    "Loss",
     "Model",
     "NotFittedError",
     "NumericalError",
     "Online",
     "Parameter",
+    "Parting",
     "Port",
+    "Randomization",
+    "Range",
     "Rollout",
     "Run",
     "Score",
@@ -70,10 +80,13 @@ __all__ = [
     "Stepper",
     "__version__",
     "author",
+    "closed_loop",
+    "consequence",
     "diagnose",
     "effects",
     "fleet",
     "inspect",
+    "randomization",
     "read_csv",
     "read_effects",
     "read_log",

@@ -10,9 +10,12 @@ __all__ = [
     "Model",
     "NumericalError",
     "Online",
+    "Open",
     "__version__",
     "augmented_toml",
     "author",
+    "command",
+    "design",
     "diagnose",
     "diagnose_paired",
     "fleet_compare",
@@ -50,7 +53,7 @@ class LogOptions:
         rename: Sequence[tuple[str, str]] = ...,
         map: Sequence[tuple[str, str]] = ...,
         unit: Sequence[tuple[str, str]] = ...,
-        offset: Sequence[tuple[str, float]] = ...,
+        offset: Sequence[tuple[str, str]] = ...,
         stamp: str | None = None,
         map_file: str | None = None,
     ) -> LogOptions: ...
@@ -136,6 +139,9 @@ class Model:
     def simulate(
         self, initial: Sequence[float], t: _Array, u: _Array, how: tuple[str, str, float]
     ) -> tuple[_Array, _Array]: ...
+    def closed_loop(
+        self, initial: Sequence[float], t: _Array, controller: Callable[[float, _Array], Any], tolerance: float
+    ) -> tuple[_Array, _Array, _Array]: ...
     def simulate_runs(
         self,
         data: Dataset,
@@ -174,13 +180,31 @@ def identify(data: Dataset, settings: dict[str, Any], progress: _Progress) -> tu
 def author(
     data: Dataset, settings: dict[str, Any], progress: _Progress
 ) -> tuple[Model, float, float, float]: ...
+@final
+class Open:
+    @staticmethod
+    def parse(text: str) -> Open: ...
+    def to_json(self) -> str: ...
+    @property
+    def labels(self) -> list[str]: ...
+    @property
+    def pairs(self) -> list[tuple[str, str]]: ...
+    @property
+    def sizes(self) -> tuple[list[str], list[float], list[list[float]]]: ...
+
+def design(
+    open: Open,
+    model: Model,
+    settings: dict[str, Any],
+    progress: _Progress,
+) -> tuple[_Array, list[str], _Array, str, list[tuple[str, str, float, float | None]]]: ...
 def diagnose(
     model: Model,
     train: Dataset,
     holdout: Dataset | None,
     options: dict[str, Any],
     progress: _Progress,
-) -> tuple[str, Model]: ...
+) -> tuple[str, Model, Model, list[Model], Open]: ...
 def diagnose_paired(
     simulated: Dataset,
     identify: dict[str, Any],
@@ -188,13 +212,13 @@ def diagnose_paired(
     holdout: Dataset | None,
     options: dict[str, Any],
     progress: _Progress,
-) -> tuple[str, Model]: ...
+) -> tuple[str, Model, Model, list[Model], Open]: ...
 def read_effects(path: str) -> list[_Custom]: ...
 def render(report: str) -> str: ...
 def report_json(report: str) -> str: ...
 def augmented_toml(report: str, model: str) -> str: ...
 def summary(report: str, width: int, colour: bool) -> str: ...
-def effects() -> list[tuple[str, str, str, str]]: ...
+def effects() -> list[tuple[str, str, str, str, str, str, list[tuple[str, str]]]]: ...
 
 def inspect(path: str, options: LogOptions, width: int) -> tuple[str, str]: ...
 def fleet_tasks(manifest: str) -> list[tuple[str, str | None]]: ...
@@ -202,3 +226,5 @@ def fleet_task(
     manifest: str, out: str, index: int, options: dict[str, Any], time: str | None, run: str | None
 ) -> tuple[bool, str | None]: ...
 def fleet_compare(manifest: str, out: str, options: dict[str, Any], time: str | None, run: str | None) -> str: ...
+
+def command(line: Sequence[str]) -> int: ...

@@ -16,12 +16,14 @@ import numpy as np
 from gpsindy import _gpsindy
 from gpsindy._tables import names_of
 from gpsindy.dataset import Path, as_dataset
+from gpsindy.experiment import Experiment, Parting
 from gpsindy.model import Hold, Model, Progress, Simulator, as_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gpsindy.estimator import GPSINDy
+    from gpsindy.randomizing import Randomization
 
 
 @dataclass(frozen=True)
@@ -37,12 +39,21 @@ class Effect:
         Its parameters in words.
     signature : str
         What it looks like in a log.
+    name : str
+        Its name in everyday words.
+    meaning : str
+        What it does, for a reader who meets it first.
+    twins : tuple of (str, str)
+        Ids of the effects that logs may not tell from it, each with the experiment that parts the two.
     """
 
     id: str
     form: str
     parameters: str
     signature: str
+    name: str = ""
+    meaning: str = ""
+    twins: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -131,14 +142,24 @@ class Cause:
 class Diagnosis:
     """What a diagnosis found; its text is a screenful for people, its JSON follows ``gpsindy.diagnosis/1``."""
 
-    __slots__ = ("_augmented", "_figures", "_report", "_text")
+    __slots__ = ("_augmented", "_figures", "_nominal", "_open", "_report", "_text", "_without")
 
-    def __init__(self, report: str, augmented: Model) -> None:
+    def __init__(
+        self,
+        report: str,
+        augmented: Model,
+        left_open: _gpsindy.Open | None = None,
+        nominal: Model | None = None,
+        without: Sequence[Model] = (),
+    ) -> None:
         self._text = report
         self._report: dict[str, Any] = json.loads(report)
         # The curves of the page are no part of the report: they may change in any version.
         self._figures: dict[str, Any] = self._report.pop("figures", None) or {}
         self._augmented = augmented
+        self._open = left_open
+        self._nominal = nominal
+        self._without = tuple(without)
 
     @property
     def verdict(self) -> str:
@@ -201,6 +222,80 @@ class Diagnosis:
         """The nominal model with the included causes added."""
         return self._augmented
 
+    @property
+    def open(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of accounts, each by its effects, that these logs can't tell apart; :meth:`design` parts them."""
+        return () if self._open is None else tuple(self._open.pairs)
+
+    def design(
+        self,
+        limits: Mapping[str, tuple[float, float]],
+        *,
+        rate_limits: Mapping[str, float] | None = None,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        duration: float = 10.0,
+        rate: float = 50.0,
+        start: Mapping[str, float] | None = None,
+        separate: tuple[str, str] | None = None,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Experiment:
+        """The control signal that best tells apart what the logs left open.
+
+        Maximises the separation of the pair that it parts least, each simulator being free to bend towards the other as far
+        as the logs let it (T-optimality, Atkinson and Fedorov 1975). Tries multisines, chirps, steps and free forms within
+        the limits, and refines the best one.
+
+        Parameters
+        ----------
+        limits : mapping of str to (float, float)
+            Lowest and highest value of every control, in its unit; equal ones hold it still.
+        rate_limits : mapping of str to float, optional
+            Largest change of a control in a second.
+        bounds : mapping of str to (float, float), optional
+            Of states, which no simulator may leave.
+        duration : float, default 10
+            Length of the run, s.
+        rate : float, default 50
+            Samples a second.
+        start : mapping of str to float, optional
+            Where the run begins. Default: where the logs began.
+        separate : (str, str), optional
+            Tell these two effects apart instead. Default: every pair of :attr:`open`; where there is none, all accounts.
+        seed : int
+            Of the signals that are tried.
+        progress : callable, optional
+            Called with (stage, done, total).
+
+        Returns
+        -------
+        Experiment
+
+        Raises
+        ------
+        ValueError
+            A control without a limit, an unknown name, limits within which a state leaves its bounds, or nothing to part.
+        """
+        if self._open is None:
+            raise ValueError("this diagnosis does not know what it left open: it was read or copied; diagnose again")
+
+        def spans(given: Mapping[str, tuple[float, float]] | None) -> list[tuple[str, float, float]]:
+            return [(name, float(low), float(high)) for name, (low, high) in (given or {}).items()]
+
+        settings = {
+            "limits": spans(limits),
+            "rate_limits": [(name, float(value)) for name, value in (rate_limits or {}).items()],
+            "bounds": spans(bounds),
+            "duration": float(duration),
+            "rate": float(rate),
+            "start": [(name, float(value)) for name, value in (start or {}).items()],
+            "separate": separate,
+            "seed": seed,
+        }
+        t, names, values, form, pairs = _gpsindy.design(self._open, self._augmented._inner, settings, progress)
+        units = {control.name: control.unit for control in self._augmented.controls}
+        return Experiment(t, dict(zip(names, values)), form, tuple(Parting(*pair) for pair in pairs), units)
+
     def to_dict(self) -> dict[str, Any]:
         """The whole report."""
         found: dict[str, Any] = json.loads(self.to_json())
@@ -219,14 +314,35 @@ class Diagnosis:
         return _gpsindy.summary(self._text, width, colour)
 
     def save(self, directory: Path) -> None:
-        """Writes ``report.json``, ``report.html`` and, where the model has a file, ``augmented.toml``."""
+        """Writes ``report.json``, ``report.html`` and the corrected model, in its simulator's own format where it has one:
+        ``augmented.toml``, ``augmented.xml`` (MuJoCo) or ``augmented.ssv`` (FMU).
+        """
         folder = pathlib.Path(os.fspath(directory))
-        folder.mkdir(parents=True, exist_ok=True)
         files = {"report.json": self.to_json(), "report.html": self.html()}
+        source = self._augmented._source
         if not self._augmented._inner.calls_simulator:
             files["augmented.toml"] = _gpsindy.augmented_toml(self._text, self._augmented.to_toml())
+            if self._open is not None and len(self._open.labels) > 1:
+                files["open.json"] = self._open.to_json()
+        elif source is not None and self._report.get("augmented_model"):
+            name, text, _ = source._corrected_file(self._augmented._inner, folder)
+            files[name] = text
+        files.update(self._beside())
+        folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
             _gpsindy.write_whole(os.fspath(folder / name), text)
+
+    def _beside(self) -> list[tuple[str, str]]:
+        """Further files of a diagnosis of an engine's model."""
+        if self._open is None or getattr(self._augmented._source, "_period", None) is None:
+            return []
+        return [("randomization.py", self.randomization().to_python())]
+
+    def randomization(self, **options: Any) -> Randomization:
+        """Ranges for training; see :func:`gpsindy.randomization`."""
+        from gpsindy import randomizing
+
+        return randomizing.randomization(self, **options)
 
     def plot(self, **options: Any) -> Figure:
         """Rollouts, residuals or the gap of each equation; see :func:`gpsindy.plot.diagnosis`. Needs matplotlib."""
@@ -235,7 +351,10 @@ class Diagnosis:
         return plot.diagnosis(self, **options)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (Diagnosis, (self._text, self._augmented))
+        # What a simulator's candidates call can't be written down.
+        plain = self._open is not None and not self._augmented._inner.calls_simulator
+        left = self._open.to_json() if plain and self._open else None
+        return (_restored, (self._text, self._augmented, left, self._nominal, self._without))
 
     def __repr__(self) -> str:
         return self.summary(shutil.get_terminal_size((100, 24)).columns)
@@ -258,6 +377,8 @@ def diagnose(
     vectorized: bool = False,
     effects: str | Iterable[str] = (),
     custom: Iterable[CustomEffect] = (),
+    allow_place: bool = False,
+    all_suspects: bool = False,
     confidence: float = 0.95,
     most_effects: int = 6,
     hold: Hold | None = None,
@@ -288,7 +409,11 @@ def diagnose(
     effects : str or sequence of str
         Ids of the effects to test; ``!`` before an id leaves it out. Default: the whole catalogue, see :func:`effects`.
     custom : sequence of CustomEffect
-        Custom effects to test.
+        Suspects of the user's own.
+    allow_place : bool
+        Let effects depend on where the machine is, or which way it faces, although no rate of the model does.
+    all_suspects : bool
+        Suspect every effect everywhere, also where it makes no sense by units or place.
     confidence : float
         Confidence level of the intervals, 0.5 to 0.999; no test and no verdict depends on it.
     most_effects : int
@@ -325,6 +450,8 @@ def diagnose(
         "effects": [name for name in chosen if not name.startswith("!")],
         "without": [name[1:] for name in chosen if name.startswith("!")],
         "custom": [effect._entry() for effect in custom],
+        "allow_place": allow_place,
+        "all_suspects": all_suspects,
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,
@@ -337,16 +464,45 @@ def diagnose(
     if simulated is not None:
         identify = _identify_settings(model, states, controls)
         paired = as_dataset(simulated, "simulated")._inner
-        report, augmented = _gpsindy.diagnose_paired(paired, identify, train, held, options, progress)
-        return Diagnosis(report, Model._of(augmented))
+        report, *models, left = _gpsindy.diagnose_paired(paired, identify, train, held, options, progress)
+        return _diagnosis(report, models, left, None)
     if callable(model):
         if states is None:
             raise ValueError("states: a callable needs the names of its states (and of its controls, where it has any)")
         nominal = Model.from_callable(model, states, controls, kinematic=kinematic, vectorized=vectorized)
     else:
         nominal = as_model(model)
-    report, augmented = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
-    return Diagnosis(report, Model._of(augmented, nominal._source))
+    report, *models, left = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
+    return _diagnosis(report, models, left, nominal._source)
+
+
+def _diagnosis(report: str, models: Sequence[Any], left: _gpsindy.Open, source: Any) -> Diagnosis:
+    inner, augmented, without = models
+    corrected = Model._of(augmented, source)
+    text = _with_file(report, corrected) if augmented.calls_simulator else report
+    return Diagnosis(text, corrected, left, Model._of(inner, source), [Model._of(one, source) for one in without])
+
+
+def _restored(
+    report: str, augmented: Model, left_open: str | None, nominal: Model | None, without: Sequence[Model]
+) -> Diagnosis:
+    left = None if left_open is None else _gpsindy.Open.parse(left_open)
+    return Diagnosis(report, augmented, left, nominal, without)
+
+
+def _with_file(report: str, augmented: Model) -> str:
+    """The report of a simulator that is no equations: the name of its corrected file, and what changed in it."""
+    told = json.loads(report)
+    told["augmented_model"] = None
+    if augmented._source is not None:
+        try:
+            told["augmented_model"], _, difference = augmented._source._corrected_file(augmented._inner, ".")
+        except ValueError:
+            # Made from what has no file, such as a compiled model.
+            return json.dumps(told)
+        if told.get("figures"):
+            told["figures"]["difference"] = difference
+    return json.dumps(told)
 
 
 def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:
@@ -371,4 +527,4 @@ def effects() -> tuple[Effect, ...]:
     >>> gpsindy.effects()[1].id
     'bias'
     """
-    return tuple(Effect(*entry) for entry in _gpsindy.effects())
+    return tuple(Effect(*entry[:6], twins=tuple(entry[6])) for entry in _gpsindy.effects())

@@ -126,6 +126,8 @@ def fleet(
         "effects": list(effects),
         "without": list(without),
         "custom": [],
+        "allow_place": False,
+        "all_suspects": False,
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,

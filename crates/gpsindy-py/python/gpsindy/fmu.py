@@ -158,12 +158,12 @@ class Simulator:
         changed = {name: value for name, value in found.items() if value is not None and value != own[name]}
         return {self._names[name]: value for name, value in changed.items()}
 
-    def save(self, model: Model, path: Path) -> None:
-        """Writes the corrected parameters as an SSP parameter set (``.ssv``), which importers of FMUs read.
+    def corrected(self, model: Model) -> str:
+        """The corrected parameters as an SSP parameter set, which importers of FMUs read.
 
         What parameters can't say stands in a comment.
         """
-        lines = []
+        lines = [f"  <!-- gpsindy: parameters of {self._path.name} as a diagnosis corrected them -->"]
         for kind, name, expression, value in model._inner.simulator_inputs():
             if (kind == "command" and expression != name) or (kind == "force" and expression != "0") or value is None:
                 if not (kind == "command" and expression == name):
@@ -174,8 +174,19 @@ class Simulator:
         lines.append("  </ssv:Parameters>")
         head = '<ssv:ParameterSet version="1.0" name="gpsindy" '
         head += 'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues">'
-        text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', head, *lines, "</ssv:ParameterSet>", ""])
-        _gpsindy.write_whole(os.fspath(path), text)
+        return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', head, *lines, "</ssv:ParameterSet>", ""])
+
+    def save(self, model: Model, path: Path) -> None:
+        """Writes :meth:`corrected`, best as a file ``.ssv``; whole or not at all."""
+        _gpsindy.write_whole(os.fspath(path), self.corrected(model))
+
+    def _corrected_file(self, inner: Any, folder: Path) -> tuple[str, str, list[str]]:
+        """Name, text and changed lines of the corrected parameters; ``folder`` makes no difference."""
+        model = Model._of(inner, self)
+        own = {self._names[p.name]: p.value for p in self._model.parameters if p.name in self._names}
+        changed = self.parameters(model).items()
+        difference = [line for name, value in changed for line in (f"-{name} = {own[name]!r}", f"+{name} = {value!r}")]
+        return ("augmented.ssv", self.corrected(model), difference)
 
     def _as_model(self) -> Model:
         return self._model

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Union
 
 from gpsindy import _gpsindy
+from gpsindy._bags import as_mcap
 from gpsindy._tables import names_of
 from gpsindy.dataset import Dataset
 from gpsindy.errors import DataWarning
@@ -57,7 +58,8 @@ def inspect(
     Parameters
     ----------
     path : path
-        A CSV, MCAP, Parquet or ULog file, or the folder of a LeRobot data set or a ROS 2 bag.
+        A CSV, MCAP, Parquet or ULog file, or the folder of a LeRobot data set or a ROS 2 bag. With the extra
+        ``gpsindy[rosbags]`` also a ROS 1 ``.bag`` and a ROS 2 ``.db3``, or its folder; these are shown as MCAP.
     time, run : str, optional
         The time column of a table, and the column that identifies the run of each row.
     stamp : {'header', 'log'}, optional
@@ -69,9 +71,11 @@ def inspect(
     -------
     Inspection
     """
-    found, text = _gpsindy.inspect(os.fspath(path), _gpsindy.LogOptions(time=time, run=run, stamp=stamp), width)
-    fields = json.loads(found)
-    return Inspection(**fields, _text=text)
+    options = _gpsindy.LogOptions(time=time, run=run, stamp=stamp)
+    with as_mcap([os.fspath(path)]) as logs:
+        found, text = logs.run(lambda paths: _gpsindy.inspect(paths[0], options, width))
+        fields = json.loads(logs.told(found))
+        return Inspection(**fields, _text=logs.told(text))
 
 
 def read_log(
@@ -83,7 +87,7 @@ def read_log(
     controls: str | Iterable[str] = (),
     hold: str = "zero",
     stamp: str | None = None,
-    offset: Mapping[str, float] | None = None,
+    offset: Mapping[str, float | str] | None = None,
     units: Mapping[str, str] | None = None,
     time: str | None = None,
     run: str | None = None,
@@ -97,7 +101,8 @@ def read_log(
     Parameters
     ----------
     paths : path or sequence of paths
-        The logs; formats are told by content. A folder is a LeRobot data set or a ROS 2 bag.
+        The logs; formats are told by content. A folder is a LeRobot data set or a ROS 2 bag. ROS 1 ``.bag`` and ROS 2
+        ``.db3`` files (or their folders) need the extra ``gpsindy[rosbags]``.
     map : mapping of str to str, optional
         Where a column comes from: ``{"q": "/joint_states.position[elbow]", "u": "/command.data[0]"}``.
     map_file : path, optional
@@ -111,7 +116,8 @@ def read_log(
     stamp : {'header', 'log'}, optional
         The clock of messages. Default: their header's stamp where there is one, else the time of recording.
     offset : mapping of str to float, optional
-        Seconds that are added to the stamps of a topic.
+        Seconds that are added to the stamps of a topic; ``'auto'``: what makes its columns agree with those of the other
+        topics best, estimated with an interval, which a warning tells. Between a command and a state a delay counts in it.
     units : mapping of str to str, optional
         Units of mapped columns.
     time, run : str, optional
@@ -131,6 +137,8 @@ def read_log(
         A log that can't be understood, with file, topic and field.
     OSError
         A file that can't be read.
+    ImportError
+        A ROS bag without the package rosbags.
 
     Warns
     -----
@@ -146,18 +154,22 @@ def read_log(
         rename=list((rename or {}).items()),
         map=list((map or {}).items()),
         unit=list((units or {}).items()),
-        offset=[(topic, float(shift)) for topic, shift in (offset or {}).items()],
+        offset=[(topic, str(shift)) for topic, shift in (offset or {}).items()],
         stamp=stamp,
         map_file=None if map_file is None else os.fspath(map_file),
     )
-    inner, doubts = _gpsindy.Dataset.read_log(
-        [os.fspath(file) for file in files],
-        options,
-        None if columns is None else names_of(columns),
-        names_of(controls),
-        hold == "linear",
-    )
-    for doubt in doubts:
-        warnings.warn(doubt, DataWarning, stacklevel=2)
+    places = None if map_file is not None or map is None else map.values()
+    with as_mcap([os.fspath(file) for file in files], places) as logs:
+        inner, doubts = logs.run(
+            lambda paths: _gpsindy.Dataset.read_log(
+                paths,
+                options,
+                None if columns is None else names_of(columns),
+                names_of(controls),
+                hold == "linear",
+            )
+        )
+        for doubt in doubts:
+            warnings.warn(logs.told(doubt), DataWarning, stacklevel=2)
     unwrap = names_of(angles)
     return Dataset._of(inner.unwrap_angles(unwrap) if unwrap else inner)

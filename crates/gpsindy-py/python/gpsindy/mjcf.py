@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import pathlib
+import posixpath
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -95,6 +98,10 @@ class Text:
         self.text = self.text[: element.start] + tag + self.text[end:]
         self._read()
 
+    def named(self, tag: str) -> list[Element]:
+        """All elements with a tag, in their order."""
+        return [element for element in self._elements if element.tag == tag]
+
     def child(self, element: Element, tag: str) -> Element | None:
         """The first element ``tag`` directly within another one."""
         children = (self._elements[i] for i in element.children)
@@ -117,6 +124,35 @@ class Text:
         """Comments at the top of the model."""
         for line in reversed(lines):
             self.insert(self._elements[0], f"<!-- {re.sub('-{2,}', '- -', line)} -->")
+
+
+def moved(text: str, home: pathlib.Path, folder: pathlib.Path) -> str:
+    """The text of a file of the folder ``home`` for another one: what it names by relative paths is found from there.
+
+    Meshes, height fields and textures are found through the ``compiler`` element, included files by their own names.
+    """
+    way = os.path.relpath(home, folder).replace(os.sep, "/")
+    if way == ".":
+        return text
+    edited = Text(text)
+
+    def relative(element: Element, attribute: str) -> str | None:
+        path = element.attributes.get(attribute)
+        return None if path is None or pathlib.PurePath(path).is_absolute() else posixpath.join(way, path)
+
+    for number_of in range(len(edited.named("include"))):
+        element = edited.named("include")[number_of]
+        path = relative(element, "file")
+        if path is not None:
+            edited.set(element, "file", path)
+    if any("file" in element.attributes for tag in ("mesh", "hfield", "texture", "skin") for element in edited.named(tag)):
+        if not edited.named("compiler"):
+            edited.insert(edited.named("mujoco")[0], "<compiler/>")
+        own = edited.named("compiler")[0].attributes
+        for attribute in ["assetdir"] if "assetdir" in own else ["meshdir", "texturedir"]:
+            compiler = edited.named("compiler")[0]
+            edited.set(compiler, attribute, relative(compiler, attribute) or own.get(attribute, way))
+    return edited.text
 
 
 def number(value: float) -> str:

@@ -6,6 +6,7 @@ Needs the package ``mujoco``, 4 or newer: ``pip install gpsindy[mujoco]``.
 from __future__ import annotations
 
 import copy
+import difflib
 import os
 import pathlib
 import re
@@ -118,6 +119,14 @@ class Simulator:
         self._positions, self._velocities = self._columns(joints or {})
         self._commands = self._command_columns(actuators or {})
         self._settings = _settings(self._mj, self._joints, self._actuators)
+        self._period = float(self._mj.opt.timestep)
+        #: Force, inertia and unit by the column of a joint's velocity.
+        self._inertia = self._inertias()
+        self._drives = {
+            actuator: self._joints[self._mj.actuator_trnid[a, 0]]
+            for a, actuator in enumerate(self._actuators)
+            if self._mj.actuator_trntype[a] in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+        }
         self._model = self._made(dict(sensors or {}))
 
     @property
@@ -147,7 +156,11 @@ class Simulator:
             raise FileNotFoundError(f"{path}: no such file; hand in an MJCF or URDF file, XML text or an MjModel")
         self._source = path
         self._text = path.read_text(encoding="utf-8")
-        return mujoco.MjModel.from_xml_path(os.fspath(path))
+        compiled = mujoco.MjModel.from_xml_path(os.fspath(path))
+        if re.search(r"<\s*robot[\s>]", self._text):
+            # URDF has no place for most corrections: what is corrected is MuJoCo's own rendering of it.
+            self._text = _as_mjcf(path)
+        return compiled
 
     def _check(self) -> None:
         m = self._mj
@@ -188,6 +201,14 @@ class Simulator:
             own = _plain(actuator)
             columns.append(given.get(actuator, f"{own}_ctrl" if own in taken else own))
         return columns
+
+    def _inertias(self) -> dict[str, tuple[str, float, str]]:
+        masses = {setting.element: setting.scale or 0.0 for setting in self._settings if setting.attribute == "armature"}
+        found = {}
+        for j, joint in enumerate(self._joints):
+            hinge = self._mj.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+            found[self._velocities[j]] = (joint, masses[joint], "N m" if hinge else "N")
+        return found
 
     def _made(self, sensors: dict[str, str]) -> Model:
         m = self._mj
@@ -239,9 +260,9 @@ class Simulator:
         Raises
         ------
         ValueError
-            The simulator was made from a compiled model or a URDF file, so there is no MJCF text.
+            The simulator was made from a compiled model, so there is no MJCF text.
         """
-        if self._text is None or re.search(r"<\s*robot[\s>]", self._text):
+        if self._text is None:
             raise ValueError("there is no MJCF text to correct; make the simulator from an MJCF file or text")
         text = mjcf.Text(self._text)
         notes: list[str] = []
@@ -264,8 +285,18 @@ class Simulator:
                 notes.append(f"the column {name} reads {measured}")
         for name, _, equation, _ in model._inner.states[2 * n :]:
             notes.append(f"{name} is a state of its own: {name}' = {equation}")
-        text.comment([f"gpsindy: not in this file: {note}" for note in notes])
+        name = self._source.name if self._source else "the model"
+        text.comment([f"gpsindy: {name} as a diagnosis corrected it", *(f"gpsindy: not in this file: {note}" for note in notes)])
         return text.text
+
+    def _corrected_file(self, inner: Any, folder: Path) -> tuple[str, str, list[str]]:
+        """Name, text and changed lines of the corrected file, for ``folder``."""
+        text = self.corrected(Model._of(inner, self))
+        lines = difflib.unified_diff((self._text or "").splitlines(), text.splitlines(), "nominal", "corrected", "", "", 1, "")
+        difference = list(lines)
+        if self._source is not None:
+            text = mjcf.moved(text, self._source.parent, pathlib.Path(os.fspath(folder)))
+        return ("augmented.xml", text, difference)
 
     def _correct(self, text: mjcf.Text, setting: Setting, value: float) -> bool:
         kind = {"kp": "actuator", "kv": "actuator", "mass": "body"}.get(setting.attribute, "joint")
@@ -334,8 +365,9 @@ class Simulator:
             notes.append(f"the command {name} becomes {expression}")
 
     def save(self, model: Model, path: Path) -> None:
-        """Writes :meth:`corrected`; whole or not at all. Best beside the original, whose meshes it names."""
-        _gpsindy.write_whole(os.fspath(path), self.corrected(model))
+        """Writes :meth:`corrected`; whole or not at all. In another folder it names meshes and included files from there."""
+        file = pathlib.Path(os.fspath(path))
+        _gpsindy.write_whole(os.fspath(path), self._corrected_file(model._inner, file.parent)[1])
 
     def __repr__(self) -> str:
         return f"gpsindy.mujoco.Simulator of {', '.join(self._joints)}"
@@ -468,6 +500,13 @@ def _settings(m: Any, joints: Sequence[str], actuators: Sequence[str]) -> list[S
             body = _name(m, mujoco.mjtObj.mjOBJ_BODY, b)
             found.append(Setting(f"{body}.mass", float(m.body_mass[b]), "kg", body, "mass", b, None))
     return found
+
+
+def _as_mjcf(path: pathlib.Path) -> str:
+    """A URDF file in MuJoCo's own language."""
+    spec = mujoco.MjSpec.from_file(os.fspath(path))
+    spec.compile()
+    return str(spec.to_xml())
 
 
 def _name(m: Any, kind: Any, index: int) -> str:

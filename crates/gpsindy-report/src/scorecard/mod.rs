@@ -4,11 +4,13 @@
 //! or if its `equivalent` holds the id of the effect. A case without a diagnosis counts as a miss in every rate.
 
 mod answers;
+mod foreign;
 mod judge;
 mod rate;
 mod text;
 
 pub use answers::{Accepted, Answer, Kind, Oracle, Suite, TrueEffect};
+pub use foreign::read_report;
 pub use judge::Judged;
 pub use rate::{Bin, Calibration, Rate};
 

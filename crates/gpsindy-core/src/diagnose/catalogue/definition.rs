@@ -1,109 +1,13 @@
 //! The definition of an effect: one [`Definition`] per file of `effects/`.
 
-use crate::diagnose::catalogue::effects::Effect;
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::Writer;
 use crate::error::Result;
 use crate::model::Model;
-
-/// A group of effects of the same physical kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[non_exhaustive]
-pub enum Family {
-    /// A nominal parameter is wrong.
-    Parameter,
-    /// Functions of the state's own rate.
-    Friction,
-    /// Functions of a position.
-    Stiffness,
-    /// Products and other axes.
-    Coupling,
-    /// A static map of the control.
-    InputStatic,
-    /// A control that acts late.
-    InputDynamic,
-    /// A control that passes a play.
-    Memory,
-    /// Functions of time.
-    Time,
-    /// The sensor and not the plant.
-    Sensor,
-    /// An effect of the user's own.
-    Custom,
-}
-
-/// Where an effect can act, and on what it depends there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
-    /// In an equation, on nothing.
-    Row,
-    /// In an equation, on its own state.
-    Own,
-    /// In an equation, on the place whose rate its state is; on the state itself where that may be a place.
-    Position,
-    /// In an equation, on another axis' state or on a control that the equation lacks.
-    Other,
-    /// In an equation, on two variables.
-    Pair,
-    /// In an equation, on time.
-    Time,
-    /// Wherever a parameter stands.
-    Parameter,
-    /// Wherever a control stands.
-    Control,
-    /// What a column reads.
-    Sensor,
-    /// In an equation, on its own state and another force of it: a control or the place that it depends on.
-    Load,
-    /// Wherever a control stands, on the state of the equation that it moves most.
-    DriveAndSpeed,
-    /// Wherever a control stands, on a control that no equation has: a column that was logged beside.
-    Supply,
-    /// Wherever a parameter stands, on a state that its terms hold.
-    Rate,
-    /// Wherever a parameter stands, on a control of the same equation.
-    Heated,
-    /// The difference of two places of the model.
-    Gap,
-}
-
-impl Place {
-    /// The places within an equation, in the order in which they are tried.
-    pub(crate) const IN_A_ROW: [Self; 7] =
-        [Self::Row, Self::Own, Self::Position, Self::Other, Self::Pair, Self::Time, Self::Load];
-
-    /// The places that are not of one equation, in the order in which they are tried.
-    pub(crate) const ELSEWHERE: [Self; 5] = [Self::DriveAndSpeed, Self::Supply, Self::Rate, Self::Heated, Self::Gap];
-
-    /// The place in words.
-    pub(crate) fn words(self) -> &'static str {
-        match self {
-            Self::Row => "any dynamic equation",
-            Self::Own => "a dynamic equation, as a function of its own state",
-            Self::Position => "a dynamic equation, as a function of the position that belongs to it",
-            Self::Other => {
-                "a dynamic equation, as a function of another state or of a control that it does not contain"
-            }
-            Self::Pair => "a dynamic equation, as a function of two variables",
-            Self::Time => "any dynamic equation, as a function of time",
-            Self::Parameter => "every equation that contains a parameter",
-            Self::Control => "every equation that contains a control",
-            Self::Sensor => "a logged column",
-            Self::Load => "a dynamic equation, as a function of its own state and of another force in it",
-            Self::DriveAndSpeed => {
-                "every equation that contains a control, as a function of the speed that the control drives"
-            }
-            Self::Supply => {
-                "every equation that contains a control, as a function of a logged control that no equation uses"
-            }
-            Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
-            Self::Heated => "every equation that contains a parameter, as a function of a control of the same equation",
-            Self::Gap => "every equation that contains the difference of two positions",
-        }
-    }
-}
 
 /// What sets an effect apart where the search or the report treats effects alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,17 +1,13 @@
-//! The public interface of effects, and custom effects.
+//! The public interface of effects.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, experiment};
-pub use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, experiment};
 use crate::diagnose::catalogue::form::{with_words, written};
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::expression::Expression;
 use crate::model::Model;
 
 impl Effect {
-    /// The effect with this id.
-    pub fn from_id(id: &str) -> Option<Self> {
-        Self::ALL.iter().copied().find(|e| e.id() == id)
-    }
-
     /// Its name in everyday words.
     pub fn name(self) -> &'static str {
         self.definition().name
@@ -145,32 +141,6 @@ impl Effect {
             Err(_) => with_words(form, name),
         }
     }
-}
-
-/// An effect of the user's own, added to the right side of an equation.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CustomEffect {
-    /// Its id in the report.
-    pub id: String,
-    /// The state in whose equation it acts.
-    pub state: String,
-    /// What is added, in the names of the model and of its own parameters.
-    pub form: Expression,
-    /// Names and ranges of its parameters; the first one that is free of sign scales the effect.
-    pub parameters: Vec<CustomParameter>,
-}
-
-/// A parameter of a [`CustomEffect`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct CustomParameter {
-    /// Its name inside the form.
-    pub name: String,
-    /// Lowest value.
-    pub low: f64,
-    /// Highest value.
-    pub high: f64,
-    /// Unit as text, may be empty.
-    pub unit: String,
 }
 
 /// The experiment that tells two effects apart, by their ids, that the given logs can't part.

@@ -1,55 +1,9 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
+use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
 use crate::refine::Experiment;
-
-/// How a variable moves over all training logs.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Excursion {
-    pub(crate) low: f64,
-    pub(crate) high: f64,
-    /// Standard deviation.
-    pub(crate) spread: f64,
-    /// Root mean square.
-    pub(crate) rms: f64,
-    /// Absolute values, sorted, thinned to a few hundred.
-    sizes: Vec<f64>,
-}
-
-impl Excursion {
-    fn of(values: &[f64]) -> Self {
-        let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-        let count = finite.len().max(1) as f64;
-        let mean = finite.iter().sum::<f64>() / count;
-        let square = finite.iter().map(|v| v * v).sum::<f64>() / count;
-        let mut sizes: Vec<f64> = finite.iter().map(|v| v.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let stride = (sizes.len() / 400).max(1);
-        Self {
-            low: finite.iter().copied().fold(f64::INFINITY, f64::min),
-            high: finite.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            spread: (square - mean * mean).max(0.0).sqrt(),
-            rms: square.sqrt(),
-            sizes: sizes.into_iter().step_by(stride).collect(),
-        }
-    }
-
-    /// Size below which a share `part` of the samples stays.
-    pub(crate) fn size_quantile(&self, part: f64) -> f64 {
-        let last = self.sizes.len().saturating_sub(1);
-        self.sizes.get((part * last as f64).round() as usize).copied().unwrap_or(0.0)
-    }
-
-    /// A size that is never zero: the rms, or one.
-    pub(crate) fn size(&self) -> f64 {
-        if self.rms.is_finite() && self.rms > 0.0 { self.rms } else { 1.0 }
-    }
-
-    pub(crate) fn range(&self) -> f64 {
-        if self.high > self.low { self.high - self.low } else { 0.0 }
-    }
-}
 
 /// The trajectories of the nominal model and what they excite.
 #[derive(Debug, Clone)]
@@ -64,6 +18,8 @@ pub(crate) struct Scene {
     pub(crate) times: (f64, f64),
     /// Longest log, s.
     pub(crate) duration: f64,
+    /// Longest rollout between two starts, s.
+    pub(crate) window: f64,
     /// Angular frequencies (rad/s) at which the residual has peaks, strongest first.
     pub(crate) peaks: Vec<f64>,
     /// What ports, controls and a simulator's own parameters move.
@@ -100,7 +56,8 @@ impl Scene {
         let duration = experiment.logs.iter().map(length).fold(period, f64::max);
         let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         let reach = Reach::new(system, &states, &controls, &rates);
-        Self { states, controls, rates, period, times, duration, peaks: Vec::new(), reach }
+        let window = experiment.longest_window();
+        Self { states, controls, rates, period, times, duration, window, peaks: Vec::new(), reach }
     }
 }
 

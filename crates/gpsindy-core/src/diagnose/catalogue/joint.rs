@@ -5,9 +5,9 @@
 //! the true combination. So the frictions of an equation are also tested together, and with the damping parameter of the
 //! nominal model in the place of viscous friction. An exchange between two states also needs two terms.
 
-use crate::diagnose::catalogue::effect::Effect;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Kind, Start};
+use crate::diagnose::catalogue::list::Effect;
 use crate::error::Result;
 use crate::expression::Tape;
 use crate::model::Model;

@@ -1,13 +1,19 @@
 //! The catalogue: the effects, where they can act, and how each is written into a model.
 
 pub(crate) mod custom;
+mod custom_starts;
 pub(crate) mod definition;
 pub(crate) mod effect;
 mod effects;
+pub(crate) mod enumerate;
 pub(crate) mod excited;
+mod excursion;
 mod form;
 pub(crate) mod hypothesis;
+pub(crate) mod invariance;
 pub(crate) mod joint;
+pub(crate) mod list;
+pub(crate) mod place;
 pub(crate) mod planting;
 pub(crate) mod rival;
 mod sense;

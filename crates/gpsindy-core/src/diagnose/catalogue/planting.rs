@@ -4,7 +4,8 @@
 //! changes within a thousandth of the typical speed, a step in time without a ramp. No code of the search is shared. Each
 //! effect has its form in its own file of `effects/`; this file has the building blocks.
 
-use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! Where an effect makes physical sense: by units, by the ranges in the logs, by the terms of the equation.
 
-use crate::diagnose::catalogue::excited::{Excursion, Scene};
-use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::excursion::Excursion;
 use crate::expression::{Expression, Tape};
 use crate::model::Model;
 
@@ -38,18 +38,24 @@ impl Sense {
         }
     }
 
-    pub(crate) fn holds(self, hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> bool {
-        let excursion = |index: usize| hypothesis.variables.get(index).and_then(|name| excursion(name, model, scene));
+    /// Whether it holds for an effect in the equation of `state` that depends on `variables`.
+    pub(crate) fn holds(self, state: usize, variables: &[String], model: &Model, scene: &Scene) -> bool {
+        let excursion = |index: usize| variables.get(index).and_then(|name| excursion(name, model, scene));
         match self {
-            Self::Speed => may_be_speed(model, hypothesis.state),
-            Self::Balance => !has_place(model, hypothesis.state),
+            Self::Speed => may_be_speed(model, state),
+            Self::Balance => !has_place(model, state),
             Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= 0.0),
-            Self::EitherSign(index) => excursion(index).is_none_or(|e| e.low < 0.0 && e.high > 0.0),
+            Self::EitherSign(index) => excursion(index).is_none_or(reverses),
             Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > 0.01 * e.size()),
-            Self::NotThermal => !is_temperature(&model.states[hypothesis.state].unit),
-            Self::NoScale => !is_scaled(&model.states[hypothesis.state].equation, model),
+            Self::NotThermal => !is_temperature(&model.states[state].unit),
+            Self::NoScale => !is_scaled(&model.states[state].equation, model),
         }
     }
+}
+
+/// Whether the variable goes either way by more than a twentieth of its size: less is the error of a start.
+fn reverses(excursion: &Excursion) -> bool {
+    excursion.high.min(-excursion.low) > 0.05 * excursion.size()
 }
 
 fn excursion<'a>(name: &str, model: &Model, scene: &'a Scene) -> Option<&'a Excursion> {

@@ -3,8 +3,8 @@
 //! Friction in one joint of an arm enters every equation through the inverse mass matrix. An effect at the port of the joint
 //! does so; an effect written into a single equation does not.
 
-use crate::diagnose::catalogue::effect::Effect;
-use crate::diagnose::catalogue::excited::Excursion;
+use crate::diagnose::catalogue::excursion::Excursion;
+use crate::diagnose::catalogue::list::Effect;
 use crate::model::{Model, Parameter, System};
 use std::sync::Arc;
 

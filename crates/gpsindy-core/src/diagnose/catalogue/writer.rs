@@ -2,10 +2,12 @@
 //!
 //! Each effect has its terms in its own file of `effects/`; this file has the building blocks.
 
-use crate::diagnose::catalogue::effect::{CustomEffect, Effect};
-use crate::diagnose::catalogue::excited::{Excursion, Scene};
+use crate::diagnose::catalogue::custom::CustomEffect;
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Start};
+use crate::diagnose::catalogue::list::Effect;
 use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State};
@@ -59,17 +61,20 @@ pub(crate) fn sinusoid(values: &[f64]) -> Start {
     Start { columns: vec![values.to_vec(), turned], combine: Combine::Sinusoid, amplitudes: Vec::new() }
 }
 
-pub(crate) fn apply(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Result<Applied> {
-    let mut writer = Writer { model: model.clone(), scene, hypothesis, fitted: Vec::new() };
-    let starts = match &hypothesis.kind {
-        Kind::Catalogue(effect) => match hypothesis.carrier(model) {
-            Some(parameter) => writer.carried(&parameter),
-            None => (effect.definition().write)(&mut writer)?,
-        },
-        Kind::Custom(custom) => writer.custom(custom)?,
-    };
-    let parts = vec![writer.fitted.len()];
-    Ok(Applied { model: writer.model, fitted: writer.fitted, parts, starts })
+impl Hypothesis {
+    /// Writes the hypothesis into `model`.
+    pub(crate) fn apply(&self, model: &Model, scene: &Scene) -> Result<Applied> {
+        let mut writer = Writer { model: model.clone(), scene, hypothesis: self, fitted: Vec::new() };
+        let starts = match &self.kind {
+            Kind::Catalogue(effect) => match self.carrier(model) {
+                Some(parameter) => writer.carried(&parameter),
+                None => (effect.definition().write)(&mut writer)?,
+            },
+            Kind::Custom(custom) => writer.custom(custom)?,
+        };
+        let parts = vec![writer.fitted.len()];
+        Ok(Applied { model: writer.model, fitted: writer.fitted, parts, starts })
+    }
 }
 
 impl<'a> Writer<'a> {
@@ -251,7 +256,8 @@ impl<'a> Writer<'a> {
     }
 
     fn custom(&mut self, custom: &CustomEffect) -> Result<Vec<Start>> {
-        let starts = crate::diagnose::catalogue::custom::starts(custom, &self.model, self.scene, self.hypothesis.state);
+        let starts =
+            crate::diagnose::catalogue::custom_starts::starts(custom, &self.model, self.scene, self.hypothesis.state);
         let mut form = custom.form.clone();
         for parameter in &custom.parameters {
             let value = 0.5 * (parameter.low + parameter.high);

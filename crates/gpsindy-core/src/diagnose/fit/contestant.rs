@@ -62,6 +62,12 @@ impl Contestant {
         self.system.n_states() - self.hypotheses.iter().map(Hypothesis::added_states).sum::<usize>()
     }
 
+    /// Number of starts of states that hypotheses added: of every window its own, but where the log's past tells them.
+    pub(crate) fn added_starts(&self) -> usize {
+        let hidden = self.system.n_states() - self.nominal_states() - self.system.followers().len();
+        hidden * self.experiment.windows.len()
+    }
+
     /// The model with the fitted values in place.
     pub(crate) fn model(&self) -> Model {
         let mut model = self.system.model().clone();

@@ -188,7 +188,7 @@ impl Fitter {
 
     /// The evidence of a contestant whose fit has changed.
     fn judge(self, contestant: &mut Contestant) {
-        let complexity = contestant.added.iter().map(Vec::len).sum();
+        let complexity = contestant.added.iter().map(Vec::len).sum::<usize>() + contestant.added_starts();
         let Contestant { experiment, refined, free, .. } = &*contestant;
         contestant.evidence = Evidence::of(experiment, refined, free, complexity, self.model_error);
     }

@@ -418,7 +418,7 @@ fn stepped_responses(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::catalogue::hypothesis::enumerate;
+    use crate::diagnose::catalogue::enumerate::enumerate;
     use crate::diagnose::fit::contestant::Contestant;
     use crate::diagnose::fit::fitter::Fitter;
     use crate::diagnose::fit::outputs::scene_of;

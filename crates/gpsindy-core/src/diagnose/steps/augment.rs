@@ -1,7 +1,11 @@
 //! Augment: the nominal model with the included causes written into it, in readable form.
 
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::joint;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::report::EquationFigure;
+use crate::error::Result;
 use crate::model::Model;
 
 /// The winner's model for readers: sizes positive, phases within a turn, edges as steps.
@@ -15,6 +19,26 @@ pub(crate) fn augment(best: &Contestant) -> Model {
         hypothesis.tell(&mut model);
     }
     model
+}
+
+/// The winner's model without the effect at `place`, everything else as it was fitted.
+///
+/// # Errors
+/// Effects that do not apply without it.
+pub(crate) fn without(best: &Contestant, nominal: &Contestant, place: usize, scene: &Scene) -> Result<Model> {
+    let others: Vec<usize> = (0..best.hypotheses.len()).filter(|&other| other != place).collect();
+    let hypotheses: Vec<&Hypothesis> = others.iter().map(|&other| &best.hypotheses[other]).collect();
+    let applied = joint::apply(&hypotheses, nominal.system.model(), scene)?;
+    let mut model = applied.model;
+    for free in best.free.iter().filter(|f| f.prior.is_some()) {
+        model.parameters[free.parameter].value = best.refined.parameters[free.parameter];
+    }
+    let fitted = others.iter().flat_map(|&other| &best.added[other]);
+    for ((index, added), (own, _)) in applied.fitted.iter().zip(fitted) {
+        model.parameters[*index].value = added.told(best.refined.parameters[*own]);
+    }
+    hypotheses.iter().for_each(|hypothesis| hypothesis.tell(&mut model));
+    Ok(model)
 }
 
 /// The equations and readings that the correction changed.

@@ -1,18 +1,10 @@
 //! Curves of the report page: held-out rollouts beside the logs, their residuals, and the logs themselves.
 
 use crate::data::Dataset;
+use crate::diagnose::limits::curves::{BAND, LAGS, MOST_RUNS};
 use crate::diagnose::report::{ResidualCheck, RolloutFigure, SignalFigure, finite, thinned};
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Window};
-
-/// Runs of either kind whose columns are drawn.
-const MOST_RUNS: usize = 2;
-
-/// Lags of an autocorrelation.
-const LAGS: usize = 40;
-
-/// Half width of the band that holds 99 % of a normal variable, in its deviations.
-const BAND: f64 = 2.576;
 
 /// Rollouts of the nominal and of the corrected model beside every held-out log, column by column.
 pub(crate) fn rollouts(

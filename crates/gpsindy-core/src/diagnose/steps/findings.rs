@@ -1,6 +1,7 @@
 //! The results that steps pass on to later steps.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::screen::Summary;
 
 /// Whether there is a gap.
@@ -34,6 +35,15 @@ pub(crate) struct Outcome {
     pub(crate) left: Option<Left>,
     /// Straight-line gain of every hypothesis at the winner.
     pub(crate) screened: Vec<Summary>,
+}
+
+impl Outcome {
+    /// Whether `fit`, one of the alternatives at `place`, is not told from the best of them.
+    pub(crate) fn is_twin(&self, place: usize, fit: &Contestant) -> bool {
+        let bic = |fit: &Contestant| -2.0 * fit.evidence.score();
+        let best = self.alternatives[place].iter().map(bic).fold(f64::INFINITY, f64::min);
+        bic(fit) - best < TWINS
+    }
 }
 
 /// A nominal model, whether it has a gap, and what causes it.

@@ -5,21 +5,10 @@
 //! sensor noise and its effect on the initial state.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::NOISE;
+use crate::diagnose::limits::floor::{FIRST, LEAST, NEAR, SAME};
 use crate::diagnose::steps::start::{beginnings, starts};
 use crate::refine::{Experiment, Jacobian, Log, Point};
-
-/// Mean squared residual (noise units) of the winner up to which it is noise, coloured perhaps, and tells the floor.
-const NOISE: f64 = 1.5;
-
-/// Share of a control's spread by which repeated commands may differ: rounding, not another command.
-const SAME: f64 = 1e-3;
-
-/// Share of the noise below which runs do not differ by chance: they are copies.
-const LEAST: f64 = 0.3;
-
-/// First samples whose mean tells the start, and how many of its standard deviations two starts may differ.
-const FIRST: usize = 5;
-const NEAR: f64 = 4.0;
 
 /// The floor of every column in its unit, and what it was taken from.
 pub(crate) fn of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'static str) {

@@ -45,7 +45,7 @@ pub(crate) fn lengthen(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::catalogue::hypothesis::enumerate;
+    use crate::diagnose::catalogue::enumerate::enumerate;
     use crate::diagnose::fit::fitter::{Fitter, starts, unsearched};
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;

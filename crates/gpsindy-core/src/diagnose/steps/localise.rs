@@ -9,21 +9,13 @@ use crate::diagnose::fit::evidence::chi_squared_tail;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::outputs::trajectories;
 use crate::diagnose::limits::Budget;
+use crate::diagnose::limits::localise::{ALIKE, BINS, MOST_ROWS};
 use crate::diagnose::report::{
     Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned,
 };
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Judged, Outcome};
 use crate::model::Dynamics;
-
-/// Parts into which a variable's range and a run's time are cut.
-const BINS: usize = 8;
-
-/// Factor of the mean square within which neighbouring parts are one.
-const ALIKE: f64 = 1.5;
-
-/// Most rows of a list.
-const MOST_ROWS: usize = 12;
 
 /// What is missing in every nominal equation, along every training window.
 struct Missing {

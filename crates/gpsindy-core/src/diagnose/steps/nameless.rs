@@ -1,8 +1,9 @@
 //! A generic smooth function in the augmented model for the remaining residual, on request.
 
-use crate::diagnose::catalogue::effect::CustomEffect;
+use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::fit::contestant::{Entrant, Searches};
+use crate::diagnose::limits::nameless::CHANCE;
 use crate::diagnose::limits::{Budget, STRUCTURE};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Judged, Left};
@@ -10,9 +11,6 @@ use crate::expression::Expression;
 
 /// The id under which a report states a function without a name.
 pub(crate) const FUNCTION: &str = "function";
-
-/// Chance below which what is left is no noise.
-const CHANCE: f64 = 0.01;
 
 /// The outcome with the best function of what is left in it; the same where nothing is left, or it can't be fitted.
 pub(crate) fn kept(contest: &Contest<'_>, mut judged: Judged) -> Judged {

@@ -91,7 +91,8 @@ pub(crate) fn merged(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::catalogue::hypothesis::{Hypothesis, enumerate};
+    use crate::diagnose::catalogue::enumerate::enumerate;
+    use crate::diagnose::catalogue::hypothesis::Hypothesis;
     use crate::diagnose::catalogue::joint;
     use crate::diagnose::fit::contestant::{Entrant, Searches};
     use crate::diagnose::fit::fitter::{Fitter, unsearched};
@@ -100,7 +101,7 @@ mod tests {
     use crate::diagnose::limits::Budget;
     use crate::diagnose::run::Run;
     use crate::diagnose::steps::places::places;
-    use crate::diagnose::steps::suspects::{Suspects, suspects};
+    use crate::diagnose::steps::suspects::{Choice, Suspects, suspects};
     use crate::model::System;
     use crate::progress::Silent;
     use crate::refine::Experiment;
@@ -135,7 +136,7 @@ mod tests {
         let fitter = Fitter::default();
         let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap();
         let run = Run::new(&Silent, None);
-        let contest = Contest::new(&run, fitter, suspects(&nominal, &[], &[], &[]).unwrap(), 6);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
         let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
         let applied = joint::apply(&both, &model, &contest.scene).unwrap();

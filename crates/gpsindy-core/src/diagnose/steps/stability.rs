@@ -7,22 +7,11 @@
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::whitening::Whitener;
+use crate::diagnose::limits::stability::{ALIKE, DISAGREES, MOST_RUNS, NOTHING};
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, System};
 use crate::refine::{Free, Jacobian, Point};
 use nalgebra::{DMatrix, DVector};
-
-/// Share by which a size may differ between parts and count as one: corners are smoothed, steps are finite.
-const ALIKE: f64 = 0.05;
-
-/// Chance below which a part counts as one that disagrees; the parts of one question pay for each other.
-pub(crate) const DISAGREES: f64 = 0.01;
-
-/// Most runs that are parts of their own; neighbours share a part beyond that.
-const MOST_RUNS: usize = 12;
-
-/// Share of a column's information below which nothing of it is left beside the others.
-const NOTHING: f64 = 1e-6;
 
 /// Whether the sizes of a cause agree between parts of the logs.
 pub(crate) struct Stability {
@@ -335,7 +324,7 @@ fn eliminate(gram: &mut DMatrix<f64>, slope: &mut DVector<f64>, i: usize, least:
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::catalogue::hypothesis::enumerate;
+    use crate::diagnose::catalogue::enumerate::enumerate;
     use crate::diagnose::fit::fitter::{Fitter, unsearched};
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;

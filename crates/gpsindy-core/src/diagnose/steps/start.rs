@@ -7,32 +7,10 @@
 use crate::diagnose::fit::colour::colours;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::limits::Budget;
+use crate::diagnose::limits::start::{BEGINNING, CHANCE, FEWEST, LONGER, ROUGH, ROUNDS, SHORTEST, STEPS, UNTOLD};
 use crate::model::System;
 use crate::refine::{Experiment, Jacobian, Log, Point, Window, guess_initial};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-
-/// Share of a held-out rollout that may refine its start.
-const BEGINNING: f64 = 0.25;
-
-/// Fewest samples of a beginning.
-const FEWEST: usize = 8;
-
-/// Fewest samples of a parabola, and by how much more the next one takes.
-const SHORTEST: usize = 6;
-const LONGER: f64 = 1.5;
-
-/// Deviations of its sampling error by which a parabola's residual may exceed the noise.
-const CHANCE: f64 = 2.0;
-
-/// Uncertainty of a belief beyond what the noise gives: as much again for what a parabola does not follow.
-const ROUGH: f64 = 2.0;
-
-/// How far a start that no sample tells may be from its guess, in typical sizes.
-const UNTOLD: f64 = 30.0;
-
-/// Steps of a start's fit, and how often its weights are taken anew.
-const STEPS: usize = 6;
-const ROUNDS: usize = 2;
 
 /// What the first samples tell of one window's start.
 struct Belief {

@@ -1,13 +1,17 @@
 //! Suspects: the effects that could act in this model under these logs, and the generic smooth functions.
 
-use crate::diagnose::catalogue::effect::CustomEffect;
+use crate::diagnose::catalogue::custom::CustomEffect;
+use crate::diagnose::catalogue::enumerate::everything;
 use crate::diagnose::catalogue::excited::Scene;
-use crate::diagnose::catalogue::hypothesis::{Hypothesis, enumerate};
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::invariance;
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::rival::{self, Rival};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::scene_of;
+use crate::diagnose::notes::{Note, Notes};
 use crate::error::{Error, Result};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Who takes part in a contest.
 pub(crate) struct Suspects {
@@ -19,31 +23,69 @@ pub(crate) struct Suspects {
     pub(crate) scene: Scene,
 }
 
-/// Every effect that can act in the nominal model: of the `chosen` ones (where none is, all but those that must be asked for),
-/// without those left out.
+/// Which effects are suspects.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Choice<'a> {
+    /// Ids of those that are; where empty, all but those that must be asked for.
+    pub(crate) chosen: &'a [String],
+    /// Ids of those that are not.
+    pub(crate) without: &'a [String],
+    /// Effects of the user's own.
+    pub(crate) custom: &'a [CustomEffect],
+    /// Whether an effect may depend on where the machine is where no rate of the model does.
+    pub(crate) places: bool,
+    /// Whether effects that make no sense at a place are suspects there.
+    pub(crate) senseless: bool,
+}
+
+/// Every effect that can act in the nominal model, of those of `choice`; what makes no sense there is told in `notes`.
 ///
 /// # Errors
 /// No effect that can act; an effect of the user's own in a state that the model lacks.
-pub(crate) fn suspects(
-    nominal: &Contestant,
-    chosen: &[String],
-    without: &[String],
-    custom: &[CustomEffect],
-) -> Result<Suspects> {
+pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes) -> Result<Suspects> {
     let model = nominal.system.model();
     let scene = scene_of(nominal);
-    let mut hypotheses = enumerate(model, &scene, &nominal.experiment.columns, custom)?;
-    hypotheses.retain(|h| {
-        let is_chosen = match chosen.is_empty() {
+    let mut all = everything(model, &scene, &nominal.experiment.columns, choice.custom)?;
+    all.retain(|h| {
+        let is_chosen = match choice.chosen.is_empty() {
             true => !h.is_only_if_asked(),
-            false => chosen.iter().any(|e| e == h.id()),
+            false => choice.chosen.iter().any(|e| e == h.id()),
         };
-        is_chosen && !without.iter().any(|e| e == h.id())
+        is_chosen && !choice.without.iter().any(|e| e == h.id())
     });
+    // The equations of a simulator that is no text don't say what they depend on.
+    let known = nominal.system.simulator().is_none();
+    let places = if known && !choice.places && !choice.senseless { invariance::places(model) } else { Vec::new() };
+    let mut ruled_out: BTreeMap<Rule, BTreeSet<String>> = BTreeMap::new();
+    let mut hypotheses = Vec::new();
+    for hypothesis in all {
+        let place = invariance::broken(&hypothesis, &places).map(|place| Rule::Place(place.to_string()));
+        let sense = || hypothesis.broken_sense(model, &scene).filter(|_| !choice.senseless);
+        match place.or_else(|| sense().map(|sense| Rule::Sense(sense.words()))) {
+            Some(rule) => _ = ruled_out.entry(rule).or_default().insert(hypothesis.id().to_string()),
+            None => hypotheses.push(hypothesis),
+        }
+    }
+    for (rule, effects) in ruled_out {
+        let effects = effects.into_iter().collect();
+        notes.say(match rule {
+            Rule::Place(place) => Note::PlaceRuledOut { place, effects },
+            Rule::Sense(needs) => Note::RuledOut { needs: needs.into(), effects },
+        });
+    }
     if hypotheses.is_empty() {
         return Err(Error::invalid("no effect of the chosen ones can act in this model; choose others"));
     }
     let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
     let rivals = rival::enumerate(model, &scene, model.states.len());
     Ok(Suspects { hypotheses, joint, rivals, scene })
+}
+
+/// Why an effect is no suspect at a place.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Rule {
+    /// It would depend on this place, which no rate does.
+    Place(String),
+    /// It lacks this.
+    Sense(&'static str),
 }

@@ -5,6 +5,7 @@
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
+use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, NO_GAP, RARELY, ROUNDING};
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
 use crate::diagnose::steps::noise::{noise_levels, remove_outliers, resolution};
@@ -15,27 +16,6 @@ use crate::error::Result;
 use crate::refine::{Experiment, Log};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-
-/// Blocks of a run for the interval, and bootstrap draws.
-const BLOCKS: usize = 8;
-const DRAWS: usize = 400;
-
-/// Share of the floor below which there is no gap to close: the floor itself is known no better.
-const NO_GAP: f64 = 0.05;
-
-/// Squared error of a column beyond its floor's, as a share of it, that the noise still allows a right model: its
-/// parameters and starts are fitted, and the floor is estimated.
-const ALLOWED: f64 = 0.25;
-
-/// Odds beforehand that something is missing where a fit on the training logs shows nothing: drawn cases outside the
-/// catalogue to the others.
-const RARELY: f64 = 0.2;
-
-/// Part of a column's gap that may be left: what remains is then below a hundredth.
-const LEFT: f64 = 0.01;
-
-/// Values that differ by less than this share of their size are one: the rounding of a log's digits.
-const ROUNDING: f64 = 1e-9;
 
 /// Held-out rollouts of the nominal and of the corrected model.
 pub(crate) struct Verification {

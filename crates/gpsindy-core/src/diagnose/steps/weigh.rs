@@ -6,6 +6,8 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
+use crate::diagnose::limits::stability::DISAGREES;
+use crate::diagnose::limits::weigh::{CROWDED, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
@@ -17,23 +19,10 @@ use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome};
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
-use crate::diagnose::steps::stability::{self, DISAGREES, Stability};
+use crate::diagnose::steps::stability::{self, Stability};
 use crate::diagnose::steps::verify::Verification;
 use crate::model::Model;
 use std::cmp::Ordering;
-
-/// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-/// told apart: odds below twenty to one.
-const TWINS: f64 = 6.0;
-
-/// How fast the chance of an imitation's disagreement falls: its p-values crowd near zero as `p^(CROWDED - 1)`.
-const CROWDED: f64 = 0.15;
-
-/// Probability above which a statement counts, in the verdict and in words.
-const LIKELY: f64 = 0.5;
-
-/// Part of the gap on held-out logs that causes must close to explain a part of it.
-const PART: f64 = 0.5;
 
 pub(crate) fn report(
     confidence: f64,
@@ -47,13 +36,22 @@ pub(crate) fn report(
     let findings::Judged { nominal, detected, outcome, .. } = found;
     let hypotheses = &outcome.best.hypotheses;
     let has_function = hypotheses.iter().any(is_nameless);
-    // A function without a name imitates nothing: it is what it is.
     let stability =
         |place: usize| (!is_nameless(&hypotheses[place])).then(|| stability::of(&outcome.best, place)).flatten();
     let stabilities: Vec<Option<Stability>> = (0..hypotheses.len()).map(stability).collect();
-    let doubt = imitated(&stabilities[..hypotheses.len() - usize::from(has_function)]);
     let unexplained = unexplained(nominal, outcome, detected, &verification);
-    let verdict = verdict(outcome, detected, &unexplained, &stabilities, doubt, &verification);
+    let gap = gap_energy(nominal, outcome);
+    let named = hypotheses.len() - usize::from(has_function);
+    let credible = |place: usize| {
+        // A function without a name imitates nothing: it is what it is.
+        if is_nameless(&hypotheses[place]) {
+            return 1.0;
+        }
+        let share = outcome.removed.get(place).map_or(0.0, |removed| removed / gap);
+        credible(share, unexplained.probability, named, stabilities[place].as_ref().map_or(1.0, |s| s.p_value))
+    };
+    let credible: Vec<f64> = (0..hypotheses.len()).map(credible).collect();
+    let verdict = verdict(outcome, detected, &unexplained, &stabilities, &credible, &verification);
     // A search that was cut short has not shown that nothing else is there.
     let verdict = match verdict {
         Verdict::Explained if contest.run.is_cut() => Verdict::PartlyExplained,
@@ -61,7 +59,7 @@ pub(crate) fn report(
         verdict => verdict,
     };
     let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, keep };
+    let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, credible: &credible, keep };
     let causes = if detected.gap { judged.causes() } else { Vec::new() };
     let augmented = if keep { augmented } else { nominal.system.model().clone() };
     if detected.gap && outcome.best.hypotheses.is_empty() {
@@ -93,6 +91,7 @@ pub(crate) fn report(
             rollouts: verification.figures,
             residuals: located.figures,
             equations,
+            difference: Vec::new(),
             signals: curves::signals(nominal.system.model(), train, holdout),
             checks: verification.checks,
         }),
@@ -132,28 +131,16 @@ fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
     (nominal.evidence.misfit() - floor).max(1e-12)
 }
 
-/// Probability that the named effects together imitate one that the catalogue lacks.
+/// Probability that an effect is one of the machine's, and imitates none that the catalogue lacks: of one that removes `share` of
+/// the gap, where a rest is left with probability `rest` and so many effects are `named`.
 ///
-/// Beforehand: any curve is imitated by enough effects. One and two effects are counted: of 47 drawn cases outside the
-/// catalogue none was imitated well by one effect and two by two, while 61 of 64 causes that were stated in twos were
-/// right. With one case in seven outside the catalogue and one in ten a pair, Laplace's rule gives two effects odds of a
-/// tenth. Three and more are an argument: few cases have so many, and eight of 19 outside the catalogue took them.
-/// Then by how well the sizes agree between parts: those of true causes have p-values that are spread evenly.
-fn imitated(stabilities: &[Option<Stability>]) -> f64 {
-    let least = stabilities.iter().flatten().map(|s| s.p_value).reduce(f64::min);
-    // The smallest of several is paid for.
-    imitates(stabilities.len(), least.map(|p| p * stabilities.len() as f64))
-}
-
-/// The same of one of `effects` named together, by the chance of its own disagreement, where that was told.
-fn imitates(effects: usize, p_value: Option<f64>) -> f64 {
-    let beforehand: f64 = match effects {
-        0 | 1 => 0.02,
-        2 => 0.1,
-        _ => 0.75,
-    };
-    let Some(p_value) = p_value else { return beforehand };
-    let odds = beforehand / (1.0 - beforehand) * CROWDED * p_value.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
+/// Its odds are those of [`REAL`] times the share, for a use that a search finds for one more effect is small; less where much
+/// is left or many are named. Then by the `chance` of the disagreement of its sizes between parts of the logs: that of a true
+/// cause is spread evenly, that of some imitations crowds near zero.
+fn credible(share: f64, rest: f64, named: usize, chance: f64) -> f64 {
+    let many = if named < FEW { 1.0 } else { MANY };
+    let disagreement = 1.0 - CROWDING + CROWDING * CROWDED * chance.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
+    let odds = REAL * share.clamp(0.0, 1.0) / (many * REST_LEFT.powf(rest) * disagreement);
     odds / (1.0 + odds)
 }
 
@@ -192,7 +179,7 @@ fn verdict(
     detected: &Detected,
     unexplained: &Unexplained,
     stabilities: &[Option<Stability>],
-    doubt: f64,
+    credible: &[f64],
     verification: &Verification,
 ) -> Verdict {
     if !detected.gap {
@@ -203,7 +190,8 @@ fn verdict(
     }
     let has_function = outcome.best.hypotheses.iter().any(is_nameless);
     let disagrees = stabilities.iter().flatten().any(|s| s.p_value < DISAGREES);
-    if unexplained.probability < LIKELY && doubt < LIKELY && !disagrees && !has_function {
+    let all_real: f64 = credible.iter().product();
+    if unexplained.probability < LIKELY && all_real > LIKELY && !disagrees && !has_function {
         return Verdict::Explained;
     }
     // A nominal model that diverges where the corrected one does not is all gap.
@@ -220,6 +208,8 @@ struct Judged<'a> {
     nominal: &'a Contestant,
     outcome: &'a Outcome,
     stabilities: &'a [Option<Stability>],
+    /// Probability of each of the winner's effects of being no imitation.
+    credible: &'a [f64],
     keep: bool,
 }
 
@@ -305,10 +295,8 @@ impl Judged<'_> {
             let real = is_real(best, removed, 1);
             return all.push(cause(self.confidence, best, place, real, self.keep, Vec::new()));
         };
-        let own = self.stabilities[place].as_ref().map(|s| s.p_value);
-        let sound = (1.0 - imitates(self.stabilities.len(), own)) * is_real(best, removed, best.added[place].len());
+        let sound = self.credible[place] * is_real(best, removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
-        let best_bic = fits.iter().map(|f| -2.0 * f.evidence.score()).fold(f64::INFINITY, f64::min);
         // The effect that each contestant has in this one's place.
         let differing = |fit: &Contestant| {
             let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
@@ -318,9 +306,9 @@ impl Judged<'_> {
         let mut equivalent: Vec<String> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
         for (fit, weight) in fits.iter().zip(&weights) {
+            let is_twin = self.outcome.is_twin(place, fit);
             let place = differing(fit);
             let id = fit.hypotheses[place].id().to_string();
-            let is_twin = -2.0 * fit.evidence.score() - best_bic < TWINS;
             if is_twin || fit.hypotheses[place] == *hypothesis {
                 class_weight += weight;
                 if id != hypothesis.id() && !equivalent.contains(&id) {
@@ -424,23 +412,19 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
 mod tests {
     use super::*;
 
-    fn agreeing(p_value: f64) -> Option<Stability> {
-        Some(Stability { parts: 4, agree: 4, p_value, disagree: Vec::new() })
+    #[test]
+    fn a_cause_of_the_whole_gap_is_credible_and_one_of_a_hundredth_of_it_is_not() {
+        assert!(credible(1.0, 0.0, 1, 0.5) > 0.95);
+        assert!(credible(0.01, 0.0, 2, 0.5) < 0.3);
+        // Dry friction that removes nearly all of a real drive's gap is likely still, where a rest is left beside it.
+        assert!((0.6..0.9).contains(&credible(0.97, 1.0, 1, 0.5)));
+        assert!(credible(0.97, 1.0, 3, 0.5) < 0.3);
     }
 
     #[test]
-    fn effects_whose_sizes_agree_are_hardly_an_imitation_and_such_that_differ_are() {
-        // Without a word from the parts, what was known beforehand.
-        assert_eq!(imitated(&[None]), 0.02);
-        assert!(imitated(&[agreeing(0.5)]) < 0.02);
-        assert!(imitated(&[agreeing(1e-6)]) > 0.9);
-        // More effects imitate more easily.
-        assert!(imitated(&[agreeing(0.5), None, None]) > imitated(&[agreeing(0.5), None]));
-    }
-
-    #[test]
-    fn doubt_falls_steadily_as_agreement_grows() {
-        let doubts: Vec<f64> = (0..60).map(|i| imitated(&[agreeing(10f64.powf(-0.1 * f64::from(i)))])).collect();
-        assert!(doubts.windows(2).all(|w| w[1] >= w[0] && w[1] - w[0] < 0.1), "{doubts:?}");
+    fn a_size_that_differs_between_parts_makes_an_imitation_likely() {
+        assert!(credible(1.0, 0.0, 1, 1e-6) < 0.05);
+        let all: Vec<f64> = (0..60).map(|i| credible(1.0, 0.0, 1, 10f64.powf(-0.1 * f64::from(i)))).collect();
+        assert!(all.windows(2).all(|w| w[1] <= w[0] && w[0] - w[1] < 0.15), "{all:?}");
     }
 }

@@ -1,9 +1,10 @@
 //! The control passes a play.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
-use crate::diagnose::catalogue::effects::Effect;
-use crate::diagnose::catalogue::excited::Excursion;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
+use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{Writer, keep};
 use crate::error::Result;

@@ -1,8 +1,9 @@
 //! A spring that hardens away from the middle.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
 use crate::error::Result;

@@ -1,8 +1,9 @@
 //! A load behind an elastic joint.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{Writer, amplitude};
@@ -31,8 +32,9 @@ pub(super) static DEFINITION: Definition = Definition {
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let state = writer.hypothesis.state;
-    let (period, duration) = (writer.scene.period, writer.scene.duration);
-    let (slowest, fastest) = (3.0 * TAU / duration, 0.6 * PI / period);
+    let (period, window) = (writer.scene.period, writer.scene.window);
+    // Three swings between two starts: a slower one with a start of its own would fit any slow force.
+    let (slowest, fastest) = (3.0 * TAU / window, 0.6 * PI / period);
     let m = writer.add("m", 0.0, 1.0, (0.0, 10.0), "");
     let omega = writer.add("omega", slowest, slowest, (slowest, PI / period), "rad/s");
     let zeta = writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "");

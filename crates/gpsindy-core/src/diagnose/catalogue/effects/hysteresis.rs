@@ -1,9 +1,10 @@
 //! A force that depends on the path.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
@@ -41,14 +42,17 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (stiffness, bend) =
         (unit::product(&[(&writer.unit_per(&[(0, 1)]), 1), ("s", -1)]), unit::product(&[(&speed, -1), ("s", -1)]));
     let c = writer.add("c", 0.0, rate / travel, POSITIVE, &stiffness);
-    let b = writer.add("b", 5.0 / travel, 5.0 / travel, (0.1 / travel, 1e3 / travel), &bend);
+    // Between two starts it must forget: what it keeps for longer with a start of its own would fit any constant force.
+    let covered = writer.scene.states[state].size() * writer.scene.window;
+    let forgets = (0.1 / travel).max(1.0 / covered).min(1e2 / travel);
+    let b = writer.add("b", (5.0 / travel).max(forgets), 5.0 / travel, (forgets, 1e3 / travel), &bend);
     let g = writer.add("g", 0.0, 5.0 / travel, (-1e3 / travel, 1e3 / travel), &bend);
     let name = format!("{}_remembered", writer.model.states[state].name);
     let h = writer.add_state(&name, Some(0.0));
     let flow = writer.form("z - b*abs(z)*h - g*z*abs(h)", &[("b", b), ("g", g), ("h", h.clone())])?;
     writer.set_rate(&h, flow);
     writer.add_term(c.times(h).negated());
-    Ok([1.5, 4.0, 10.0, 25.0].map(|b| amplitude(&[b * small / travel, b / travel, 0.0])).into())
+    Ok([1.5, 4.0, 10.0, 25.0].map(|b| amplitude(&[b * small / travel, (b / travel).max(forgets), 0.0])).into())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {

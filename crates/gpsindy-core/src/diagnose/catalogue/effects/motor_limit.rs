@@ -1,8 +1,9 @@
 //! A limit of the drive that falls with the speed.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{Writer, keep};

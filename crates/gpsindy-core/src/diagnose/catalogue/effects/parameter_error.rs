@@ -1,8 +1,9 @@
 //! A nominal parameter has another value.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::{Added, Start};
 use crate::diagnose::catalogue::joint::dissipative_bounds;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, keep};
 use crate::error::{Error, Result};

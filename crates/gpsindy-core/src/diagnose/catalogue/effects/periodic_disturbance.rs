@@ -1,9 +1,10 @@
 //! A disturbance that is periodic in time.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, RIPPLES, Writer, sinusoid};
 use crate::error::Result;

@@ -1,7 +1,8 @@
 //! Two variables act by their product.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted};
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
 use crate::error::Result;

@@ -1,8 +1,9 @@
 //! A disturbance that sets in at some time.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, experiment};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, experiment};
 use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
 use crate::error::Result;

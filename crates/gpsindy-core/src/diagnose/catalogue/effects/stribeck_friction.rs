@@ -1,8 +1,9 @@
 //! Dry friction that is stronger near standstill.
 
-use crate::diagnose::catalogue::definition::{Definition, Family, Place, Traits, as_fitted, experiment};
-use crate::diagnose::catalogue::effects::Effect;
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::hypothesis::{Combine, Start};
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, number};
 use crate::error::Result;

@@ -1,0 +1,82 @@
+//! The next experiment: the control signal, within the rig's limits, that best parts the simulators which logs left open.
+//!
+//! T-optimality (Atkinson and Fedorov 1975, The design of experiments for discriminating between two rival models,
+//! Biometrika 62): a signal is as good as the separation of the pair that it parts least, where each rival may still bend
+//! towards the other as far as the earlier logs let it.
+
+pub(crate) mod open;
+pub(crate) mod separation;
+pub(crate) mod settings;
+pub(crate) mod signals;
+
+use crate::diagnose::limits::{DRAWN_SIGNALS, ROUNDS, SEPARATE, VARIATIONS};
+use crate::error::{Error, Result};
+use crate::model::Dynamics;
+use crate::progress::{Progress, step};
+use open::Open;
+use separation::{Bench, Part};
+use settings::{Design, Designed, Parting};
+use signals::{Form, Frame, Signal};
+use std::sync::Arc;
+
+impl Design {
+    /// The signal that best parts the candidates of `open`; `simulator` where they call one.
+    ///
+    /// # Errors
+    /// A setting out of range, a control without a limit, limits within which every candidate leaves the bounds of a
+    /// state, candidates that no signal moves, and a request to stop.
+    pub fn run(&self, open: &Open, simulator: Option<Arc<dyn Dynamics>>, progress: &dyn Progress) -> Result<Designed> {
+        self.check(open)?;
+        let frame = Frame::new(self, open);
+        let bench = Bench::new(self, open, simulator, &frame)?;
+        let total = Form::ALL.len() + ROUNDS;
+        let mut best: Option<(Signal, f64)> = None;
+        for (done, form) in Form::ALL.into_iter().enumerate() {
+            step(progress, "experiment: drawing", done, total)?;
+            let drawn = (0..DRAWN_SIGNALS).map(|draw| frame.draw(form, draw)).collect();
+            keep_best(&mut best, &bench, drawn)?;
+        }
+        for round in 0..ROUNDS {
+            step(progress, "experiment: refining", Form::ALL.len() + round, total)?;
+            let Some((signal, _)) = &best else { break };
+            let varied = (0..VARIATIONS).map(|draw| frame.vary(signal, round, draw)).collect();
+            keep_best(&mut best, &bench, varied)?;
+        }
+        step(progress, "experiment: refining", total, total)?;
+        let Some((signal, _)) = best else {
+            return Err(Error::invalid(
+                "no signal within these limits keeps every state within its bounds; lower the limits or widen the bounds",
+            ));
+        };
+        let parted = bench.part(std::slice::from_ref(&signal))?.swap_remove(0).unwrap_or_default();
+        let mut pairs: Vec<Parting> = parted.iter().map(|part| self.parting(open, part)).collect();
+        pairs.sort_by(|a, b| a.nats.total_cmp(&b.nats));
+        Ok(Designed { time: frame.time, controls: frame.names, form: signal.form.name(), values: signal.values, pairs })
+    }
+
+    fn parting(&self, open: &Open, part: &Part) -> Parting {
+        let label = |candidate: usize| open.candidates[candidate].label.clone();
+        let reached = part.growth.iter().position(|&nats| nats >= SEPARATE);
+        let share = |index: usize| (index + 1) as f64 / part.growth.len() as f64;
+        Parting {
+            one: label(part.pair.0),
+            other: label(part.pair.1),
+            nats: part.nats(),
+            seconds: reached.map(|index| self.duration * share(index)),
+        }
+    }
+}
+
+/// Keeps the signal that separates its least separated pair most.
+fn keep_best(best: &mut Option<(Signal, f64)>, bench: &Bench, signals: Vec<Signal>) -> Result<()> {
+    let signals = bench.within_bounds(signals);
+    let parted = bench.part(&signals)?;
+    for (signal, parts) in signals.into_iter().zip(parted) {
+        let Some(parts) = parts else { continue };
+        let least = parts.iter().map(Part::nats).fold(f64::INFINITY, f64::min);
+        if best.as_ref().is_none_or(|(_, so_far)| least > *so_far) {
+            *best = Some((signal, least));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! What a diagnosis left open: simulators that its logs can't tell apart, and how well they know the sizes of each.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::steps::findings::Judged;
+use crate::model::Model;
+use crate::refine::Hold;
+#[cfg(feature = "serde")]
+use serde::{Deserialize, Serialize};
+
+/// Most accounts of one place that are kept beside its twins: what else may be asked for by name.
+const OTHERS: usize = 3;
+
+/// A simulator that may be the right one.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct Candidate {
+    /// Ids of its effects, or the model's own name.
+    pub label: String,
+    /// Its equations, fitted values in place.
+    pub model: Model,
+    /// Parameters that the logs or a belief know up to an error.
+    pub parameters: Vec<String>,
+    /// Covariance of that error, row by row.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+/// Simulators of which each may be the right one, and the machine that shall tell.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct Open {
+    /// All with the controls of the first, and its first states.
+    pub candidates: Vec<Candidate>,
+    /// Which of them are to be told apart.
+    pub pairs: Vec<(usize, usize)>,
+    /// Logged state and standard deviation of its noise, in its unit.
+    pub noise: Vec<(String, f64)>,
+    /// State and where the logs began; others begin at the model's `initial`, or at zero.
+    pub start: Vec<(String, f64)>,
+    /// What controls do between samples.
+    pub linear: bool,
+}
+
+impl Candidate {
+    /// A model by itself: what is tolerated is known up to its tolerance, the rest is exact.
+    #[must_use]
+    pub fn of_model(model: Model) -> Self {
+        let tolerated = model.parameters.iter().filter_map(|p| Some((p.name.clone(), p.tolerance? * p.value.abs())));
+        let (parameters, deviations): (Vec<String>, Vec<f64>) = tolerated.filter(|(_, sd)| *sd > 0.0).unzip();
+        let row = |i: usize| (0..deviations.len()).map(|j| if i == j { deviations[i].powi(2) } else { 0.0 }).collect();
+        Self { label: model.name.clone(), covariance: (0..deviations.len()).map(row).collect(), parameters, model }
+    }
+
+    fn of(fit: &Contestant) -> Self {
+        let model = fit.model();
+        let ids: Vec<&str> = fit.hypotheses.iter().map(|h| h.id()).collect();
+        let label = if ids.is_empty() { format!("{} as it is", model.name) } else { ids.join(" + ") };
+        let inflation = fit.evidence.inflation();
+        // What the logs do not tell at all may be off by ten of its typical sizes.
+        let told = |(i, j): (usize, usize), value: f64| match value.is_finite() {
+            true => value,
+            false if i == j => (10.0 * fit.free[i].scale).powi(2),
+            false => 0.0,
+        };
+        let row = |(i, row): (usize, &Vec<f64>)| {
+            row.iter().enumerate().map(|(j, v)| told((i, j), v * inflation)).collect::<Vec<f64>>()
+        };
+        let covariance = fit.refined.covariance.iter().enumerate().map(row).collect();
+        let parameters = fit.free.iter().map(|f| model.parameters[f.parameter].name.clone()).collect();
+        Self { label, parameters, covariance, model }
+    }
+}
+
+impl Open {
+    /// Whether the logs left any pair open.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    /// The same with the pairs of which one has the effect or label `one` and the other `other`.
+    #[must_use]
+    pub fn separating(&self, one: &str, other: &str) -> Self {
+        let has = |candidate: usize, name: &str| {
+            let label = &self.candidates[candidate].label;
+            label == name || label.split(" + ").any(|id| id == name)
+        };
+        let parts = |i: usize, j: usize| {
+            has(i, one) && has(j, other) && !has(i, other) && !has(j, one)
+                || has(i, other) && has(j, one) && !has(i, one) && !has(j, other)
+        };
+        let all = self.all_pairs().into_iter().filter(|&(i, j)| parts(i, j));
+        Self { pairs: all.collect(), ..self.clone() }
+    }
+
+    /// The same with every pair to be told apart.
+    #[must_use]
+    pub fn separating_all(&self) -> Self {
+        Self { pairs: self.all_pairs(), ..self.clone() }
+    }
+
+    fn all_pairs(&self) -> Vec<(usize, usize)> {
+        let count = self.candidates.len();
+        (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j))).collect()
+    }
+
+    pub(crate) fn hold(&self) -> Hold {
+        if self.linear { Hold::Linear } else { Hold::Zero }
+    }
+}
+
+/// The winner, its twins in every place, and the next best accounts; without a winner the nominal model and what came
+/// nearest to one.
+pub(crate) fn left_open(judged: &Judged) -> Open {
+    let outcome = &judged.outcome;
+    let best = &outcome.best;
+    let mut candidates = vec![Candidate::of(best)];
+    let mut pairs = Vec::new();
+    for (place, fits) in outcome.alternatives.iter().enumerate() {
+        let others = || fits.iter().filter(|fit| !fit.has_effects_of(best));
+        let mut group = vec![0];
+        for fit in others().filter(|fit| outcome.is_twin(place, fit)) {
+            pairs.extend(group.iter().map(|&known| (known, candidates.len())));
+            group.push(candidates.len());
+            candidates.push(Candidate::of(fit));
+        }
+        candidates.extend(others().filter(|fit| !outcome.is_twin(place, fit)).take(OTHERS).map(Candidate::of));
+    }
+    if best.hypotheses.is_empty() {
+        candidates.extend(outcome.singles.iter().take(OTHERS).map(Candidate::of));
+    }
+    let experiment = &best.experiment;
+    let model = best.system.model();
+    let noise = experiment.columns.iter().zip(&experiment.noise).map(|(&j, &sd)| (model.states[j].name.clone(), sd));
+    // The first window begins with the first log.
+    let first = best.refined.initial.first().map_or(&[][..], Vec::as_slice);
+    let start = model.states[..best.nominal_states()].iter().zip(first).map(|(s, &value)| (s.name.clone(), value));
+    let (noise, start) = (noise.collect(), start.collect());
+    Open { candidates, pairs, noise, start, linear: experiment.hold == Hold::Linear }
+}

@@ -1,0 +1,94 @@
+//! Records that are checked before the `mcap` crate reads them.
+//!
+//! The crate (0.26.0) reserves memory for as many bytes as a text says that it has, up to 4 GB, before it looks whether they
+//! are there; and its own reader of summaries hands such records on.
+
+use super::container::Channel;
+use crate::input::Input;
+use mcap::records::{Record, op};
+use std::collections::HashMap;
+use std::io::{Read, Seek, SeekFrom};
+
+/// Bytes before the length of a footer's fields, of these, and of the mark behind them.
+const RECORD: usize = 9;
+const FOOTER: usize = 20;
+const MAGIC: usize = 8;
+
+/// Reads a record of the kinds that matter here; `None` for all others.
+///
+/// # Errors
+/// A record that is not whole.
+pub(super) fn parse(opcode: u8, data: &[u8]) -> mcap::McapResult<Option<Record<'_>>> {
+    let whole = match opcode {
+        // Number; name, encoding, data.
+        op::SCHEMA => texts(data, 2, 3),
+        // Number and that of the schema; topic, encoding, notes.
+        op::CHANNEL => texts(data, 4, 2).and_then(|rest| pairs(&data[rest..])),
+        op::MESSAGE | op::DATA_END | op::FOOTER => Some(0),
+        _ => return Ok(None),
+    };
+    match whole {
+        Some(_) => mcap::parse_record(opcode, data).map(Some),
+        None => Err(mcap::McapError::UnexpectedEof),
+    }
+}
+
+/// Where a text that begins at `at` with its length ends, if it is there.
+fn text(data: &[u8], at: usize) -> Option<usize> {
+    let length = data.get(at..at.checked_add(4)?)?;
+    let length = u32::from_le_bytes(length.try_into().ok()?);
+    let end = at.checked_add(4)?.checked_add(usize::try_from(length).ok()?)?;
+    (end <= data.len()).then_some(end)
+}
+
+/// Where `count` texts from `at` on end.
+fn texts(data: &[u8], at: usize, count: usize) -> Option<usize> {
+    (0..count).try_fold(at, |at, _| text(data, at))
+}
+
+/// Where a list of pairs of texts ends, which says how many bytes it has.
+fn pairs(data: &[u8]) -> Option<usize> {
+    let end = text(data, 0)?;
+    let mut at = 4;
+    while at < end {
+        at = texts(data, at, 2)?;
+    }
+    Some(at)
+}
+
+/// The channels in the summary at the end of a file; `None` where it has none, or none that can be read.
+pub(super) fn summary(input: &Input) -> Option<Vec<Channel>> {
+    let length = input.len().ok()?;
+    let footer = length.checked_sub((RECORD + FOOTER + MAGIC) as u64)?;
+    let mut bytes = input.open().ok()?;
+    let mut end = [0; RECORD + FOOTER + MAGIC];
+    bytes.seek(SeekFrom::Start(footer)).ok()?;
+    bytes.read_exact(&mut end).ok()?;
+    let start = u64::from_le_bytes(end[RECORD..RECORD + 8].try_into().ok()?);
+    if end[0] != op::FOOTER || !end.ends_with(mcap::MAGIC) || start == 0 || start > footer {
+        return None;
+    }
+    let mut data = vec![0; usize::try_from(footer - start).ok()?];
+    bytes.seek(SeekFrom::Start(start)).ok()?;
+    bytes.read_exact(&mut data).ok()?;
+    let mut schemas: HashMap<u16, (String, String, Vec<u8>)> = HashMap::new();
+    let mut found: Vec<(u16, Channel)> = Vec::new();
+    let mut rest = data.as_slice();
+    while let Some((head, behind)) = rest.split_at_checked(RECORD) {
+        let size = usize::try_from(u64::from_le_bytes(head[1..].try_into().ok()?)).ok()?;
+        let (body, next) = behind.split_at_checked(size)?;
+        match parse(head[0], body).ok()? {
+            Some(Record::Schema { header, data }) => {
+                schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
+            }
+            Some(Record::Channel(channel)) => {
+                let schema = schemas.get(&channel.schema_id).cloned();
+                found.push((channel.id, Channel { topic: channel.topic, encoding: channel.message_encoding, schema }));
+            }
+            _ => {}
+        }
+        rest = next;
+    }
+    found.sort_by_key(|(id, _)| *id);
+    (!found.is_empty()).then(|| found.into_iter().map(|(_, channel)| channel).collect())
+}

@@ -1,0 +1,19 @@
+"""The command ``gpsindy``, also as ``python -m gpsindy``: the one command line of the project."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+from gpsindy import _gpsindy
+
+
+def main() -> None:
+    """Runs the command line of this process and exits with its status."""
+    # The work is not Python's: Ctrl-C ends the process at once, as it ends the program that Cargo installs.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.exit(_gpsindy.command(["gpsindy", *sys.argv[1:]]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,340 @@
+"""Ranges for domain randomisation out of a diagnosis: as numbers, and as a Python file for mjlab and Isaac Lab.
+
+What the logs tell keeps their error, widened where the runs disagree; what they do not tell keeps its prior range.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from gpsindy import _gpsindy
+from gpsindy.dataset import Path
+from gpsindy.diagnosis import Diagnosis
+from gpsindy.model import Model
+
+#: Attributes of joints and actuators that cannot be negative.
+_POSITIVE = re.compile(r"\.(frictionloss|damping|armature|stiffness|kp|kv|mass)$")
+
+
+@dataclass(frozen=True)
+class Range:
+    """The range of one number of the simulator.
+
+    Attributes
+    ----------
+    name : str
+        ``JOINT.frictionloss``, ``ACTUATOR.kp``, ``BODY.mass``; a parameter's name where the simulator is equations.
+    low, high : float
+        In ``unit``; of a delay in seconds.
+    unit : str
+    nominal : float
+        In the nominal simulator.
+    identified : bool
+        The logs tell it; else it keeps its prior range.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    nominal: float
+    identified: bool
+
+
+@dataclass(frozen=True)
+class Randomization:
+    """Ranges for training; ``print`` it for a table.
+
+    Attributes
+    ----------
+    ranges : tuple of Range
+        Numbers of the simulator.
+    delays : tuple of Range
+        Delays of commands, s.
+    forces : tuple of Range
+        What no cause explains, as a bounded random force on a joint.
+    notes : tuple of str
+        What is in the corrected simulator and has no range here.
+    step : float or None
+        The simulator's own step, s; None where it is equations.
+    drives : dict of str to str
+        Joint of each actuator, where the simulator has actuators.
+    """
+
+    ranges: tuple[Range, ...]
+    delays: tuple[Range, ...]
+    forces: tuple[Range, ...]
+    notes: tuple[str, ...]
+    step: float | None
+    drives: Mapping[str, str] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Range:
+        """A range by its name."""
+        for one in (*self.ranges, *self.delays, *self.forces):
+            if one.name == name:
+                return one
+        raise KeyError(name)
+
+    def steps(self, delay: Range) -> tuple[int, int]:
+        """A delay in whole steps of the simulator."""
+        if not self.step:
+            raise ValueError("the simulator is equations and has no step of its own")
+        # Rounding must not add a step to a delay of whole steps.
+        return max(0, math.floor(delay.low / self.step + 1e-6)), max(0, math.ceil(delay.high / self.step - 1e-6))
+
+    def to_python(self) -> str:
+        """A Python file: the ranges as data, and functions that make the events of mjlab and of Isaac Lab from them."""
+        lines = ['"""Ranges for domain randomisation, written by gpsindy from a diagnosis of the machine\'s logs."""', ""]
+
+        def table(name: str, ranges: list[Range], comment: str) -> None:
+            lines.extend([f"# {comment}", f"{name} = {{"])
+            for one in ranges:
+                unit = f" {one.unit}" if one.unit else ""
+                lines.append(f"    {one.name!r}: ({one.low:.6g}, {one.high:.6g}),  # nominal {one.nominal:.6g}{unit}")
+            lines.extend(["}", ""])
+
+        lines.extend(["# In the nominal simulator.", "NOMINAL = {"])
+        lines.extend(f"    {one.name!r}: {one.nominal!r}," for one in self.ranges)
+        lines.extend(["}", "", "# Joint of each actuator.", f"DRIVES = {dict(self.drives)!r}", ""])
+        told = [one for one in self.ranges if one.identified]
+        kept = [one for one in self.ranges if not one.identified]
+        table("IDENTIFIED", told, "What the logs tell: the estimate with its error, widened where runs disagree.")
+        table("PRIOR", kept, "What the logs do not identify: the prior range, unchanged.")
+        if self.step:
+            lines.extend([f"# Delays of commands in physics steps of {self.step:g} s, fewest and most.", "DELAY_STEPS = {"])
+            lines.extend(f"    {one.name!r}: {self.steps(one)!r}," for one in self.delays)
+            lines.extend(["}", ""])
+        table("FORCES", list(self.forces), "What no cause explains, as a bounded random force: of a joint, low and high.")
+        lines.extend(f"# Not a range of a simulator's field: {note}" for note in self.notes)
+        return "\n".join([*lines, "", _EVENTS])
+
+    def save(self, path: Path) -> None:
+        """Writes :meth:`to_python` to a file; whole or not at all."""
+        _gpsindy.write_whole(os.fspath(path), self.to_python())
+
+    def __repr__(self) -> str:
+        rows = [(one, "" if one.identified else "  (prior)") for one in (*self.ranges, *self.delays, *self.forces)]
+        return "\n".join(f"{one.name}: {one.low:.4g} to {one.high:.4g} {one.unit}{told}" for one, told in rows)
+
+
+def randomization(
+    diagnosis: Diagnosis,
+    *,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    share: float = 0.3,
+    confidence: float = 0.95,
+) -> Randomization:
+    """Ranges for training from a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    prior : mapping of str to (float, float), optional
+        Ranges of numbers that the logs do not identify.
+    share : float, default 0.3
+        The prior range of all others, above and below their nominal value, as a share of it.
+    confidence : float, default 0.95
+        That the true value lies in its range, where the logs identify it.
+
+    Returns
+    -------
+    Randomization
+
+    Raises
+    ------
+    ValueError
+        A diagnosis without its simulators, an unknown name, a share or confidence out of range.
+    """
+    if diagnosis._open is None or diagnosis._nominal is None:
+        raise ValueError("this diagnosis does not have its simulators: it was read from a report; diagnose again")
+    if not 0.5 <= confidence < 1.0:
+        raise ValueError(f"confidence: expected 0.5 to 1, found {confidence}")
+    if not share >= 0.0:
+        raise ValueError(f"share: expected at least 0, found {share}")
+    given = dict(prior or {})
+    source = diagnosis.augmented._source
+    nominal = {p.name: p for p in diagnosis._nominal.parameters}
+    unknown = [name for name in given if name not in nominal]
+    if unknown:
+        raise ValueError(f"prior: no parameter {unknown[0]!r}; the simulator has {', '.join(nominal)}")
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence) * _disagreement(diagnosis)
+    values, deviations = _spread(diagnosis)
+    ranges = []
+    for name, parameter in nominal.items():
+        value, deviation = values.get(("parameter", name), parameter.value), deviations.get(("parameter", name), 0.0)
+        if deviation > 0.0:
+            low, high = value - z * deviation, value + z * deviation
+            low = max(low, 0.0) if _POSITIVE.search(name) else low
+            ranges.append(Range(name, low, high, parameter.unit, parameter.value, True))
+        else:
+            wide = share * abs(parameter.value)
+            low, high = given.get(name, (parameter.value - wide, parameter.value + wide))
+            ranges.append(Range(name, float(low), float(high), parameter.unit, parameter.value, False))
+    delays = []
+    for (kind, name), value in values.items():
+        if kind == "delay":
+            reach = z * deviations.get((kind, name), 0.0)
+            delays.append(Range(name, max(value - reach, 0.0), value + reach, "s", 0.0, True))
+    step = getattr(source, "_period", None)
+    return Randomization(tuple(ranges), tuple(delays), _forces(diagnosis), tuple(_notes(diagnosis)), step, getattr(source, "_drives", {}))
+
+
+def _disagreement(diagnosis: Diagnosis) -> float:
+    """How much wider errors are where the causes' sizes disagree between runs: the Birge ratio of the least likely cause."""
+    widest = 1.0
+    for cause in diagnosis.included:
+        told = cause.stability
+        if told and told["runs"] > 1 and told["p_value"] < 0.5:
+            degrees = told["runs"] - 1
+            quantile = NormalDist().inv_cdf(1.0 - max(told["p_value"], 1e-12))
+            # Wilson and Hilferty's approximation of the chi-square quantile.
+            squares = degrees * (1.0 - 2.0 / (9.0 * degrees) + quantile * math.sqrt(2.0 / (9.0 * degrees))) ** 3
+            widest = max(widest, math.sqrt(squares / degrees))
+    return widest
+
+
+def _spread(diagnosis: Diagnosis) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+    """Values of what goes into the simulator in the corrected model, and the deviations that the logs leave of them."""
+    assert diagnosis._open is not None
+    names, _, covariance = diagnosis._open.sizes
+    augmented = diagnosis.augmented
+    base = _inputs(augmented)
+    own = {p.name: p.value for p in augmented.parameters}
+    slopes: dict[tuple[str, str], np.ndarray[Any, Any]] = {}
+    for place, name in enumerate(names):
+        if name not in own:
+            # No cause was included, so the corrected model is the nominal one.
+            continue
+        change = 1e-4 * max(abs(own[name]), math.sqrt(covariance[place][place]), 1e-9)
+        moved = _inputs(augmented.with_parameters(**{name: own[name] + change}))
+        for key, value in moved.items():
+            if key in base and value != base[key]:
+                slopes.setdefault(key, np.zeros(len(names)))[place] = (value - base[key]) / change
+    matrix = np.array(covariance).reshape(len(names), len(names))
+    return base, {key: math.sqrt(max(float(slope @ matrix @ slope), 0.0)) for key, slope in slopes.items()}
+
+
+def _inputs(model: Model) -> dict[tuple[str, str], float]:
+    """Parameters and delays of commands, as numbers."""
+    found: dict[tuple[str, str], float] = {}
+    if not model._inner.calls_simulator:
+        found.update({("parameter", p.name): p.value for p in model.parameters})
+        known = {p.name: p.value for p in model.parameters}
+        for control in model.controls:
+            for state in model.states:
+                late = re.search(rf"delay\({re.escape(control.name)}, ([^()]+)\)", state.equation)
+                if late:
+                    text = late.group(1).strip()
+                    found["delay", control.name] = known[text] if text in known else float(text)
+        return found
+    for kind, name, expression, value in model._inner.simulator_inputs():
+        if kind == "parameter" and value is not None:
+            found[kind, name] = value
+        late = re.search(rf"delay\({re.escape(name)}, ([0-9.e+-]+)\)", expression) if kind == "command" else None
+        if late:
+            found["delay", name] = float(late.group(1))
+    return found
+
+
+def _forces(diagnosis: Diagnosis) -> tuple[Range, ...]:
+    """What is left, where it is more than noise: twice its root mean square, as a force where the simulator has forces."""
+    report = diagnosis._report
+    left = report["unexplained"]
+    if left["probability"] < 0.5 or not left["share"] > 0.0:
+        return ()
+    source = diagnosis.augmented._source
+    inertia = getattr(source, "_inertia", None)
+    if inertia is None:
+        return ()
+    found = []
+    for row in report["gap"]["by_state"]:
+        if row["state"] in inertia:
+            name, mass, unit = inertia[row["state"]]
+            size = 2.0 * math.sqrt(left["share"]) * row["residual_rms"] * mass
+            found.append(Range(name, -size, size, unit, 0.0, True))
+    return tuple(found)
+
+
+def _notes(diagnosis: Diagnosis) -> list[str]:
+    """Corrections that are neither a parameter nor a delay."""
+    notes = []
+    for cause in diagnosis.included:
+        sizes = ", ".join(f"{p['name']} = {p['value']:.4g} {p['unit']}".strip() for p in cause.parameters)
+        if cause.effect not in ("parameter_error", "input_delay"):
+            notes.append(f"{cause.effect} at {cause.place or cause.state}: {cause.form} with {sizes}")
+    return notes
+
+
+_EVENTS = '''
+_JOINTS = {"frictionloss": "joint_friction", "damping": "joint_damping", "armature": "joint_armature", "stiffness": "joint_stiffness"}
+
+
+def ranges():
+    """All ranges by name: those that the logs tell, and the prior ones."""
+    return {**PRIOR, **IDENTIFIED}
+
+
+def mjlab_events(entity="robot"):
+    """Events of mjlab: a dictionary for ``EnvCfg.events``. Delays belong to the actuators: see DELAY_STEPS."""
+    from mjlab.envs.mdp import dr
+    from mjlab.managers.event_manager import EventTermCfg
+    from mjlab.managers.scene_entity_config import SceneEntityCfg
+    import math
+
+    events = {}
+    gains = {}
+    for name, (low, high) in ranges().items():
+        element, _, attribute = name.rpartition(".")
+        if attribute in _JOINTS:
+            params = {"ranges": (low, high), "operation": "abs", "asset_cfg": SceneEntityCfg(entity, joint_names=(element,))}
+            events[name] = EventTermCfg(mode="startup", func=getattr(dr, _JOINTS[attribute]), params=params)
+        elif attribute == "mass" and NOMINAL[name] > 0.0:
+            # Mass and inertia in proportion: pseudo_inertia scales both by exp(2 alpha).
+            alpha = tuple(0.5 * math.log(max(value, 1e-9) / NOMINAL[name]) for value in (low, high))
+            params = {"alpha_range": alpha, "asset_cfg": SceneEntityCfg(entity, body_names=(element,))}
+            events[name] = EventTermCfg(mode="startup", func=dr.pseudo_inertia, params=params)
+        elif attribute in ("kp", "kv"):
+            gains.setdefault(element, {})[attribute] = (low, high)
+    for actuator, found in gains.items():
+        nominal = {key: NOMINAL[f"{actuator}.{key}"] for key in found}
+        scaled = {key: (low / nominal[key], high / nominal[key]) if nominal[key] else (1.0, 1.0) for key, (low, high) in found.items()}
+        params = {
+            "kp_range": scaled.get("kp", (1.0, 1.0)),
+            "kd_range": scaled.get("kv", (1.0, 1.0)),
+            "operation": "scale",
+            "asset_cfg": SceneEntityCfg(entity, actuator_names=[actuator]),
+        }
+        events[f"{actuator}.gains"] = EventTermCfg(mode="startup", func=dr.pd_gains, params=params)
+    return events
+
+
+def isaaclab_events(entity="robot"):
+    """Events of Isaac Lab: a dictionary of ``EventTerm``. Delays belong to ``DelayedPDActuatorCfg``: see DELAY_STEPS."""
+    import isaaclab.envs.mdp as mdp
+    from isaaclab.managers import EventTermCfg, SceneEntityCfg
+
+    arguments = {"frictionloss": "friction_distribution_params", "armature": "armature_distribution_params"}
+    gains = {"stiffness": "stiffness_distribution_params", "kp": "stiffness_distribution_params", "kv": "damping_distribution_params", "damping": "damping_distribution_params"}
+    events = {}
+    for name, (low, high) in ranges().items():
+        element, _, attribute = name.rpartition(".")
+        joint = SceneEntityCfg(entity, joint_names=[DRIVES.get(element, element)])
+        if attribute in arguments:
+            params = {"asset_cfg": joint, arguments[attribute]: (low, high), "operation": "abs"}
+            events[name] = EventTermCfg(func=mdp.randomize_joint_parameters, mode="startup", params=params)
+        elif attribute in gains:
+            params = {"asset_cfg": joint, gains[attribute]: (low, high), "operation": "abs"}
+            events[name] = EventTermCfg(func=mdp.randomize_actuator_gains, mode="startup", params=params)
+        elif attribute == "mass":
+            params = {"asset_cfg": SceneEntityCfg(entity, body_names=[element]), "mass_distribution_params": (low, high), "operation": "abs"}
+            events[name] = EventTermCfg(func=mdp.randomize_rigid_body_mass, mode="startup", params=params)
+    return events
+'''
