@@ -235,12 +235,7 @@ fn deliver(
     if screen.json() {
         screen.out(&report_json(&diagnosed.diagnosis)?)?;
     } else {
-        screen.out(&gpsindy_report::summary_with(
-            &diagnosed.diagnosis,
-            &provenance,
-            screen.width(),
-            screen.colour(),
-        ))?;
+        screen.out(&gpsindy_report::summary_with(&diagnosed.diagnosis, provenance, screen.width(), screen.colour()))?;
         match &command.out {
             Some(folder) => screen.out(&format!("\nreport: {}\n", folder.join("report.html").display()))?,
             None => screen.note("--out DIR also writes the HTML page, the JSON report and the augmented model"),
