@@ -29,11 +29,14 @@ fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
     let binomial = |k: usize| (0..k).fold(1.0, |b, i| b * (order - i) as f64 / (i + 1) as f64);
     let weights: Vec<f64> = (0..=order).map(|k| if k % 2 == 0 { binomial(k) } else { -binomial(k) }).collect();
     let gain: f64 = weights.iter().map(|w| w * w).sum();
-    let mut squares: Vec<f64> = logs
+    // A column with a rate of its own has no value in the rows of the others: its samples follow each other across those.
+    let present: Vec<Vec<(usize, f64)>> = logs.iter().map(|l| present(&l.measured[column])).collect();
+    let usual = usual_step(&present);
+    let mut squares: Vec<f64> = present
         .iter()
-        .flat_map(|l| l.measured[column].windows(order + 1))
-        .map(|w| w.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>().powi(2))
-        .filter(|s| s.is_finite())
+        .flat_map(|samples| samples.windows(order + 1))
+        .filter(|window| window.windows(2).all(|pair| pair[1].0 - pair[0].0 <= usual))
+        .map(|window| window.iter().zip(&weights).map(|((_, v), w)| v * w).sum::<f64>().powi(2))
         .collect();
     if squares.is_empty() {
         return 0.0;
@@ -44,6 +47,19 @@ fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
     let trimmed = squares[..kept].iter().sum::<f64>() / kept as f64;
     let share_kept = if squares.len() >= 50 { 0.857 } else { 1.0 };
     (trimmed / share_kept / gain).sqrt()
+}
+
+/// The rows that have a value, and the values.
+fn present(column: &[f64]) -> Vec<(usize, f64)> {
+    column.iter().copied().enumerate().filter(|(_, value)| value.is_finite()).collect()
+}
+
+/// Rows from one value to the next, but for the longest tenth: these are holes.
+fn usual_step(present: &[Vec<(usize, f64)>]) -> usize {
+    let steps = present.iter().flat_map(|samples| samples.windows(2).map(|pair| pair[1].0 - pair[0].0));
+    let mut steps: Vec<usize> = steps.collect();
+    steps.sort_unstable();
+    steps.get(steps.len() * 9 / 10).copied().unwrap_or(1)
 }
 
 /// Smallest step between different values, where the column looks quantised; else zero.
@@ -84,4 +100,40 @@ pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
         }
     }
     removed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A slow swing with a jitter of one tenth, deterministic; no value in the rows that `is_empty` names.
+    fn log(count: usize, is_empty: impl Fn(usize) -> bool) -> Log {
+        let mut sample = 0;
+        let mut value = |row: usize| {
+            if is_empty(row) {
+                return f64::NAN;
+            }
+            sample += 1;
+            (0.01 * f64::from(sample)).sin() + 0.1 * (f64::from(sample * sample) * 1.7).sin()
+        };
+        let measured = vec![(0..count).map(&mut value).collect()];
+        Log { name: "a".into(), time: (0..count).map(|i| i as f64).collect(), controls: Vec::new(), measured }
+    }
+
+    #[test]
+    fn rows_of_another_topic_change_nothing_in_the_noise_of_a_column() {
+        let alone = noise_levels(&[log(600, |_| false)], 1);
+        // Two samples of the column, one of the other topic, and so on.
+        let between = noise_levels(&[log(900, |row| row % 3 == 2)], 1);
+        let in_turns = noise_levels(&[log(1200, |row| row % 2 == 1)], 1);
+        assert!(alone[0] > 0.05 && alone[0] < 0.1, "{alone:?}");
+        assert_eq!((&between, &in_turns), (&alone, &alone));
+    }
+
+    #[test]
+    fn a_hole_is_not_taken_for_a_step() {
+        let whole = noise_levels(&[log(600, |_| false)], 1);
+        let holed = noise_levels(&[log(640, |row| (300..340).contains(&row))], 1);
+        assert!((holed[0] / whole[0] - 1.0).abs() < 0.05, "{holed:?} {whole:?}");
+    }
 }

@@ -158,17 +158,22 @@ fn decimate(experiment: Experiment, notes: &Notes) -> Experiment {
 }
 
 /// Whether every column is a straight line over `stride` samples to either side, up to noise or a hundredth of its spread.
+///
+/// Columns with rows of their own are not: every k-th row might have none of their values.
 fn is_dense(experiment: &Experiment, stride: usize) -> bool {
-    (0..experiment.columns.len()).all(|c| {
-        let bends = experiment.logs.iter().flat_map(|log| {
-            let values = &log.measured[c];
-            (stride..values.len().saturating_sub(stride))
-                .map(|i| values[i] - 0.5 * (values[i - stride] + values[i + stride]))
-        });
-        let finite: Vec<f64> = bends.filter(|b| b.is_finite()).collect();
-        let rms = (finite.iter().map(|b| b * b).sum::<f64>() / finite.len().max(1) as f64).sqrt();
-        rms < DENSE_NOISE * experiment.noise[c] || rms < DENSE_SPREAD * experiment.scale[experiment.columns[c]]
-    })
+    let is_full =
+        |log: &Log| log.measured.iter().all(|c| c.iter().filter(|v| v.is_finite()).count() * 10 > c.len() * 9);
+    experiment.logs.iter().all(is_full)
+        && (0..experiment.columns.len()).all(|c| {
+            let bends = experiment.logs.iter().flat_map(|log| {
+                let values = &log.measured[c];
+                (stride..values.len().saturating_sub(stride))
+                    .map(|i| values[i] - 0.5 * (values[i - stride] + values[i + stride]))
+            });
+            let finite: Vec<f64> = bends.filter(|b| b.is_finite()).collect();
+            let rms = (finite.iter().map(|b| b * b).sum::<f64>() / finite.len().max(1) as f64).sqrt();
+            rms < DENSE_NOISE * experiment.noise[c] || rms < DENSE_SPREAD * experiment.scale[experiment.columns[c]]
+        })
 }
 
 #[cfg(test)]
