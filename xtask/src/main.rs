@@ -1,4 +1,4 @@
-//! What a developer runs: `cargo xtask test` checks everything; the other tasks are in [`HELP`].
+//! Tasks of a developer: `cargo xtask test` runs all checks; the other tasks are in [`HELP`].
 #![forbid(unsafe_code)]
 
 mod bag;

@@ -1,4 +1,4 @@
-//! The packages as others get them: what is in them, that they build by themselves, and that the packed program works.
+//! The published packages: their content, that they build on their own, and that the packed program works.
 
 use crate::shell::{complain, root, run};
 use crate::tools::PUBLISHED;

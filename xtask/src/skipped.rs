@@ -1,4 +1,4 @@
-//! Counts the tests that did not run for want of something beside the repository: see `tests/beside`.
+//! Counts the tests that were skipped because a requirement is missing: see `tests/beside`.
 
 use crate::shell;
 use std::path::Path;

@@ -13,14 +13,14 @@ use gpsindy_core::Hold;
 use gpsindy_files::{LogOptions, Offset, Stamp};
 use std::path::PathBuf;
 
-/// Equations from sparse, noisy logs, and a diagnosis of where a simulator is wrong.
+/// Identify equations from sparse, noisy logs, and diagnose where a simulator is wrong.
 #[derive(Debug, Parser)]
 #[command(
     name = "gpsindy",
     version,
     max_term_width = 110,
     before_help = "Example: gpsindy demo\n         gpsindy identify run_1.csv run_2.csv --control u --out model.toml",
-    after_help = "`gpsindy COMMAND --help` tells all about a command. Exit status: 0 done, 1 the work failed, 2 bad input or usage."
+    after_help = "`gpsindy COMMAND --help` describes a command in full. Exit status: 0 success, 1 the computation failed, 2 bad input or usage."
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -33,16 +33,16 @@ pub(crate) struct Arguments {
 #[derive(Debug, Args)]
 pub(crate) struct Global {
     /// Print the machine-readable result and nothing else on stdout
-    #[arg(long, global = true, help_heading = "Everywhere")]
+    #[arg(long, global = true, help_heading = "Global options")]
     pub(crate) json: bool,
-    /// No progress and no notes on stderr
-    #[arg(long, short, global = true, help_heading = "Everywhere")]
+    /// Print no progress and no notes on stderr
+    #[arg(long, short, global = true, help_heading = "Global options")]
     pub(crate) quiet: bool,
-    /// Number of threads; the result does not depend on it [default: one a core]
-    #[arg(long, global = true, value_name = "N", help_heading = "Everywhere", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    /// Number of threads; the result does not depend on it [default: one per core]
+    #[arg(long, global = true, value_name = "N", help_heading = "Global options", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", default_value_t = 0, help_heading = "Everywhere")]
+    /// Seed of the random number generator
+    #[arg(long, global = true, value_name = "N", default_value_t = 0, help_heading = "Global options")]
     pub(crate) seed: u64,
 }
 
@@ -73,25 +73,25 @@ pub(crate) struct Columns {
     /// The time column of a table, in seconds [default: `t`, else `time`]
     #[arg(long, value_name = "COLUMN")]
     pub(crate) time: Option<String>,
-    /// The column that tells the runs of a file apart [default: one file is one run]
+    /// The column that identifies the run of each row [default: one file is one run]
     #[arg(long, value_name = "COLUMN")]
     pub(crate) run: Option<String>,
-    /// Give a column another name
+    /// Rename a column
     #[arg(long, value_name = "COLUMN=NAME", value_parser = pair)]
     pub(crate) rename: Vec<(String, String)>,
-    /// Where a column comes from in a log of topics, such as q=/joint_states.position[elbow] or u=/command.data[0]; `gpsindy inspect` lists them
+    /// Take a column from a field of a topic, such as q=/joint_states.position[elbow] or u=/command.data[0]; `gpsindy inspect` lists the fields
     #[arg(long, value_name = "NAME=TOPIC.FIELD", value_parser = place)]
     pub(crate) map: Vec<(String, String)>,
-    /// The same for a whole project: a TOML file with [map], [unit], [offset] and stamp
+    /// Read the column mapping of a project from a TOML file with [map], [unit], [offset] and stamp
     #[arg(long, value_name = "FILE")]
     pub(crate) map_file: Option<PathBuf>,
-    /// The clock of messages [default: their header's stamp where there is one, else the time of recording]
+    /// Which time stamps of messages to use [default: that of the header if there is one, else the recording time]
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub(crate) stamp: Option<Clock>,
-    /// Add seconds to the stamps of a topic; `auto`: what makes its columns agree with those of the other topics, told with an interval
+    /// Shift the stamps of a topic by a number of seconds; `auto` estimates the shift, with an interval, from the agreement with other topics
     #[arg(long, value_name = "TOPIC=SECONDS|auto", value_parser = offset, allow_hyphen_values = true)]
     pub(crate) offset: Vec<(String, Offset)>,
-    /// A wrapped angle (rad) whose jumps are removed, once and at the full rate
+    /// Unwrap an angle (rad) that jumps by full turns, at the full sampling rate
     #[arg(long, value_name = "COLUMN")]
     pub(crate) angle: Vec<String>,
 }
@@ -117,9 +117,9 @@ impl Columns {
 /// The clock of messages.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum Clock {
-    /// The stamp in the message's header
+    /// The stamp in the message header
     Header,
-    /// The time of recording
+    /// The recording time
     Log,
 }
 
@@ -168,7 +168,7 @@ pub(crate) fn values(text: &str) -> Result<Vec<(String, f64)>, String> {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Result")]
 pub(crate) struct Output {
-    /// Write the result to a file, whole or not at all [default: stdout]
+    /// Write the result to a file, completely or not at all [default: stdout]
     #[arg(long, short, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
 }
@@ -176,11 +176,11 @@ pub(crate) struct Output {
 /// What a control does between its samples, where the logs may tell.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum AutoHold {
-    /// Whichever of the two explains the logs better
+    /// Whichever of zero and linear explains the logs better
     Auto,
-    /// It keeps the value of the last sample
+    /// Zero-order hold: the control keeps the value of the last sample
     Zero,
-    /// It goes in a straight line to the next sample
+    /// First-order hold: linear interpolation to the next sample
     Linear,
 }
 

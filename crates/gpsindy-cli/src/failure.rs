@@ -1,4 +1,4 @@
-//! Why a command stopped, by exit status: 1 the work failed, 2 bad input or usage, 3 a verdict that was asked to fail.
+//! Why a command stopped, by exit status: 1 the computation failed, 2 bad input or usage, 3 a verdict named by `--fail-if`.
 
 use std::fmt;
 

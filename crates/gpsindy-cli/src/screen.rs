@@ -1,4 +1,4 @@
-//! What the user sees: results on stdout, progress and warnings on stderr.
+//! Output to the user: results on stdout, progress and warnings on stderr.
 
 use crate::args::Global;
 use crate::failure::{Failure, Outcome};

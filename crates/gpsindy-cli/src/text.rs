@@ -1,4 +1,4 @@
-//! Numbers and tables for people to read.
+//! Formats numbers and tables for the terminal.
 
 /// A number with four significant digits; `-` where there is none.
 pub(crate) fn short(value: f64) -> String {

@@ -131,7 +131,10 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     let before = folder.names();
     for (arguments, expected) in [
         ("slider.toml", "the following required arguments were not provided: <LOG>..."),
-        ("u.toml run_1.csv", "run_1.csv: column `u` is not in the file; found: v, note"),
+        (
+            "u.toml run_1.csv",
+            "run_1.csv: column `u` is not in the file; found: v, note; the model needs it as a control: give a column that name with --rename COLUMN=u",
+        ),
         ("w.toml run_1.csv", "w.toml: `-b*w`, at character 4: name `w` is unknown in the equation of state `v`"),
         ("slider.toml short.csv", "short.csv:2: 1 sample; a run needs at least 2"),
         ("slider.toml x.csv", "x.csv: no column is a state of the model (v); found: x; name them with --rename"),
@@ -139,7 +142,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("slider.toml run_1.csv --effects bias,!coulomb_friction", "--effects: either name the suspects"),
         ("slider.toml run_1.csv --effects-file own.toml", "own.toml:2: invalid type: integer `1`, expected a string"),
         ("slider.toml run_1.csv --confidence 2", "`confidence` must be between 0.5 and 0.999, found 2"),
-        ("slider.toml run_1.csv --holdout run_1.csv", "run_1.csv is both a log to learn from and one of --holdout"),
+        ("slider.toml run_1.csv --holdout run_1.csv", "run_1.csv is named both for training and in --holdout"),
         ("slider.toml run_1.csv --holdout nothing.csv", "nothing.csv: cannot be read: there is no such file"),
     ] {
         let ran = folder.run(&format!("diagnose {arguments} --out report --quiet"));
@@ -165,7 +168,7 @@ fn a_simulator_of_which_there_are_only_logs_is_identified_first() {
     assert_eq!(report["causes"][0]["effect"], "quadratic_drag");
     assert!(folder.read("report/simulator.toml").contains("gpsindy.model/1"));
     let ran = folder.run(&format!("diagnose {LOGS} --simulated sim_1.csv run_1.csv --state v"));
-    assert!(ran.refused().starts_with("run_1.csv is both a log of the machine and one of --simulated"), "{ran:?}");
+    assert!(ran.refused().starts_with("run_1.csv is named both as a log of the machine and in --simulated"), "{ran:?}");
 }
 
 #[test]
@@ -173,7 +176,7 @@ fn a_power_study_says_what_the_logs_could_reveal() {
     let folder = lab(0.0);
     let suspects = "--effects quadratic_drag,bias --power --out report --quiet";
     let ran = folder.run(&format!("diagnose slider.toml {LOGS} {suspects}")).done();
-    assert!(ran.stdout.contains("\nPower    Each effect was planted"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("\nPower    Each effect was added"), "{}", ran.stdout);
     let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
     assert_eq!(report["power"]["null"]["draws"], 20);
     assert_eq!(report["power"]["effects"].as_array().unwrap().len(), 2);
@@ -259,7 +262,7 @@ fn a_time_limit_ends_the_search_with_a_report_that_says_so() {
     let ran = folder.run(&format!("diagnose slider.toml {LOGS} --time-limit 0.000001 --json")).done();
     let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let notes = report["notes"].as_array().unwrap();
-    assert!(notes.iter().any(|note| note.as_str().unwrap().starts_with("time was up")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.as_str().unwrap().starts_with("the time limit of")), "{notes:?}");
     assert!(
         ["unexplained", "partly_explained"].contains(&report["verdict"].as_str().unwrap()),
         "{}",

@@ -99,6 +99,8 @@ fn an_interrupt_ends_it_in_good_order() {
     let mut stdout = std::io::BufReader::new(child.stdout.take().unwrap());
     std::io::BufRead::read_line(&mut stdout, &mut first).unwrap();
     assert_eq!(lines(&first)[0]["samples"], 300);
+    // The file has the model of the newest line, not only that of the last one.
+    assert!(folder.read("m.toml").contains("x1"));
     assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     assert!(child.wait().unwrap().success());
     assert!(folder.read("m.toml").contains("x1"));
@@ -146,8 +148,9 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("--state x --idle 0", "", "--idle must be above 0, found 0"),
         ("--state x --every 0", "", "invalid value '0' for '--every <N>'"),
     ] {
-        let ran =
-            folder.run_with(&format!("identify - --follow {arguments} --quiet --out m.toml"), &format!("{text}{tail}"));
+        // Behind some samples the file would have the model of these.
+        let out = if tail.is_empty() { " --out m.toml" } else { "" };
+        let ran = folder.run_with(&format!("identify - --follow {arguments} --quiet{out}"), &format!("{text}{tail}"));
         assert!(ran.refused().starts_with(expected), "{arguments}\n{ran:?}\nexpected {expected}");
     }
     let alone = folder.run("identify log.csv --state x --every 10");

@@ -44,7 +44,7 @@ fn the_model_goes_to_the_file_and_the_summary_to_the_screen() {
     let ran = folder.run(&format!("{arguments} --out m.toml")).done();
     assert!(ran.stdout.starts_with("equations from 1 run, 21 samples:\n\n  hare' = "), "{}", ran.stdout);
     assert!(ran.stdout.contains("hare': hare*lynx") && ran.stdout.contains("lynx': hare*lynx"), "{}", ran.stdout);
-    assert!(ran.stdout.contains("rollouts over whole runs of the logs that were learnt from"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("rollouts over whole training runs"), "{}", ran.stdout);
     assert!(ran.stdout.ends_with("\nmodel: m.toml\n") && ran.stderr.contains("columns ignored: year\n"), "{ran:?}");
     // Without --out the same model goes to stdout, so that it can be piped.
     let piped = folder.run(&arguments).done();
@@ -219,7 +219,11 @@ fn the_authors_pipeline_runs_on_one_log_and_refuses_what_it_lacks() {
 fn a_column_that_counts_the_years_becomes_no_state() {
     let folder = Folder::new();
     let ran = folder.run(&format!("identify {} --degree 2", data("hare_lynx.csv"))).done();
-    assert!(ran.stderr.contains("no state, being a straight line of time: year"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("not used as a state, because it is a linear function of time: year"),
+        "{}",
+        ran.stderr
+    );
     assert!(!ran.stdout.contains("name = \"year\""), "{}", ran.stdout);
 }
 
@@ -266,9 +270,9 @@ fn held_out_logs_are_scored_and_not_learnt_from() {
     assert_eq!(alone["model"], held_out["model"]);
     assert_eq!([&alone["scored_on"], &held_out["scored_on"]], ["training", "holdout"]);
     let rest = folder.run(&format!("{arguments} --train-fraction 0.5 --out m.toml")).done();
-    assert!(rest.stdout.contains("the rest of every run, which was not learnt from"), "{}", rest.stdout);
+    assert!(rest.stdout.contains("the last part of every run, which was not used for training"), "{}", rest.stdout);
     let same = folder.run(&format!("{arguments} --holdout a.csv"));
-    assert!(same.status == 2 && same.stderr.contains("both a log to learn from and one of --holdout"), "{same:?}");
+    assert!(same.status == 2 && same.stderr.contains("is named both for training and in --holdout"), "{same:?}");
 }
 
 #[test]
@@ -305,7 +309,7 @@ fn mistakes_in_states_and_degree_are_named() {
     let folder = Folder::new();
     let log = data("hare_lynx.csv");
     for (options, expected) in [
-        ("--state t,hare", "`t` is the time, along which states move; leave it out"),
+        ("--state t,hare", "`t` is the time column and cannot be a state; leave it out"),
         ("--state hare --degree -1", "expected a whole number from 0 to 9"),
         ("--state hare --degree two", "expected a whole number from 0 to 9"),
     ] {

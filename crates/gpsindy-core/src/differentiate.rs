@@ -1,4 +1,4 @@
-//! Time derivatives of the states, from which the regression learns: given columns, differences,
+//! Time derivatives of the states as the target of the regression: given columns, differences,
 //! the derivative of the Gaussian process over time, or the paper's second Gaussian process from
 //! smoothed states or controls to differences.
 

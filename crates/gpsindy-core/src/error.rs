@@ -1,4 +1,4 @@
-//! The one error type: variants by what the caller can do about them.
+//! The error type: its variants differ in what the caller can do.
 
 /// Result with the crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;

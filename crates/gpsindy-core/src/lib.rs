@@ -1,4 +1,4 @@
-//! Sparse, noisy logs of a real machine to equations, and a diagnosis of where a simulator is wrong.
+//! Identification of equations from sparse, noisy logs, and diagnosis of where a simulator is wrong.
 //!
 //! Few nouns: [`Dataset`] (runs of samples), [`Library`](library::Library) (candidate terms), [`Model`] (a named ODE),
 //! [`Effect`](diagnose::Effect) (a physical hypothesis), [`Diagnosis`](diagnose::Diagnosis). Five verbs:
@@ -6,10 +6,10 @@
 //! | verb | settings and call | result |
 //! | --- | --- | --- |
 //! | smooth | [`Smoother::smooth`] | [`Smoothed`]: states and derivatives, with standard deviations |
-//! | identify | [`Identify::fit`] (sample by sample: [`Online`]) | [`Identification`]: a model, and how sure each term is |
-//! | simulate | [`Simulate::rollout`] | [`Rollout`]: states and what the sensors read |
-//! | score | [`score`](fn@score) | [`Score`]: how far rollouts are from the logs |
-//! | diagnose | [`Diagnose::run`](diagnose::Diagnose::run) | [`Diagnosed`](diagnose::Diagnosed): what a simulator lacks, and the corrected model |
+//! | identify | [`Identify::fit`] (sample by sample: [`Online`]) | [`Identification`]: a model with standard errors |
+//! | simulate | [`Simulate::rollout`] | [`Rollout`]: states and predicted readings |
+//! | score | [`score`](fn@score) | [`Score`]: errors of the predictions |
+//! | diagnose | [`Diagnose::run`](diagnose::Diagnose::run) | [`Diagnosed`](diagnose::Diagnosed): the causes of the gap, and the corrected model |
 //!
 //! A model that `identify` learns, `diagnose` can start from; a model that `diagnose` corrects, `simulate` runs. All
 //! settings are plain structs with defaults, all randomness comes from a seed, and nothing here prints or reads a file:

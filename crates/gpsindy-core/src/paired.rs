@@ -1,7 +1,7 @@
-//! A simulator of which there are only logs: identify a model from them, then diagnose it against the machine.
+//! A simulator known by its logs only: identify a model from them, then diagnose it against the machine.
 //!
-//! The model must follow simulated logs that it has not seen, and what it misses there counts as no gap: the
-//! diagnosis is of the simulator, not of our picture of it.
+//! The model must predict held-out simulated logs. Its error there does not count as a gap, so the diagnosis is of the
+//! simulator and not of the identified model.
 
 use crate::data::{Dataset, Run, difference_noise};
 use crate::diagnose::{Diagnose, Diagnosed, hold_out};

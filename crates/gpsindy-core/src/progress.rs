@@ -1,4 +1,4 @@
-//! How a long computation tells where it is, and is asked to stop.
+//! Progress and cancellation of long computations.
 
 use crate::error::{Error, Result};
 

@@ -1,6 +1,7 @@
-//! How far a model's predictions lie from logs: over whole runs, over windows, over single steps.
+//! Prediction errors of a model on logs: over whole runs, over windows, over single steps.
 //!
-//! Compared is what `measured` says with the log's column, so a sensor's bias or lateness belongs to the model.
+//! The `measured` expression of a state is compared with the column of the log, so a bias or delay of a sensor is part of the
+//! model.
 
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! One CSV file: a header row, then one sample a row. Every kind of bad input is one error with file, line and column.
+//! One CSV file: a header row, then one sample per row. Every kind of bad input gives one error with file, line and column.
 
 use crate::error::{Error, Result};
 use crate::header::Header;
@@ -382,15 +382,8 @@ impl Source for CsvLog {
         CsvLog::lacks(self, name)
     }
 
-    fn doubts(&self) -> Vec<String> {
-        let header = &self.headers[self.time];
-        if !matches!(header.unit.as_str(), "ms" | "us" | "\u{b5}s" | "ns" | "min" | "h" | "d") {
-            return Vec::new();
-        }
-        vec![format!(
-            "{}: the time column `{}` is read as seconds, so rates are per {}",
-            self.file, header.text, header.unit
-        )]
+    fn time_header(&self) -> Option<&Header> {
+        (!matches!(self.clock, Clock::Date(_))).then(|| &self.headers[self.time])
     }
 }
 

@@ -1,4 +1,4 @@
-//! Effects of the user's own: `[[effect]]` entries of a TOML file.
+//! Custom effects: `[[effect]]` entries of a TOML file.
 
 use crate::error::{Error, Result};
 use crate::model::{from_toml, read_text};

@@ -1,4 +1,4 @@
-//! What can be wrong with a file, told with file, line and column.
+//! Errors in files, with file, line and column.
 
 use std::io;
 

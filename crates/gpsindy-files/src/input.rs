@@ -1,4 +1,4 @@
-//! Where the bytes of a log come from, and what format they are: told by content, not by name.
+//! The source of the bytes of a log and their format, which is recognised by content, not by name.
 
 use crate::error::{Error, Result};
 use std::fs::File;

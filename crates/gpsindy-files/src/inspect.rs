@@ -1,4 +1,4 @@
-//! What a log holds, and what in it spoils an identification.
+//! What a log holds, and which of its flaws would harm an identification.
 
 use crate::error::Result;
 use crate::log::LogOptions;

@@ -173,9 +173,10 @@ impl Log {
         self.source.read(columns, progress)
     }
 
-    /// What is likely a mistake but can be read.
-    pub(crate) fn doubts(&self) -> Vec<String> {
-        self.source.doubts()
+    /// The header of the time column and its unit, where that is another one than the second.
+    pub(crate) fn foreign_time(&self) -> Option<(&Header, &str)> {
+        let header = self.source.time_header()?;
+        Some((header, crate::time::foreign_unit(header)?))
     }
 }
 

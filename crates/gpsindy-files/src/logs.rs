@@ -187,7 +187,29 @@ impl Logs {
 
     /// What is likely a mistake but can be read: a time column in another unit than seconds.
     pub fn warnings(&self) -> Vec<String> {
-        self.files.iter().flat_map(Log::doubts).collect()
+        let warning = |log: &Log| {
+            let (header, unit) = log.foreign_time()?;
+            let text = &header.text;
+            Some(format!(
+                "{}: the time column `{text}` is not in seconds; its numbers are used as they stand, so every rate is per {unit}",
+                log.file
+            ))
+        };
+        self.files.iter().filter_map(warning).collect()
+    }
+
+    /// The unit in which all logs count time, `s` unless every time column names another one: `t [years]`, or a column `year`.
+    ///
+    /// ```
+    /// use gpsindy_files::{LogOptions, Logs};
+    /// let logs = Logs::parse("a.csv", b"t [years],x\n0,1\n1,2\n", &LogOptions::default())?;
+    /// assert_eq!(logs.time_unit(), "years");
+    /// # Ok::<(), gpsindy_files::Error>(())
+    /// ```
+    pub fn time_unit(&self) -> &str {
+        let mut units = self.files.iter().map(|log| log.foreign_time().map_or("s", |(_, unit)| unit));
+        let first = units.next().unwrap_or("s");
+        if units.all(|unit| unit == first) { first } else { "s" }
     }
 
     /// The file's name, without folders where that is clear, and the run's.
@@ -248,5 +270,16 @@ mod tests {
     fn milliseconds_are_warned_of() {
         assert_eq!(logs(&[("a.csv", "t [ms],x\n0,1\n1,3\n")]).warnings().len(), 1);
         assert!(logs(&[("a.csv", "t [s],x\n0,1\n1,3\n"), ("b.csv", "t,x\n0,1\n1,3\n")]).warnings().is_empty());
+    }
+
+    #[test]
+    fn the_unit_of_time_is_one_that_all_logs_share() {
+        let years = ("a.csv", "t [years],x\n0,1\n1,3\n");
+        assert_eq!(logs(&[years, ("b.csv", "t (years),x\n0,1\n1,3\n")]).time_unit(), "years");
+        assert_eq!(logs(&[years, ("b.csv", "t,x\n0,1\n1,3\n")]).time_unit(), "s");
+        // Dates are counted in seconds, whatever their header says.
+        assert_eq!(logs(&[("a.csv", "t [day],x\n2024-05-01T12:00,1\n2024-05-02T12:00,3\n")]).time_unit(), "s");
+        let options = LogOptions { time: Some("year".into()), ..LogOptions::default() };
+        assert_eq!(Logs::parse("a.csv", b"year,x\n1900,1\n1901,3\n", &options).unwrap().time_unit(), "year");
     }
 }

@@ -91,17 +91,22 @@ pub(crate) fn from_toml<T: serde::de::DeserializeOwned>(file: &str, text: &str) 
     toml::from_str(text).map_err(|e| {
         let at = e.span().map_or(0, |span| span.start).min(text.len());
         let line = 1 + text.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() as u64;
-        Error::line(file, line, None, one_line(e.message()))
+        Error::line(file, line, None, plain(e.message()))
     })
 }
 
 fn from_json<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T> {
     serde_json::from_str(text).map_err(|e| {
-        let message = one_line(&e.to_string());
+        let message = plain(&e.to_string());
         // serde_json says the place at the end of its message, and we say it at the beginning.
         let message = message.split(" at line ").next().unwrap_or_default().to_string();
         Error::line(file, e.line() as u64, None, message)
     })
+}
+
+/// A parser's message on one line, without the names of Rust's types.
+fn plain(message: &str) -> String {
+    one_line(message).replace("expected f64", "expected a number")
 }
 
 fn one_line(text: &str) -> String {
@@ -169,7 +174,7 @@ v = 0.0
                 "q*x",
                 "cart.toml: `(u - q*x - b*v)/m`, at character 6: name `q` is unknown in the equation of state `v`",
             ),
-            ("value = 4", "value = \"four\"", "cart.toml:27: invalid type: string \"four\", expected f64"),
+            ("value = 4", "value = \"four\"", "cart.toml:27: invalid type: string \"four\", expected a number"),
             ("gpsindy.model/1", "gpsindy.model/2", "cart.toml: schema is `gpsindy.model/2`, but this version reads"),
             ("x = 0.0", "z = 0.0", "cart.toml: initial state `z` is unknown; known: x, v"),
             ("name = \"cart\"", "name = cart", "cart.toml:2: "),

@@ -262,17 +262,8 @@ impl Source for ParquetLog {
         Error::file(&self.file, format!("column `{name}` is not in the table{found}"))
     }
 
-    fn doubts(&self) -> Vec<String> {
-        let header = &self.time_header;
-        if self.time.leaf.per_second.is_some()
-            || !matches!(header.unit.as_str(), "ms" | "us" | "\u{b5}s" | "ns" | "min" | "h" | "d")
-        {
-            return Vec::new();
-        }
-        vec![format!(
-            "{}: the time column `{}` is read as seconds, so rates are per {}",
-            self.file, header.text, header.unit
-        )]
+    fn time_header(&self) -> Option<&Header> {
+        self.time.leaf.per_second.is_none().then_some(&self.time_header)
     }
 }
 

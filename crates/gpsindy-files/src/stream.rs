@@ -1,4 +1,4 @@
-//! A log that is still being written: one line at a time, with the same rules and messages as a whole file.
+//! A growing log: one line at a time, with the same rules and messages as a whole file.
 
 use crate::csv_log::{CsvLog, Row, separator};
 use crate::error::{Error, Result};

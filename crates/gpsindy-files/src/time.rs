@@ -59,6 +59,20 @@ pub(crate) fn column(headers: &[Header]) -> Option<usize> {
         .or_else(|| named(&|name| name == "__time"))
 }
 
+/// The unit of a time column where it is another one than the second: in brackets, or as the column's own name.
+pub(crate) fn foreign_unit(header: &Header) -> Option<&str> {
+    const SHORT: [&str; 10] = ["ns", "us", "\u{b5}s", "\u{3bc}s", "ms", "min", "h", "hr", "d", "yr"];
+    const WORDS: [&str; 6] = ["minute", "hour", "day", "week", "month", "year"];
+    let is_word = |text: &str| {
+        let text = text.to_lowercase();
+        WORDS.contains(&text.strip_suffix('s').unwrap_or(&text))
+    };
+    match header.unit.as_str() {
+        "" => Some(header.name.as_str()).filter(|name| is_word(name)),
+        unit => Some(unit).filter(|unit| SHORT.contains(unit) || is_word(unit)),
+    }
+}
+
 fn seconds(parts: i128) -> f64 {
     parts as f64 / PARTS as f64
 }

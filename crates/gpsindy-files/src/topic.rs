@@ -1,4 +1,4 @@
-//! What every log format yields: topics, each with columns on its own clock.
+//! The common form of all log formats: topics, each with columns on its own clock.
 
 use crate::error::Result;
 use crate::header::Header;
@@ -49,8 +49,8 @@ pub(crate) trait Source: Debug + Send + Sync {
     /// The error that says that a column `name` is not there, and what is.
     fn lacks(&self, name: &str) -> crate::Error;
 
-    /// What is likely a mistake but can be read.
-    fn doubts(&self) -> Vec<String> {
-        Vec::new()
+    /// The header of a time column whose numbers are read as they stand; `None` where the format tells seconds.
+    fn time_header(&self) -> Option<&Header> {
+        None
     }
 }

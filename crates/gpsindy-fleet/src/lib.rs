@@ -1,7 +1,7 @@
-//! A fleet of machines: one diagnosis for each unit and period of a manifest, then the comparison.
+//! A fleet of machines: one diagnosis per unit and period of a manifest, then the comparison.
 //!
 //! - [`Manifest`]: which logs belong to which unit and period, with which model and covariates
-//! - [`Fleet`]: does what is missing below a folder, so that a second run is the resume
+//! - [`Fleet`]: computes the missing tasks below a folder, so that a second run resumes the first
 //! - [`compare`]: reads the reports below the folder and writes `fleet.json` and `fleet.html`
 //!
 //! A task is named by a hash of the model, the logs, the settings and the version. Its report is the same bytes whoever made it, so that any

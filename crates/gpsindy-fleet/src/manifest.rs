@@ -1,4 +1,4 @@
-//! The manifest of a fleet: TOML or CSV, one entry a unit and period.
+//! The manifest of a fleet: TOML or CSV, one entry per unit and period.
 
 use crate::date;
 use crate::task::Task;

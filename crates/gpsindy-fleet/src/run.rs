@@ -1,4 +1,4 @@
-//! Does what is missing below a folder: every task whose report is not there yet.
+//! Computes the missing tasks below a folder: those without a report.
 
 use crate::manifest::Manifest;
 use crate::task::Task;

@@ -1,4 +1,4 @@
-//! Logs to a model: the settings of Python as those of the core.
+//! Identification: the settings of Python as those of the core.
 
 use crate::convert::error;
 use crate::dataset::PyDataset;

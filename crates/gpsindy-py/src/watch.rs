@@ -1,7 +1,7 @@
-//! Runs a computation away from the interpreter, while the calling thread looks after signals and progress.
+//! Runs a computation without the interpreter lock, while the calling thread handles signals and progress.
 //!
-//! Only the main thread of Python hears Ctrl-C, and only while it runs Python. So the work goes to a thread of its own
-//! without the interpreter, and the calling thread wakes up now and then to look.
+//! Only the main thread of Python receives Ctrl-C, and only while it runs Python code. So the computation runs in its own
+//! thread, and the calling thread wakes up from time to time to check for signals.
 
 use crate::convert::error;
 use gpsindy_core::{Progress, Result};

@@ -159,7 +159,7 @@ def test_a_time_limit_ends_the_search_and_progress_is_told_from_the_first_fit_on
         progress=lambda stage, done, total: stages.append((stage, done, total)),
     )
     assert found.verdict in ("unexplained", "partly_explained")
-    assert any(note.startswith("time was up") for note in found.notes)
+    assert any(note.startswith("the time limit of") for note in found.notes)
     assert all(0 <= done <= total for _, done, total in stages)
 
 

@@ -187,7 +187,11 @@ impl Axis {
         }
         let size = self.low.abs().max(self.high.abs());
         if !(1e-3..1e6).contains(&size) {
-            return number(tick);
+            // As many digits as tell two ticks apart.
+            let digits = (tick.abs().log10().floor() - self.step.log10().floor()).clamp(0.0, 9.0) as usize;
+            let text = format!("{tick:.digits$e}");
+            let (mantissa, power) = text.split_once('e').unwrap_or((&text, "0"));
+            return format!("{}e{power}", fixed(mantissa.parse().unwrap_or(tick), digits));
         }
         fixed(tick, (-self.step.log10().floor()).clamp(0.0, 9.0) as usize)
     }
@@ -210,6 +214,15 @@ mod tests {
         let axis = Axis::y((0.0, 1e-5));
         assert_eq!(axis.ticks.len(), 6);
         assert_eq!(axis.write(axis.ticks[1]), "2e-6");
+    }
+
+    #[test]
+    fn labels_of_small_ticks_that_are_close_differ() {
+        let axis = Axis::y((7.671e-4, 7.675e-4));
+        let mut labels: Vec<String> = axis.ticks.iter().map(|t| axis.write(*t)).collect();
+        assert!(labels.len() > 2);
+        labels.dedup();
+        assert_eq!(labels.len(), axis.ticks.len(), "{labels:?}");
     }
 
     #[test]

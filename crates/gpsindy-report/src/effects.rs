@@ -1,4 +1,4 @@
-//! A page of documentation of each effect, from the catalogue.
+//! The documentation page of each effect, from the catalogue.
 
 use gpsindy_core::diagnose::Effect;
 use std::fmt::Write;
@@ -13,33 +13,33 @@ pub fn effect_page(effect: Effect, caption: &str) -> String {
     row("what", "");
     row("---", "---");
     row("form", &format!("`{}`", effect.form()));
-    row("its numbers", effect.parameters());
+    row("parameters", effect.parameters());
     row("in a log", effect.signature());
     row("acts in", &effect.places().join("; "));
     let sense = effect.sense();
     if !sense.is_empty() {
-        row("only where", &sense.join("; "));
+        row("only if", &sense.join("; "));
     }
-    let asked = if effect.is_only_if_asked() { "only where `--effects` names it" } else { "always" };
-    row("a suspect", asked);
+    let asked = if effect.is_only_if_asked() { "only if `--effects` names it" } else { "always" };
+    row("tested", asked);
     if !effect.about().is_empty() {
         let _ = write!(page, "\n{}\n", effect.about());
     }
     let twins = effect.twins();
     if !twins.is_empty() {
-        page += "\nWhat logs may not tell from it, and the experiment that parts the two:\n\n";
+        page += "\nEffects that logs may not distinguish from it, and the experiment that would:\n\n";
         for (twin, experiment) in twins {
             let _ = writeln!(page, "- [{}]({}.md): {experiment}", twin.name(), twin.id());
         }
     }
     let reach = if effect.size_is_a_limit() {
-        "A diagnosis says above which limit it would not have shown in these logs"
+        "A diagnosis reports the limit below which the logs would have revealed it"
     } else {
-        "A diagnosis says above which size it would have shown in these logs"
+        "A diagnosis reports the size above which the logs would have revealed it"
     };
     let _ = write!(
         page,
-        "\n{reach} (`excluded`), where one number can say so; `--power` plants it in copies of the logs.\n"
+        "\n{reach} (`excluded`), if a single number can state it. `--power` adds it to simulated copies of the logs.\n"
     );
     page
 }
@@ -47,7 +47,7 @@ pub fn effect_page(effect: Effect, caption: &str) -> String {
 /// The page that lists them all.
 pub fn effects_index() -> String {
     let mut page = String::from(
-        "# The catalogue of effects\n\nWhat a diagnosis looks for; z is the variable that an effect depends on, u a control.\nMade from the catalogue by `cargo xtask effects`.\n\n| effect | form | what it does |\n| --- | --- | --- |\n",
+        "# The catalogue of effects\n\nThe effects that a diagnosis tests. z is the variable that an effect depends on, u a control.\n`cargo xtask effects` generates these pages from the catalogue.\n\n| effect | form | what it does |\n| --- | --- | --- |\n",
     );
     for effect in Effect::ALL {
         let form = effect.form().replace('|', "\\|");

@@ -1,4 +1,4 @@
-//! The figures of the page: what each equation lacks, and held-out rollouts before and after.
+//! The figures of the page: residuals of the equations, held-out rollouts and their residuals, signals as logged.
 
 use crate::chart::{Chart, Mark};
 use crate::words::with_unit;
@@ -7,19 +7,29 @@ use gpsindy_core::diagnose::report::{
 };
 use maud::{Markup, html};
 
-/// Numbers the charts of a page.
-#[derive(Default)]
-pub(crate) struct Counter(usize);
+/// What the charts of a page share: a running number and the unit of time.
+pub(crate) struct Charts<'a> {
+    drawn: usize,
+    time_unit: &'a str,
+}
 
-impl Counter {
+impl<'a> Charts<'a> {
+    pub(crate) fn new(time_unit: &'a str) -> Self {
+        Self { drawn: 0, time_unit }
+    }
+
     fn next(&mut self) -> usize {
-        self.0 += 1;
-        self.0
+        self.drawn += 1;
+        self.drawn
+    }
+
+    fn time_label(&self) -> String {
+        format!("t ({})", self.time_unit)
     }
 }
 
 /// Residual against the variable that it depends on most, with the regions of the gap shaded.
-pub(crate) fn residual_curve(report: &Diagnosis, figure: &ResidualFigure, counter: &mut Counter) -> Option<Markup> {
+pub(crate) fn residual_curve(report: &Diagnosis, figure: &ResidualFigure, charts: &mut Charts<'_>) -> Option<Markup> {
     let curve = figure.curve.as_ref().filter(|curve| !curve.x.is_empty())?;
     let shades: Vec<_> = report
         .gap
@@ -36,22 +46,22 @@ pub(crate) fn residual_curve(report: &Diagnosis, figure: &ResidualFigure, counte
         marks.push(Mark::Line("after", &curve.x, present(&curve.explained)));
     }
     let chart = Chart {
-        title: format!("What the equation of {} lacks, against {}", figure.state, curve.variable),
-        description: "Line and band: what the logs say the equation lacks, with its 95 % band. \
-                      Shaded: the regions that carry most of the gap."
-            .into(),
+        title: format!("Residual of the equation of {} against {}", figure.state, curve.variable),
+        description:
+            "Line and band: residual of the equation with its 95 % band. Shaded: the regions with most of the gap."
+                .into(),
         x_label: axis(&curve.variable, &curve.unit),
-        y_label: axis(&format!("missing in {}'", figure.state), &figure.unit),
+        y_label: axis(&format!("residual of {}'", figure.state), &figure.unit),
         marks,
         shades,
         y_range: padded(y_range),
     };
     let gap = (!chart.shades.is_empty()).then_some(("gap", "region of the gap"));
-    let explained = (!curve.explained.is_empty()).then_some(("after", "the included causes"));
-    let legend = [Some(("residual", "missing, with 95 % band")), explained, gap];
+    let explained = (!curve.explained.is_empty()).then_some(("after", "included causes"));
+    let legend = [Some(("residual", "residual, with 95 % band")), explained, gap];
     Some(framed(
-        html! { "What the equation of " (figure.state) " lacks, against " (curve.variable) },
-        chart.draw(counter.next()),
+        html! { "Residual of the equation of " (figure.state) " against " (curve.variable) },
+        chart.draw(charts.next()),
         legend.into_iter().flatten(),
     ))
 }
@@ -61,7 +71,7 @@ pub(crate) fn residual_trace(
     report: &Diagnosis,
     figure: &ResidualFigure,
     trace: &ResidualTrace,
-    counter: &mut Counter,
+    charts: &mut Charts<'_>,
 ) -> Markup {
     let windows = report.gap.by_window.iter().filter(|window| window.run == trace.run);
     let shades: Vec<_> = windows.map(|window| (window.from, window.to, window.share)).collect();
@@ -69,24 +79,27 @@ pub(crate) fn residual_trace(
     let y_range = limits(band.iter().flat_map(|(low, high)| [*low, *high]).chain([0.0]));
     let marks = vec![Mark::Band("band", &trace.time, band), Mark::Line("residual", &trace.time, present(&trace.y))];
     let chart = Chart {
-        title: format!("What the equation of {} lacks over time, run {}", figure.state, trace.run),
-        description: format!("{} stretches of time are marked as carrying most of the gap.", shades.len()),
-        x_label: "t (s)".into(),
-        y_label: axis(&format!("missing in {}'", figure.state), &figure.unit),
+        title: format!("Residual of the equation of {} over time, run {}", figure.state, trace.run),
+        description: format!(
+            "Residual with its 95 % band. Shaded: {} time windows with most of the gap.",
+            shades.len()
+        ),
+        x_label: charts.time_label(),
+        y_label: axis(&format!("residual of {}'", figure.state), &figure.unit),
         marks,
         shades,
         y_range: padded(y_range),
     };
-    let gap = (!chart.shades.is_empty()).then_some(("gap", "time of the gap"));
+    let gap = (!chart.shades.is_empty()).then_some(("gap", "window of the gap"));
     framed(
         html! { "Run " (trace.run) ", equation of " (figure.state) },
-        chart.draw(counter.next()),
-        [Some(("residual", "missing, with 95 % band")), gap].into_iter().flatten(),
+        chart.draw(charts.next()),
+        [Some(("residual", "residual, with 95 % band")), gap].into_iter().flatten(),
     )
 }
 
 /// A held-out log beside both rollouts.
-pub(crate) fn rollout(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
+pub(crate) fn rollout(figure: &RolloutFigure, charts: &mut Charts<'_>) -> Markup {
     // The log lies under the models as a broad line, so that it shows where they cover it.
     let mut marks = vec![
         Mark::Line("log", &figure.time, figure.measured.clone()),
@@ -99,42 +112,42 @@ pub(crate) fn rollout(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
         legend.push(("after", "augmented model"));
     }
     let ended = diverged(&figure.before, &figure.time)
-        .map(|t| format!(" The nominal rollout diverges at t = {t:.2} s."))
+        .map(|t| format!(" The nominal rollout diverges at t = {t:.2} {}.", charts.time_unit))
         .unwrap_or_default();
     let chart = Chart {
         title: format!("{} in held-out run {}", figure.column, figure.run),
         description: format!(
             "Dots: the log. Dashed: rollout of the nominal model. Solid: of the augmented one.{ended}"
         ),
-        x_label: "t (s)".into(),
+        x_label: charts.time_label(),
         y_label: axis(&figure.column, &figure.unit),
         marks,
         shades: Vec::new(),
         y_range: rollout_range(figure),
     };
-    framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(counter.next()), legend)
+    framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(charts.next()), legend)
 }
 
-/// What the augmented model leaves of a held-out log, over time.
-pub(crate) fn left_over(figure: &RolloutFigure, counter: &mut Counter) -> Markup {
+/// The residual of the augmented model in a held-out log, over time.
+pub(crate) fn left_over(figure: &RolloutFigure, charts: &mut Charts<'_>) -> Markup {
     let lines = figure.measured.iter().zip(if figure.after.is_empty() { &figure.before } else { &figure.after });
     let left: Vec<Option<f64>> = lines.map(|(measured, model)| Some((*measured)? - (*model)?)).collect();
     let y_range = limits(left.iter().copied().flatten().chain([0.0]));
     let chart = Chart {
-        title: format!("What is left of {} in held-out run {}", figure.column, figure.run),
-        description: "The log less the rollout of the augmented model.".into(),
-        x_label: "t (s)".into(),
-        y_label: axis(&format!("{} left", figure.column), &figure.unit),
+        title: format!("Residual of {} in held-out run {}", figure.column, figure.run),
+        description: "The log minus the rollout of the augmented model.".into(),
+        x_label: charts.time_label(),
+        y_label: axis(&format!("residual of {}", figure.column), &figure.unit),
         marks: vec![Mark::Line("residual", &figure.time, left)],
         shades: Vec::new(),
         y_range: padded(y_range),
     };
-    let legend = [("residual", "measured less augmented model")];
-    framed(html! { (figure.column) " left, run " (figure.run) }, chart.draw(counter.next()), legend)
+    let legend = [("residual", "measured minus augmented model")];
+    framed(html! { "Residual of " (figure.column) ", run " (figure.run) }, chart.draw(charts.next()), legend)
 }
 
-/// How what is left of a column repeats itself.
-pub(crate) fn autocorrelation(check: &ResidualCheck, counter: &mut Counter) -> Option<Markup> {
+/// Autocorrelation of the residual of a column.
+pub(crate) fn autocorrelation(check: &ResidualCheck, charts: &mut Charts<'_>) -> Option<Markup> {
     let count = check.autocorrelation.len();
     if count < 2 {
         return None;
@@ -143,37 +156,36 @@ pub(crate) fn autocorrelation(check: &ResidualCheck, counter: &mut Counter) -> O
     let band = vec![(-check.band, check.band); count];
     let y_range = limits(check.autocorrelation.iter().copied().chain([check.band, -check.band]));
     let chart = Chart {
-        title: format!("Autocorrelation of what is left of {}", check.column),
-        description: "Line: correlation of what is left with itself, some samples later. Band: where 99 % of it would \
-                      lie were it white noise."
+        title: format!("Autocorrelation of the residual of {}", check.column),
+        description: "Line: autocorrelation of the residual by lag. Band: where 99 % of the values of white noise lie."
             .into(),
-        x_label: "samples apart".into(),
-        y_label: format!("correlation of {} left", check.column),
+        x_label: "lag (samples)".into(),
+        y_label: "autocorrelation".into(),
         marks: vec![Mark::Band("band", &lags, band), Mark::Line("residual", &lags, present(&check.autocorrelation))],
         shades: Vec::new(),
         y_range: padded(y_range),
     };
     Some(framed(
-        html! { "Autocorrelation of what is left of " (check.column) },
-        chart.draw(counter.next()),
-        [("residual", "what is left; the band holds 99 % of white noise")],
+        html! { "Autocorrelation of the residual of " (check.column) },
+        chart.draw(charts.next()),
+        [("residual", "residual, with the 99 % band of white noise")],
     ))
 }
 
 /// A column as it was logged.
-pub(crate) fn signal(figure: &SignalFigure, counter: &mut Counter) -> Markup {
+pub(crate) fn signal(figure: &SignalFigure, charts: &mut Charts<'_>) -> Markup {
     let part = if figure.held_out { "held out" } else { "fitted" };
     let chart = Chart {
         title: format!("{} in run {} ({part})", figure.column, figure.run),
         description: "The column as it was logged.".into(),
-        x_label: "t (s)".into(),
+        x_label: charts.time_label(),
         y_label: axis(&figure.column, &figure.unit),
         marks: vec![Mark::Line("residual", &figure.time, figure.values.clone())],
         shades: Vec::new(),
         y_range: padded(limits(figure.values.iter().copied().flatten())),
     };
     let kind = if figure.is_control { "control" } else { "state" };
-    framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(counter.next()), [("residual", kind)])
+    framed(html! { (figure.column) ", run " (figure.run) }, chart.draw(charts.next()), [("residual", kind)])
 }
 
 /// All of the log and of both rollouts, but not more than thrice the log's own range around it.

@@ -82,7 +82,7 @@ fn odd(report: &FleetReport) -> Markup {
         html! { tr {
             th scope="row" { (link(report, &odd.unit)) }
             td data-label="size" { (name(&odd.effect, &odd.state, &odd.parameter)) }
-            td.n data-label="here" { (with_unit(&number(odd.value), unit)) }
+            td.n data-label="this unit" { (with_unit(&number(odd.value), unit)) }
             td.n data-label="fleet" { (with_unit(&number(odd.population), unit)) " ± " (number(odd.spread)) }
             td.n data-label="false discovery rate" { (percent(odd.false_discovery_rate)) }
         } }
@@ -91,9 +91,9 @@ fn odd(report: &FleetReport) -> Markup {
         section {
             h2 { "Which unit differs?" }
             @if report.odd.is_empty() { p { "No unit stands out from the fleet." } } @else {
-                p { "These units are not what the rest of the fleet predicts. Of such findings at most one in twenty is expected to be false." }
+                p { "The rest of the fleet does not predict these units. At most one in twenty such findings is expected to be false." }
                 div.wide { table.stack {
-                    thead { tr { th scope="col" { "unit" } th scope="col" { "size" } th.n scope="col" { "here" } th.n scope="col" { "fleet, spread" }
+                    thead { tr { th scope="col" { "unit" } th scope="col" { "size" } th.n scope="col" { "this unit" } th.n scope="col" { "fleet, spread" }
                         th.n scope="col" { "false discovery rate" } } }
                     tbody { @for one in &report.odd { (row(one)) } }
                 } }
@@ -150,7 +150,7 @@ fn history(report: &FleetReport, change: &Change, id: usize) -> Markup {
     let title = format!("{}: {}", change.unit, name(&change.effect, &change.state, &change.parameter));
     let chart = Chart {
         title: title.clone(),
-        description: "One dot a period, in time.".into(),
+        description: "One dot per period, in the order of time.".into(),
         x_label: "period".into(),
         y_label: with_unit(&change.parameter, unit_of(report, &change.effect, &change.state, &change.parameter)),
         y_range: range(values.iter().copied().chain([change.from, change.to])),
@@ -178,7 +178,7 @@ fn populations(report: &FleetReport) -> Markup {
             td data-label="in the simulator" {
                 @match p.randomise {
                     Some((low, high)) => { "draw from " (number(low)) " to " (number(high)) },
-                    None => { "one value serves all" },
+                    None => { "one value for all units" },
                 }
             }
             td data-label="covariates" { @for slope in &p.covariates { (slope.covariate) ": " (number(slope.value)) " ± " (number(slope.deviation)) br; } }
@@ -187,7 +187,7 @@ fn populations(report: &FleetReport) -> Markup {
     html! {
         section {
             h2 { "What should the simulator randomise?" }
-            @if report.population.is_empty() { p { "No size was found in two units or periods." } } @else {
+            @if report.population.is_empty() { p { "No effect was found in more than one unit or period." } } @else {
                 div.wide { table.stack {
                     thead { tr { th scope="col" { "size" } th.n scope="col" { "units" } th.n scope="col" { "mean" } th.n scope="col" { "spread" }
                         th scope="col" { "in the simulator" } th scope="col" { "per unit of a covariate" } } }
@@ -208,7 +208,7 @@ fn ranked(population: &Population, id: usize) -> Markup {
     let title = name(&population.effect, &population.state, &population.parameter);
     let chart = Chart {
         title: title.clone(),
-        description: "One dot a unit, from the smallest to the largest; the band is the 95 % interval.".into(),
+        description: "One dot per unit, from the smallest to the largest. Band: 95 % interval.".into(),
         x_label: "rank".into(),
         y_label: with_unit(&population.parameter, &population.unit),
         y_range: range(band.iter().flat_map(|(low, high)| [*low, *high])),

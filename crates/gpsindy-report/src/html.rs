@@ -1,14 +1,15 @@
-//! The page `report.html`: verdict, where, which, how far, what next; one file, no network, no script.
+//! The page `report.html`: verdict, location, causes, closure, next steps; one file, no network, no script.
 
-use crate::figures::{Counter, autocorrelation, left_over, residual_curve, residual_trace, rollout, signal};
+use crate::figures::{Charts, autocorrelation, left_over, residual_curve, residual_trace, rollout, signal};
 use crate::provenance::{self, Provenance};
 use crate::words::{
-    cause_name, cause_place, closure_sentence, effect_meaning, effect_name, excluded_name, interval, listed, number,
-    number_or, p_value, percent, percent_closed, span, stability_sentence, verdict_name, verdict_sentence,
-    with_deviation, with_unit,
+    cause_name, cause_place, closure_sentence, effect_meaning, effect_name, excluded_name, interval, left_sentence,
+    listed, number, number_or, p_value, parameter_meaning, percent, percent_closed, span, stability_sentence,
+    verdict_name, verdict_sentence, with_deviation, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Figures, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use std::collections::BTreeSet;
 
 /// Probability below which a cause that is not included is left to the JSON.
 const WORTH: f64 = 0.001;
@@ -36,7 +37,7 @@ pub fn render(report: &Diagnosis) -> String {
 
 /// As [`render`], with what the engine does not know: when, by which command and from which files.
 pub fn render_with(report: &Diagnosis, provenance: &Provenance) -> String {
-    let mut counter = Counter::default();
+    let mut charts = Charts::new(provenance.time_unit());
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -53,12 +54,12 @@ pub fn render_with(report: &Diagnosis, provenance: &Provenance) -> String {
             body {
                 (head(report))
                 main {
-                    (place(report, &mut counter))
+                    (place(report, provenance, &mut charts))
                     (causes(report))
-                    (closure(report, &mut counter))
+                    (closure(report, provenance, &mut charts))
                     @if let Some(power) = &report.power { (crate::power::section(power)) }
                     (next(report))
-                    (logs(report, provenance, &mut counter))
+                    (logs(report, provenance, &mut charts))
                 }
                 (foot(report, provenance))
             }
@@ -77,7 +78,7 @@ fn head(report: &Diagnosis) -> Markup {
     let best = report.included().next();
     html! {
         header {
-            p.kicker { "Where the model " strong { (report.model) } " and its logs differ" }
+            p.kicker { "The model " strong { (report.model) } " against its logs" }
             h1 class=(class) { span aria-hidden="true" { (sign) " " } (verdict_name(report.verdict)) }
             p.lead { (verdict_sentence(report)) }
             dl.facts {
@@ -93,7 +94,7 @@ fn head(report: &Diagnosis) -> Markup {
                     }
                 }
                 @if report.verdict != Verdict::NoGap {
-                    div { dt { "Structure left" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
+                    div { dt { "Unmodelled structure" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
                 }
             }
         }
@@ -106,35 +107,35 @@ fn bar(share: f64, class: &str) -> Markup {
     html! { span.bar.(class) aria-hidden="true" style=(format!("width:{width:.1}%")) {} }
 }
 
-fn place(report: &Diagnosis, counter: &mut Counter) -> Markup {
+fn place(report: &Diagnosis, provenance: &Provenance, charts: &mut Charts<'_>) -> Markup {
     let gap = &report.gap;
     let none = Figures::default();
     let residuals = &report.figures.as_ref().unwrap_or(&none).residuals;
-    let curves: Vec<Markup> = residuals.iter().filter_map(|f| residual_curve(report, f, counter)).collect();
+    let curves: Vec<Markup> = residuals.iter().filter_map(|f| residual_curve(report, f, charts)).collect();
     // The runs with the largest marked windows first; states in the order of the engine.
     let mut traces: Vec<_> = residuals.iter().flat_map(|f| f.traces.iter().map(move |t| (f, t))).collect();
     let marked = |run: &str| gap.by_window.iter().filter(|w| w.run == run).map(|w| w.share).fold(0.0, f64::max);
     traces.sort_by(|a, b| marked(&b.1.run).total_cmp(&marked(&a.1.run)));
-    let traces: Vec<Markup> = traces.into_iter().map(|(f, t)| residual_trace(report, f, t, counter)).collect();
+    let traces: Vec<Markup> = traces.into_iter().map(|(f, t)| residual_trace(report, f, t, charts)).collect();
     html! {
         section {
             h2 { "Where is the gap?" }
             h3 { "By equation" }
             @if gap.by_state.is_empty() { p { "No equation stands out." } } @else {
                 div.wide { table.stack {
-                    thead { tr { th scope="col" { "equation" } th.n scope="col" { "share" } th.bars { } th.n scope="col" { "missing (rms)" }
-                        th.n scope="col" { "noise (rms)" } th.n scope="col" { "chance alone" } } }
+                    thead { tr { th scope="col" { "equation" } th.n scope="col" { "share" } th.bars { } th.n scope="col" { "residual (rms)" }
+                        th.n scope="col" { "noise (rms)" } th.n scope="col" { "p-value" } } }
                     tbody { @for row in &gap.by_state { tr {
                         th scope="row" { code { (row.state) "'" } }
                         td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
-                        td.n data-label="missing (rms)" { (with_unit(&number(row.residual_rms), &row.unit)) }
+                        td.n data-label="residual (rms)" { (with_unit(&number(row.residual_rms), &row.unit)) }
                         td.n data-label="noise (rms)" { (with_unit(&number(row.noise_rms), &row.unit)) }
-                        td.n data-label="chance alone" { (p_value(row.p_value)) }
+                        td.n data-label="p-value" { (p_value(row.p_value)) }
                     } } }
                 } }
             }
             h3 { "By region" }
-            @if gap.by_region.is_empty() { p { "The gap does not gather in any region of the variables." } } @else {
+            @if gap.by_region.is_empty() { p { "The gap is not concentrated in any region of the variables." } } @else {
                 div.wide { table {
                     thead { tr { th scope="col" { "equation" } th scope="col" { "region" } th.n scope="col" { "share" } th.bars { } } }
                     tbody { @for row in &gap.by_region { tr {
@@ -147,13 +148,13 @@ fn place(report: &Diagnosis, counter: &mut Counter) -> Markup {
             }
             (grid(curves, "more equations"))
             h3 { "Over time" }
-            @if gap.by_window.is_empty() { p { "The gap does not gather in any stretch of time." } } @else {
+            @if gap.by_window.is_empty() { p { "The gap is not concentrated in any time window." } } @else {
                 div.wide { table {
                     thead { tr { th scope="col" { "run" } th.n scope="col" { "time" } th.n scope="col" { "share" } th.bars { } } }
                     tbody { @for row in &gap.by_window { tr {
                         th scope="row" { (row.run) }
                         @let (from, to) = span(row.from, row.to);
-                        td.n { (from) " s to " (to) " s" }
+                        td.n { (from) " to " (with_unit(&to, provenance.time_unit())) }
                         td.n { (percent(row.share)) } td.bars { (bar(row.share, "gap")) }
                     } } }
                 } }
@@ -179,8 +180,8 @@ fn causes(report: &Diagnosis) -> Markup {
         section {
             h2 { "Which effect causes it?" }
             @if !report.causes.iter().any(|c| c.included || c.probability >= WORTH) {
-                p { @if report.verdict == Verdict::NoGap { "There is no gap, so no cause is sought." }
-                    @else { "No effect of the catalogue came into question." } }
+                p { @if report.verdict == Verdict::NoGap { "There is no gap, so no cause was searched for." }
+                    @else { "No effect of the catalogue is a plausible cause." } }
             } @else {
                 ol.causes { @for cause in report.causes.iter().filter(|c| c.included || c.probability >= WORTH) { (one_cause(report, cause)) } }
             }
@@ -202,23 +203,23 @@ fn parameters(report: &Diagnosis) -> Markup {
             tbody { @for row in &report.parameters { tr {
                 th scope="row" { code { (row.name) } }
                 td.n { @match row.nominal { Some(nominal) => (number(nominal)), None => "new" } }
-                td.n { @if row.deviation.is_some() || row.nominal != Some(row.value) { (with_deviation(row.value, row.deviation)) } @else { "as nominal" } }
+                td.n { @if row.deviation.is_some() || row.nominal != Some(row.value) { (with_deviation(row.value, row.deviation)) } @else { "unchanged" } }
                 td { (row.unit) }
             } } }
         } }
-        p.soft { "± is one standard deviation, with the size and colour of what the fit leaves." }
+        p.soft { "± is one standard deviation. It accounts for the size and the autocorrelation of the residual." }
     }
 }
 
 fn excluded(report: &Diagnosis) -> Markup {
-    let given = if report.included().next().is_some() { "Given the causes above: had" } else { "Had" };
+    let given = if report.included().next().is_some() { ", given the causes above" } else { "" };
     let list = html! {
         ul { @for row in &report.excluded { li { (excluded_name(row)) ": not above " (with_unit(&number(row.above), &row.unit)) } } }
     };
     html! {
         @if !report.excluded.is_empty() {
-            h3 { "Excluded" }
-            p.soft { (given) " one of these been larger than stated, these logs would have shown it 19 times in 20." }
+            h3 { "Excluded effects" }
+            p.soft { "Each of these effects would have been detected with 95 % probability, had it been larger than stated" (given) "." }
             @if report.excluded.len() > OPEN_EXCLUDED {
                 details { summary { (report.excluded.len()) " effects" } (list) }
             } @else { (list) }
@@ -241,30 +242,30 @@ fn one_cause(report: &Diagnosis, cause: &Cause) -> Markup {
             @if !cause.parameters.is_empty() {
                 ul { @for parameter in &cause.parameters {
                     @let (value, range) = interval(parameter);
-                    li { code { (parameter.name) } " = " strong { (with_unit(&value, &parameter.unit)) }
+                    li { code { (parameter.name) } (parameter_meaning(cause, &parameter.name)) " = " strong { (with_unit(&value, &parameter.unit)) }
                         @if let Some(range) = range { ", " (percent(report.level())) " interval " (range) } @else { ", no interval" } }
                 } }
             }
             @if let Some(stability) = &cause.stability { p { (stability_sentence(stability)) } }
             @if !equivalent.is_empty() {
-                p { "These logs can't tell it from " (listed(&equivalent, "or")) "." }
+                p { "These logs cannot distinguish it from " (listed(&equivalent, "or")) "." }
             }
         }
     }
 }
 
-fn closure(report: &Diagnosis, counter: &mut Counter) -> Markup {
+fn closure(report: &Diagnosis, provenance: &Provenance, charts: &mut Charts<'_>) -> Markup {
     let closure = &report.closure;
     let has_causes = report.included().next().is_some();
     let none = Figures::default();
     let figures = report.figures.as_ref().unwrap_or(&none);
-    let charts: Vec<Markup> = figures.rollouts.iter().map(|figure| rollout(figure, counter)).collect();
-    let rests: Vec<Markup> = figures.rollouts.iter().map(|figure| left_over(figure, counter)).collect();
-    let checks: Vec<Markup> = figures.checks.iter().filter_map(|check| autocorrelation(check, counter)).collect();
+    let rollouts: Vec<Markup> = figures.rollouts.iter().map(|figure| rollout(figure, charts)).collect();
+    let rests: Vec<Markup> = figures.rollouts.iter().map(|figure| left_over(figure, charts)).collect();
+    let checks: Vec<Markup> = figures.checks.iter().filter_map(|check| autocorrelation(check, charts)).collect();
     html! {
         section {
-            h2 { "How far is it closed?" }
-            p { (closure_sentence(report)) }
+            h2 { "How much of it is closed?" }
+            p { (closure_sentence(report, provenance.time_unit())) }
             (totals(report))
             @if !closure.by_state.is_empty() {
                 h3 { "By logged column" }
@@ -282,11 +283,11 @@ fn closure(report: &Diagnosis, counter: &mut Counter) -> Markup {
                 } }
             }
             (fits(report))
-            @if !charts.is_empty() { h3 { "Held-out rollouts" } }
-            (grid(charts, "more rollouts"))
+            @if !rollouts.is_empty() { h3 { "Held-out rollouts" } }
+            (grid(rollouts, "more rollouts"))
             @if has_causes && !rests.is_empty() {
-                h3 { "What is left of them" }
-                (grid(rests, "more of what is left"))
+                h3 { "Residuals of the augmented model" }
+                (grid(rests, "more residuals"))
                 (grid(checks, "more columns"))
             }
         }
@@ -319,7 +320,7 @@ fn fits(report: &Diagnosis) -> Markup {
                     @if has_causes { td.n { (cell(row.fit_after)) } }
                 } } }
             } }
-            p.soft { "Share of the column's motion that a rollout follows: 1 - rms(error)/rms(column - its mean)." }
+            p.soft { "Fit of a rollout: 1 - rms(error)/rms(column - its mean)." }
         }
     }
 }
@@ -339,7 +340,11 @@ fn totals(report: &Diagnosis) -> Markup {
     // A rollout that diverged gets the longest bar, and leaves the others visibly shorter.
     let diverged = closure.before.is_none() || closure.after.is_none();
     let largest = rows.iter().filter_map(|(_, value, _)| *value).fold(0.0, f64::max) * if diverged { 3.0 } else { 1.0 };
-    let bound = if closure.floor_source == "sensor noise" { "; what no model could follow may be more" } else { "" };
+    let bound = if closure.floor_source == "sensor noise" {
+        " Disturbances that no model can predict come on top."
+    } else {
+        ""
+    };
     html! {
         div.wide { table {
             thead { tr { th scope="col" { "held-out rollout error" } th.n scope="col" { "in units of the noise" } th.bars {} } }
@@ -350,26 +355,26 @@ fn totals(report: &Diagnosis) -> Markup {
             } } }
         } }
         p.soft { "Root mean square over samples and columns, each column's error divided by its noise. "
-            "The floor is what noise alone leaves" @if !closure.floor_source.is_empty() { ", from " (closure.floor_source) } (bound) ". "
-            "Every rollout starts where the log's own first samples say." }
+            "The floor is the error that noise alone causes" @if !closure.floor_source.is_empty() { " (from " (closure.floor_source) ")" } "." (bound)
+            " Every rollout starts from the state that the first samples of the log give." }
     }
 }
 
 fn next(report: &Diagnosis) -> Markup {
     let mut experiments: Vec<&Cause> = report.causes.iter().filter(|c| c.next_experiment.is_some()).collect();
-    experiments.dedup_by(|a, b| a.next_experiment == b.next_experiment);
+    let mut seen = BTreeSet::new();
+    experiments.retain(|cause| seen.insert(cause.next_experiment.as_deref()));
     let none = Figures::default();
     let figures = report.figures.as_ref().unwrap_or(&none);
     // Of an engine's file the changed lines say what the call of a simulator can't.
     let difference = &figures.difference;
     let equations: &[_] = if difference.is_empty() { &figures.equations } else { &[] };
-    let left = &report.unexplained;
     html! {
         section {
             h2 { "What to do next" }
             @if report.included().next().is_some() {
                 h3 { "Use the augmented model" }
-                @if let Some(file) = &report.augmented_model { p { "It is written to " code { (file) } " and runs wherever the nominal one does." } }
+                @if let Some(file) = &report.augmented_model { p { "It is in " code { (file) } " and takes the place of the nominal model." } }
                 @for equation in equations {
                     @if !equation.before.is_empty() { code.equation { span.soft { "nominal   " } (equation.left) " = " (equation.before) } }
                     code.equation { span.soft { "augmented " } (equation.left) " = " (changed(&equation.before, &equation.after)) }
@@ -386,13 +391,13 @@ fn next(report: &Diagnosis) -> Markup {
                     code.equation { (cause.state) ": " ins { (cause.form) } }
                 } }
             } @else if report.verdict == Verdict::NoGap {
-                p { "Keep the model as it is. A gap smaller than the excluded sizes would not have shown in these logs." }
+                p { "Keep the model as it is. These logs cannot reveal effects smaller than the excluded sizes." }
             } @else {
-                p { "No cause is sure enough to change the model. Look at the figures above for what is missing, "
-                    "and record what the model does not know about where the gap is largest." }
+                p { "No cause is certain enough to change the model. Look at the residuals above. Record more data where the gap "
+                    "is largest, and log quantities there that the model does not have." }
             }
             @if !experiments.is_empty() {
-                h3 { "The experiment that would settle it" }
+                h3 { "Experiments that would distinguish the causes" }
                 ul { @for cause in experiments { li {
                     (cause_name(cause)) @if !cause.equivalent.is_empty() { " or "
                         (listed(&cause.equivalent.iter().map(|id| effect_name(id)).collect::<Vec<_>>(), "or")) }
@@ -400,10 +405,8 @@ fn next(report: &Diagnosis) -> Markup {
                 } } }
             }
             @if report.verdict != Verdict::NoGap {
-                h3 { "What is left" }
-                p { "That structure and not only noise is left has the probability " (percent(left.probability)) "; it makes up "
-                    (percent(left.share)) " of the gap"
-                    @if !left.depends_on.is_empty() { " and depends on " (listed(&left.depends_on, "and")) } "." }
+                h3 { "Unmodelled structure" }
+                p { (left_sentence(report)) }
             }
             @if !report.notes.is_empty() {
                 h3 { "Notes" }
@@ -423,19 +426,19 @@ fn changed(before: &str, after: &str) -> Markup {
     html! { (part(0..first)) ins { (part(first..new.len() - last)) } (part(new.len() - last..new.len())) }
 }
 
-/// What was looked at: the files, and the columns as they were logged.
-fn logs(report: &Diagnosis, provenance: &Provenance, counter: &mut Counter) -> Markup {
+/// The data: the files, and the columns as they were logged.
+fn logs(report: &Diagnosis, provenance: &Provenance, charts: &mut Charts<'_>) -> Markup {
     let none = Figures::default();
     let signals = &report.figures.as_ref().unwrap_or(&none).signals;
     if signals.is_empty() && provenance.logs.is_empty() {
         return html! {};
     }
-    let charts: Vec<Markup> = signals.iter().map(|s| signal(s, counter)).collect();
+    let drawn: Vec<Markup> = signals.iter().map(|s| signal(s, charts)).collect();
     html! {
         section {
-            h2 { "What was looked at" }
+            h2 { "Data" }
             (provenance::table(provenance))
-            @if !charts.is_empty() { details { summary { "Signals as logged (" (charts.len()) ")" } div.figures { @for chart in &charts { (chart) } } } }
+            @if !drawn.is_empty() { details { summary { "Signals as logged (" (drawn.len()) ")" } div.figures { @for chart in &drawn { (chart) } } } }
         }
     }
 }
@@ -444,9 +447,9 @@ fn foot(report: &Diagnosis, provenance: &Provenance) -> Markup {
     let named = |runs: &[String]| if runs.is_empty() { "none".to_string() } else { runs.join(", ") };
     html! {
         footer {
-            p { "Fitted on: " (named(&report.runs.train)) ". Judged on (held out, seen by no fit and no choice): " (named(&report.runs.holdout)) "." }
-            p { "Shares are of the squared gap in units of the noise. Of the causes stated with 90 %, nine in ten are right on drawn machines. "
-                "The same numbers for a script: " code { "report.json" } ", schema " code { (report.schema) } "." }
+            p { "Fitted on: " (named(&report.runs.train)) ". Validated on held-out runs, which no fit and no selection has seen: " (named(&report.runs.holdout)) "." }
+            p { "Shares refer to the squared gap in units of the noise. Probabilities are calibrated on randomly drawn systems: of the causes "
+                "stated at 90 %, nine in ten are right. " code { "report.json" } " holds the same numbers (schema " code { (report.schema) } ")." }
             (provenance::line(provenance))
         }
     }

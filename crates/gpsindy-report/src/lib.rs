@@ -1,4 +1,4 @@
-//! A diagnosis for people: one HTML page, one screenful of text, one score card for an exam.
+//! Presents a diagnosis: one HTML page, one screenful of text, one score card for an exam.
 //!
 //! Pure functions of [`gpsindy_core::diagnose::Diagnosis`]: nothing here reads a file or prints.
 //!
@@ -28,7 +28,7 @@ pub use effects::{effect_page, effects_index};
 pub use html::{render, render_with};
 pub use pictures::{EffectPicture, effect_picture};
 pub use provenance::{LogFacts, Provenance};
-pub use summary::summary;
+pub use summary::{summary, summary_with};
 
 use gpsindy_core::diagnose::report::Diagnosis;
 

@@ -1,4 +1,4 @@
-//! The power study for people: what these logs could reveal, from what size, and what would be taken for what.
+//! The power study for people: which effects these logs could reveal, from what size, and which would be mistaken for others.
 
 use crate::words::{effect_name, listed, number, with_unit};
 use gpsindy_core::diagnose::Effect;
@@ -76,11 +76,11 @@ fn doubts(effect: &PowerEffect) -> String {
     let group: Vec<String> = effect.group.iter().map(|id| effect_name(id)).collect();
     let mut parts = Vec::new();
     if !group.is_empty() {
-        parts.push(format!("not told from {}", listed(&group, "or")));
+        parts.push(format!("indistinguishable from {}", listed(&group, "or")));
     }
     let taken: Vec<String> = effect.confused_with.iter().take(2).map(rival).collect();
     if !taken.is_empty() {
-        let when = if effect.named_from.is_some() { "when smaller taken for" } else { "taken for" };
+        let when = if effect.named_from.is_some() { "when smaller mistaken for" } else { "mistaken for" };
         parts.push(format!("{when} {}", listed(&taken, "or")));
     }
     if effect.named_from.is_none()
@@ -110,7 +110,7 @@ fn preface(report: &PowerReport) -> String {
         ),
     };
     format!(
-        "Each effect was planted in simulated copies of these logs, withheld, and the copies diagnosed. Sizes are the smallest of those tried.{alarms}"
+        "Each effect was added to simulated copies of these logs, and the copies were diagnosed without knowing it. Sizes are the smallest of those tried.{alarms}"
     )
 }
 
@@ -141,8 +141,8 @@ pub(crate) fn section(report: &PowerReport) -> Markup {
             h2 { "What could these logs reveal?" }
             p { (preface(report)) }
             div.wide { table.stack.power {
-                thead { tr { th scope="col" { "planted effect" } th.n scope="col" { "gap seen from" } th.n scope="col" { "named from" }
-                    th scope="col" { "doubts" } } }
+                thead { tr { th scope="col" { "added effect" } th.n scope="col" { "gap seen from" } th.n scope="col" { "named from" }
+                    th scope="col" { "remarks" } } }
                 @for (part, title) in REACHES {
                     @let rows: Vec<&PowerEffect> = sorted(report).into_iter().filter(|r| r.0 == part).map(|r| r.1).collect();
                     @if !rows.is_empty() {
@@ -152,14 +152,14 @@ pub(crate) fn section(report: &PowerReport) -> Markup {
                                 th scope="row" { (name(effect)) }
                                 td.n data-label="gap seen from" { (cell(effect, effect.detected_from)) }
                                 td.n data-label="named from" { (cell(effect, effect.named_from)) }
-                                td.text data-label="doubts" { (doubts(effect)) }
+                                td.text data-label="remarks" { (doubts(effect)) }
                             } }
                         }
                     }
                 }
             } }
-            p.soft { "In brackets: what the nominal model would miss without noise, root mean square, in units of the noise. "
-                "An effect counts as named where it, or a group with it, was the first cause in every copy." }
+            p.soft { "In brackets: the noise-free error of the nominal model, root mean square, in units of the noise. "
+                "An effect counts as named if it, or a group with it, was the first cause in every copy." }
         }
     }
 }

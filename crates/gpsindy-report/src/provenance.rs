@@ -1,4 +1,4 @@
-//! When, by which command and from which files a diagnosis was made: the engine knows none of it.
+//! Provenance of a diagnosis, which the engine does not know: date, command, files and the unit of time.
 
 use crate::words::{number, with_unit};
 use maud::{Markup, html};
@@ -14,6 +14,15 @@ pub struct Provenance {
     pub command: String,
     /// The runs, in the order in which they were read.
     pub logs: Vec<LogFacts>,
+    /// Unit of the logs' time column; empty: seconds.
+    pub time_unit: String,
+}
+
+impl Provenance {
+    /// Unit of every time on the page.
+    pub(crate) fn time_unit(&self) -> &str {
+        if self.time_unit.is_empty() { "s" } else { &self.time_unit }
+    }
 }
 
 /// What a run holds.
@@ -25,7 +34,7 @@ pub struct LogFacts {
     pub held_out: bool,
     /// How many samples it has.
     pub samples: usize,
-    /// From the first to the last sample, s.
+    /// From the first to the last sample, in the unit of time.
     pub duration: f64,
 }
 
@@ -42,11 +51,16 @@ pub(crate) fn table(provenance: &Provenance) -> Markup {
                 th scope="row" { (log.name) }
                 td { @if log.held_out { "held out" } @else { "fitted" } }
                 td.n { (log.samples) }
-                td.n { (with_unit(&number(log.duration), "s")) }
-                td.n { @if log.duration > 0.0 { (with_unit(&number((log.samples.max(1) - 1) as f64 / log.duration), "Hz")) } }
+                td.n { (with_unit(&number(log.duration), provenance.time_unit())) }
+                td.n { @if log.duration > 0.0 { (with_unit(&number((log.samples.max(1) - 1) as f64 / log.duration), &rate_unit(provenance.time_unit()))) } }
             } } }
         } }
     }
+}
+
+/// Unit of a sampling rate.
+fn rate_unit(time_unit: &str) -> String {
+    if time_unit == "s" { "Hz".into() } else { format!("1/{time_unit}") }
 }
 
 /// Date, version and command in a line.

@@ -1,8 +1,10 @@
-//! What a terminal shows of a diagnosis: one screenful, readable without a manual.
+//! The summary of a diagnosis for a terminal: one screenful, readable without a manual.
 
+use crate::provenance::Provenance;
 use crate::words::{
-    cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, listed, number, number_or,
-    p_value, percent, span, stability_sentence, verdict_name, verdict_sentence, with_deviation, with_unit,
+    cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, left_sentence, listed, number,
+    number_or, p_value, parameter_meaning, percent, span, stability_sentence, verdict_name, verdict_sentence,
+    with_deviation, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
 
@@ -15,12 +17,18 @@ const ROWS: usize = 4;
 ///
 /// Ends with a newline. Colour marks the verdict and the headings only; the words say everything.
 pub fn summary(report: &Diagnosis, width: usize, colour: bool) -> String {
+    summary_with(report, &Provenance::default(), width, colour)
+}
+
+/// As [`summary`], with times in the unit of the logs.
+pub fn summary_with(report: &Diagnosis, provenance: &Provenance, width: usize, colour: bool) -> String {
+    let time_unit = provenance.time_unit();
     let mut text = Text { lines: Vec::new(), width: width.max(40), colour };
     verdict(report, &mut text);
-    place(report, &mut text);
+    place(report, time_unit, &mut text);
     which(report, &mut text);
     excluded(report, &mut text);
-    closure(report, &mut text);
+    closure(report, time_unit, &mut text);
     next(report, &mut text);
     if let Some(power) = &report.power {
         for (i, line) in crate::power::lines(power).iter().enumerate() {
@@ -45,15 +53,15 @@ fn verdict(report: &Diagnosis, text: &mut Text) {
     text.lines.push(String::new());
 }
 
-fn place(report: &Diagnosis, text: &mut Text) {
+fn place(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     let gap = &report.gap;
     let found = if gap.detected { "found" } else { "none found" };
-    text.say("Gap", &format!("{found}; noise alone differs as much with {}", p_value(gap.p_value)));
+    text.say("Gap", &format!("{found} ({} under noise alone)", p_value(gap.p_value)));
     let mut rows: Vec<String> = Vec::new();
     for row in gap.by_state.iter().filter(|_| gap.detected).take(ROWS) {
-        let lacks = with_unit(&number(row.residual_rms), &row.unit);
+        let residual = with_unit(&number(row.residual_rms), &row.unit);
         rows.push(format!(
-            "{:>6}  {}  {}' lacks {lacks}, noise {}",
+            "{:>6}  {}  {}': residual {residual}, noise {}",
             percent(row.share),
             bar(row.share),
             row.state,
@@ -66,7 +74,7 @@ fn place(report: &Diagnosis, text: &mut Text) {
     }
     for row in largest(&gap.by_window, |w| w.share).into_iter().filter(|_| gap.detected) {
         let (from, to) = span(row.from, row.to);
-        rows.push(format!("{:>6}  {}  {}, {from} s to {to} s", percent(row.share), bar(row.share), row.run));
+        rows.push(format!("{:>6}  {}  {}, {from} to {to} {time_unit}", percent(row.share), bar(row.share), row.run));
     }
     text.list("Where", &rows);
 }
@@ -106,7 +114,7 @@ fn which(report: &Diagnosis, text: &mut Text) {
             format!("{}: {} -> {value}", p.name, number_or(p.nominal, ""))
         })
         .collect();
-    text.list("Numbers", &rows);
+    text.list("Values", &rows);
 }
 
 fn details(cause: &Cause) -> Vec<String> {
@@ -118,7 +126,8 @@ fn details(cause: &Cause) -> Vec<String> {
             .map(|parameter| {
                 let (value, range) = interval(parameter);
                 let range = range.map(|range| format!(" ({range})")).unwrap_or_default();
-                format!("{} = {}{range}", parameter.name, with_unit(&value, &parameter.unit))
+                let meaning = parameter_meaning(cause, &parameter.name);
+                format!("{}{meaning} = {}{range}", parameter.name, with_unit(&value, &parameter.unit))
             })
             .collect();
         lines.push(
@@ -134,7 +143,7 @@ fn details(cause: &Cause) -> Vec<String> {
     }
     if !cause.equivalent.is_empty() {
         let names: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
-        lines.push(format!("these logs can't tell it from {}", listed(&names, "or")));
+        lines.push(format!("these logs cannot distinguish it from {}", listed(&names, "or")));
     }
     lines.retain(|line| !line.is_empty());
     lines
@@ -151,11 +160,11 @@ fn excluded(report: &Diagnosis, text: &mut Text) {
         rows.push(format!("{} more", report.excluded.len() - ROWS));
     }
     if !rows.is_empty() {
-        text.say("Not", &rows.join("; "));
+        text.say("Excluded", &rows.join("; "));
     }
 }
 
-fn closure(report: &Diagnosis, text: &mut Text) {
+fn closure(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     let closure = &report.closure;
     if report.verdict == Verdict::NoGap {
         return;
@@ -163,15 +172,15 @@ fn closure(report: &Diagnosis, text: &mut Text) {
     if report.included().next().is_none() {
         let before = number_or(closure.before, "diverged");
         text.say(
-            "How far",
+            "Closure",
             &format!("rollout error {before} times the noise, floor {}", number_or(closure.floor, "unknown")),
         );
-        text.say("", &closure_sentence(report));
+        text.say("", &closure_sentence(report, time_unit));
     } else if closure.before.is_some() || closure.after.is_some() {
         let source =
             if closure.floor_source.is_empty() { String::new() } else { format!(" ({})", closure.floor_source) };
         text.say(
-            "How far",
+            "Closure",
             &format!(
                 "rollout error {} -> {} times the noise, floor {}{source}",
                 number_or(closure.before, "diverged"),
@@ -179,28 +188,15 @@ fn closure(report: &Diagnosis, text: &mut Text) {
                 number_or(closure.floor, "unknown")
             ),
         );
-        text.say("", &closure_sentence(report));
+        text.say("", &closure_sentence(report, time_unit));
     } else {
-        text.say("How far", &closure_sentence(report));
+        text.say("Closure", &closure_sentence(report, time_unit));
     }
 }
 
 fn next(report: &Diagnosis, text: &mut Text) {
-    let left = &report.unexplained;
     if report.verdict != Verdict::NoGap {
-        let depends = if left.depends_on.is_empty() {
-            String::new()
-        } else {
-            format!(", depends on {}", listed(&left.depends_on, "and"))
-        };
-        text.say(
-            "Left",
-            &format!(
-                "structure beside noise: probability {}, {} of the gap{depends}",
-                percent(left.probability),
-                percent(left.share)
-            ),
-        );
+        text.say("Left", &left_sentence(report));
     }
     let mut experiments: Vec<String> = report.causes.iter().filter_map(|c| c.next_experiment.clone()).collect();
     let mut seen = std::collections::BTreeSet::new();

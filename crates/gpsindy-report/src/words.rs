@@ -1,4 +1,4 @@
-//! Words and numbers that the page and the terminal share: names of effects, the verdict in a sentence.
+//! Wording and number formats shared by the page and the terminal: names of effects, the verdict in a sentence.
 
 use gpsindy_core::diagnose::Effect;
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Excluded, Parameter, Stability, Verdict};
@@ -112,7 +112,7 @@ pub(crate) fn effect_name(id: &str) -> String {
 /// What the effect does, for a reader who meets it first here; empty where the id is a user's own.
 pub(crate) fn effect_meaning(id: &str) -> &'static str {
     match id {
-        "function" => "What is left, as a curve: real, and without a name in the catalogue.",
+        "function" => "A curve fitted to the remaining residual: structure that no effect of the catalogue describes.",
         _ => Effect::from_id(id).map_or("", Effect::meaning),
     }
 }
@@ -156,13 +156,45 @@ fn place_of(effect: &str, state: &str) -> String {
 
 /// Parts of the logs in which a cause's size agrees, in a sentence.
 pub(crate) fn stability_sentence(stability: &Stability) -> String {
-    let agree = format!("Its size agrees in {} of {} parts of the logs", stability.agree, stability.runs);
+    let agree = format!("Its fitted size agrees in {} of {} parts of the logs", stability.agree, stability.runs);
     let chance = p_value(stability.p_value);
     if stability.disagree.is_empty() {
         format!("{agree} ({chance}).")
     } else {
         format!("{agree} ({chance}), not in {}.", listed(&stability.disagree, "and"))
     }
+}
+
+/// What a parameter means, where the form that is shown does not hold it: ` (speed within which the sign is smoothed)`.
+pub(crate) fn parameter_meaning(cause: &Cause, name: &str) -> String {
+    let is_shown = cause.form.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
+    let told = Effect::from_id(&cause.effect).filter(|_| !is_shown).and_then(|effect| {
+        effect.parameters().split(", ").find_map(|one| one.split_once(": ").filter(|(own, _)| *own == name))
+    });
+    told.map_or(String::new(), |(_, meaning)| format!(" ({meaning})"))
+}
+
+/// How sure it is that structure is left beside noise, how much of the gap it makes up and what it depends on.
+pub(crate) fn left_sentence(report: &Diagnosis) -> String {
+    let left = &report.unexplained;
+    let probability = percent(left.probability);
+    let depends = if left.depends_on.is_empty() {
+        String::new()
+    } else {
+        format!(" It depends on {}.", listed(&left.depends_on, "and"))
+    };
+    // The share is what the best set of effects leaves in the fitted logs: without causes it is of no model that is reported, and
+    // structure that only held-out rollouts show has none.
+    let share = if report.included().next().is_none() {
+        String::new()
+    } else if left.share >= 0.005 {
+        format!(" It makes up {} of the gap.", percent(left.share))
+    } else if left.probability >= 0.5 {
+        " It shows in the held-out rollouts; in the fitted logs it is below 1\u{a0}% of the gap.".into()
+    } else {
+        String::new()
+    };
+    format!("Unmodelled structure remains with a probability of {probability}.{share}{depends}")
 }
 
 /// A fitted parameter with its deviation, in the digits that it supports.
@@ -227,20 +259,22 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
     };
     let differs = report.included().any(|c| c.stability.as_ref().is_some_and(|s| !s.disagree.is_empty()));
     let rest = if report.unexplained.probability >= 0.5 {
-        format!("Structure{depends} is left.")
+        format!("Unmodelled structure{depends} remains.")
     } else if differs {
-        "Sizes differ between parts of the logs, so what is named may be an imitation.".into()
+        "The fitted sizes differ between parts of the logs, so another effect may be the true cause.".into()
     } else {
-        "What is named may be an imitation of something that the catalogue lacks.".into()
+        "An effect outside the catalogue may be the true cause.".into()
     };
     match report.verdict {
-        Verdict::NoGap => format!("Measurement noise alone explains how the logs differ from {model}."),
+        Verdict::NoGap => format!("Measurement noise alone explains the difference between {model} and the logs."),
         Verdict::Explained if causes.is_empty() => format!("The gap between {model} and the logs is explained."),
-        Verdict::Explained => format!("What {model} lacks: {causes}."),
+        Verdict::Explained => format!("The gap between {model} and the logs is explained by {causes}."),
         Verdict::PartlyExplained if causes.is_empty() => {
-            format!("A part of the gap between {model} and the logs is explained. {rest}")
+            format!("Part of the gap between {model} and the logs is explained. {rest}")
         }
-        Verdict::PartlyExplained => format!("A part of what {model} lacks: {causes}. {rest}"),
+        Verdict::PartlyExplained => {
+            format!("Part of the gap between {model} and the logs is explained by {causes}. {rest}")
+        }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and no effect of the catalogue explains it.")
         }
@@ -249,7 +283,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
 }
 
 /// How much of the gap the included causes close, over which horizon, in a sentence.
-pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
+pub(crate) fn closure_sentence(report: &Diagnosis, time_unit: &str) -> String {
     let closure = &report.closure;
     let range = match (closure.low, closure.high) {
         (Some(low), Some(high)) if percent_closed(low) != percent_closed(high) => {
@@ -259,13 +293,13 @@ pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
     };
     let runs = closure.horizon.map_or_else(
         || "On held-out runs".to_string(),
-        |s| format!("On held-out runs, in rollouts of {}", with_unit(&number(s), "s")),
+        |s| format!("On held-out runs, in rollouts of {}", with_unit(&number(s), time_unit)),
     );
     if report.verdict == Verdict::NoGap {
         return "There is no gap to close.".into();
     }
     if report.included().next().is_none() {
-        return "No cause is included, so nothing is closed.".into();
+        return "No cause is included, so none of the gap is closed.".into();
     }
     match closure.closed {
         Some(closed) if closed < 0.0 => {
@@ -281,7 +315,7 @@ pub(crate) fn closure_sentence(report: &Diagnosis) -> String {
             format!("{runs}, the nominal model diverges; the augmented one does not.")
         }
         None if closure.after.is_none() => format!("{runs}, the augmented model diverges."),
-        None => "How much of the gap is closed can't be said.".into(),
+        None => "How much of the gap is closed cannot be determined.".into(),
     }
 }
 
@@ -343,6 +377,16 @@ mod tests {
         assert_eq!(interval(&parameter(40.0, Some(10.0), None)), ("40".into(), Some("at least 10".into())));
         assert_eq!(interval(&parameter(40.0, None, None)), ("40".into(), None));
         assert_eq!(interval(&parameter(2e-8, Some(1e-8), Some(3e-8))), ("2e-8".into(), Some("1e-8 to 3e-8".into())));
+    }
+
+    #[test]
+    fn a_parameter_that_the_form_does_not_show_says_what_it_is() {
+        let json = r#"{"effect": "coulomb_friction", "state": "v", "variables": ["v"], "included": true, "probability": 0.9,
+            "form": "-c*sign(v)", "parameters": [], "equivalent": [], "next_experiment": null}"#;
+        let cause: Cause = serde_json::from_str(json).unwrap();
+        assert_eq!(parameter_meaning(&cause, "c"), "");
+        assert_eq!(parameter_meaning(&cause, "w"), " (speed within which the sign is smoothed)");
+        assert_eq!(parameter_meaning(&Cause { effect: "tyre_slip".into(), ..cause }, "w"), "");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 
 mod fixtures;
 
-use gpsindy_report::{render, summary};
+use gpsindy_report::{LogFacts, Provenance, render, render_with, summary, summary_with};
 
 #[test]
 fn a_page_loads_nothing_and_runs_no_script() {
@@ -21,7 +21,7 @@ fn a_page_says_verdict_where_which_how_far_and_next_in_this_order() {
     for (name, report) in fixtures::all() {
         let page = render(&report);
         let places: Vec<usize> =
-            ["<h1", "Where is the gap?", "Which effect causes it?", "How far is it closed?", "What to do next"]
+            ["<h1", "Where is the gap?", "Which effect causes it?", "How much of it is closed?", "What to do next"]
                 .iter()
                 .map(|words| page.find(words).unwrap_or_else(|| panic!("{name} lacks {words}")))
                 .collect();
@@ -86,6 +86,22 @@ fn no_number_on_a_page_is_infinite_or_not_a_number() {
 }
 
 #[test]
+fn times_are_in_the_unit_of_the_logs() {
+    let logs = vec![LogFacts { name: "a.csv".into(), held_out: false, samples: 21, duration: 20.0 }];
+    let years = Provenance { time_unit: "years".into(), logs, ..Provenance::default() };
+    let mut report = fixtures::explained();
+    report.closure.horizon = Some(5.0);
+    let page = render_with(&report, &years).replace('\u{a0}', " ");
+    let text = summary_with(&report, &years, 100, false);
+    for words in ["t (years)", "3.2 to 4.1 years", "in rollouts of 5 years", "20 years", "1 1/years"] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(!page.contains("t (s)"));
+    assert!(text.contains("3.2 to 4.1 years") && text.contains("in rollouts of 5 years"), "{text}");
+    assert!(render(&report).contains("t (s)"));
+}
+
+#[test]
 fn a_negative_closure_is_shown_as_it_is() {
     let report = fixtures::negative_closure();
     assert!(render(&report).contains("worse than the nominal one"));
@@ -137,10 +153,10 @@ fn the_page_and_the_terminal_say_what_the_logs_could_reveal() {
     for words in [
         "Of 20 copies without any effect 1 showed a gap and 0 a cause.",
         "Would be named as one of a group",
-        "not told from Stribeck friction; when smaller taken for viscous friction of v",
+        "indistinguishable from Stribeck friction; when smaller mistaken for viscous friction of v",
         "1.7 N down",
         "0.012 kg off",
-        "taken for input delay of u or a gap without a cause",
+        "mistaken for input delay of u or a gap without a cause",
         "out of reach: the control never reverses further",
     ] {
         assert!(page.replace('\u{a0}', " ").contains(words), "page: {words}");

@@ -1,7 +1,7 @@
-//! What a test needs beside the repository: logs of real machines, compilers and interpreters.
+//! Requirements of tests outside the repository: logs of real machines, compilers and interpreters.
 //!
-//! Where it is not there, the test says so with a line `skipped: ...` that no test runner hides, and `cargo xtask test`
-//! counts these lines at its end. So a green run tells what it did not look at.
+//! If one is missing, the test prints a line `skipped: ...` that no test runner hides, and `cargo xtask test` counts these
+//! lines at its end. So a passing run reports what it did not test.
 #![forbid(unsafe_code)]
 
 use std::io::Write;

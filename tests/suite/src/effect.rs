@@ -1,4 +1,4 @@
-//! What is withheld: the ways in which a real plant departs from its nominal model.
+//! The true effects: the ways in which a real plant departs from its nominal model.
 
 use crate::integrate::Values;
 use crate::plant::Plant;

@@ -1,4 +1,4 @@
-//! `gpsindy-suite draw`: writes cases of random plants with withheld effects.
+//! `gpsindy-suite draw`: writes cases of random plants with known effects.
 
 use clap::{Parser, Subcommand, ValueEnum};
 use gpsindy_suite::case::{Kind, draw_named};

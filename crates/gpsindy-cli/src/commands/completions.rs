@@ -6,7 +6,7 @@ use crate::screen::Screen;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
-/// Shell completions
+/// Generate shell completions
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy completions bash > ~/.local/share/bash-completion/completions/gpsindy")]
 pub(crate) struct Completions {

@@ -1,4 +1,4 @@
-//! `gpsindy demo`: the two main jobs, identify and diagnose, on data that the program carries.
+//! `gpsindy demo`: identify and diagnose on built-in data.
 
 use crate::commands::identify::{Fit, On};
 use crate::commands::{diagnose, identify};
@@ -15,14 +15,14 @@ const PREY: &str = include_str!("../../demo/lotka_volterra.csv");
 const PENDULUM: &str = include_str!("../../demo/pendulum.csv");
 const SIMULATOR: &str = include_str!("../../demo/pendulum.toml");
 
-/// The two main jobs on data that the program carries
+/// Run identify and diagnose on built-in data
 ///
-/// Identifies the equations of predator and prey from a noisy log, then diagnoses what a pendulum's simulator lacks, and says where the
-/// files are. No input is needed.
+/// Identifies the equations of a predator-prey system from a noisy log, then diagnoses a pendulum simulator without dry friction, and lists
+/// the files it wrote. Needs no input.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy demo")]
 pub(crate) struct Demo {
-    /// Folder of the results; made where it does not exist
+    /// Folder for the results; created if it does not exist
     #[arg(long, short, value_name = "DIR", default_value = "gpsindy-demo")]
     out: PathBuf,
 }
@@ -32,7 +32,7 @@ pub(crate) fn run(command: &Demo, screen: &Screen) -> Outcome {
     if folder.exists() && !folder.is_dir() {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
-    screen.note("1 of 2: identify the equations of predator and prey");
+    screen.note("1 of 2: identify the equations of a predator-prey system");
     let (data, found, fit) = learn(screen)?;
     screen.note("2 of 2: diagnose a pendulum's simulator");
     let diagnosed = examine(screen)?;
@@ -45,8 +45,8 @@ pub(crate) fn run(command: &Demo, screen: &Screen) -> Outcome {
         return screen.out(&format!("{result}\n"));
     }
     screen.out(&format!(
-        "IDENTIFY: predator and prey, simulated as x1' = 1.1*x1 - 0.4*x1*x2, x2' = -x2 + 0.4*x1*x2, with noise of 0.05\n\n{}\n\
-         DIAGNOSE: a pendulum whose bearing has dry friction of 0.35 rad/s^2, which its simulator lacks\n\n{}\n{}",
+        "IDENTIFY: a predator-prey system, simulated as x1' = 1.1*x1 - 0.4*x1*x2, x2' = -x2 + 0.4*x1*x2, with measurement noise of 0.05\n\n{}\n\
+         DIAGNOSE: a pendulum with dry friction of 0.35 rad/s^2 in its bearing; its simulator has none\n\n{}\n{}",
         identify::summary(&data, &found, Some(&fit)),
         gpsindy_report::summary(&diagnosed.diagnosis, screen.width(), screen.colour()),
         files(folder),

@@ -1,4 +1,4 @@
-//! `gpsindy diagnose`: where a simulator is wrong, why, and how far a correction helps.
+//! `gpsindy diagnose`: where a simulator is wrong, why, and how much a correction helps.
 
 use crate::args::{AutoHold, Columns};
 use crate::commands::design::OPEN;
@@ -19,32 +19,32 @@ use std::path::{Path, PathBuf};
 
 /// Diagnose the gap between a simulator and logs of the machine
 ///
-/// Writes report.json, report.html (one page, opens offline) and augmented.toml (the simulator with the causes added; augmented.xml where it
-/// is a MuJoCo model) into --out, and a summary to stdout. Held-out logs are never seen by any fit or choice; without --holdout the last quarter of the runs is held out, or of a
-/// single run its last quarter in time.
+/// Writes report.json, report.html (one page that opens offline) and augmented.toml (the simulator with the causes added; augmented.xml for a
+/// MuJoCo model) into --out, and a summary to stdout. Held-out logs are used for validation only, never for a fit or a selection. Without
+/// --holdout, the last quarter of the runs is held out; of a single run, its last quarter in time.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy diagnose simulator.toml run_1.csv run_2.csv --holdout run_3.csv --out diagnosis"
 )]
 pub(crate) struct Diagnose {
-    /// The nominal model (TOML or JSON; from the Python package's command also MJCF, URDF or an FMU); with --simulated the first log of the machine
+    /// The nominal model (TOML or JSON; from the Python package's command also MJCF, URDF or an FMU); with --simulated, the first log of the machine
     model: PathBuf,
     /// Logs of the machine
     #[arg(required_unless_present = "simulated", value_name = "LOG")]
     logs: Vec<PathBuf>,
-    /// Logs to verify on
+    /// Logs for validation only
     #[arg(long, num_args = 1.., value_name = "LOG")]
     holdout: Vec<PathBuf>,
-    /// Folder of the report; made where it does not exist
+    /// Folder for the report; created if it does not exist
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Overwrite files in DIR that gpsindy did not write
+    /// Overwrite files in DIR even if gpsindy did not write them
     #[arg(long)]
     force: bool,
-    /// End with status 3 where there is a gap, or only where no effect explains it
+    /// Exit with status 3 if there is a gap, or only if no effect explains it
     #[arg(long, value_enum, value_name = "VERDICT")]
     fail_if: Option<FailIf>,
-    /// Also study which effects these logs could reveal, from what size: each is planted in copies of the logs and withheld (takes minutes, whatever --time-limit says)
+    /// Also study which effects these logs could reveal and from what size, by adding each to simulated copies of the logs (takes minutes, regardless of --time-limit)
     #[arg(long)]
     power: bool,
     #[command(flatten)]
@@ -58,9 +58,9 @@ pub(crate) struct Diagnose {
 /// Verdicts that end the command with status 3.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FailIf {
-    /// Any but no_gap
+    /// Any verdict but no_gap
     Gap,
-    /// Unexplained
+    /// Only unexplained
     Unexplained,
 }
 
@@ -75,12 +75,12 @@ impl FailIf {
 
 /// A simulator of which there are only logs.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Simulator of which there are only logs")]
+#[command(next_help_heading = "Simulator known by its logs only")]
 struct SimulatorOptions {
-    /// Logs of the simulator in place of MODEL, best of the same runs: a model is identified from them first, and must follow held-out ones
+    /// Logs of the simulator in place of MODEL, preferably of the same runs; a model is first identified from them and checked on a held-out part
     #[arg(long, num_args = 1.., value_name = "LOG")]
     simulated: Vec<PathBuf>,
-    /// Columns of the simulator's logs that are states [default: every column of numbers that is no control]
+    /// Columns of the simulator's logs that are states [default: every numeric column that is not a control]
     #[arg(long, value_name = "COLUMN", requires = "simulated")]
     state: Vec<String>,
     /// Columns that are controls
@@ -94,31 +94,31 @@ struct SimulatorOptions {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Diagnosis")]
 pub(crate) struct Options {
-    /// Only these effects are suspects (ids separated by commas), or, with '!' before each, all but these
+    /// Test only these effects (ids separated by commas), or, with '!' before each, all but these
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     effects: Vec<String>,
-    /// Effects of your own, a TOML file of `[[effect]]` entries
+    /// Custom effects: a TOML file with `[[effect]]` entries
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
-    /// Let effects depend on where the machine is, or which way it faces, although no rate of the model does
+    /// Let effects depend on the position or heading of the machine even if no rate of the model does
     #[arg(long)]
     allow_place: bool,
-    /// Suspect every effect everywhere, also where it makes no sense by units or place
+    /// Test every effect everywhere, even where units or positions rule it out
     #[arg(long)]
     all_suspects: bool,
-    /// Confidence of intervals; no test and no verdict depends on it
+    /// Confidence level of the intervals; no test and no verdict depends on it
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     confidence: f64,
-    /// Largest number of effects together, 1 to 6; never more than four in one equation
+    /// Largest number of effects in one explanation, 1 to 6; never more than four in one equation
     #[arg(long, value_name = "N", default_value_t = 6)]
     most_effects: usize,
-    /// Add what no effect explains to the corrected model, as a function without a name
+    /// Add the part that no effect explains to the augmented model, as a fitted function
     #[arg(long)]
     keep_function: bool,
-    /// What a control does between its samples
+    /// How a control behaves between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
     hold: AutoHold,
-    /// Seconds after which the search ends with the best that it has, and says so; 0: no limit
+    /// Stop the search after so many seconds, keep the best result so far and say so; 0: no limit
     // Ten minutes: what one waits for at a desk. Most diagnoses take seconds.
     #[arg(long, value_name = "S", default_value_t = 600.0, allow_negative_numbers = true)]
     time_limit: f64,
@@ -129,7 +129,7 @@ impl Options {
         let (without, effects): (Vec<&String>, Vec<&String>) = self.effects.iter().partition(|e| e.starts_with('!'));
         if !without.is_empty() && !effects.is_empty() {
             return Err(Failure::input(
-                "--effects: either name the suspects, or with '!' those that are none; not both",
+                "--effects: name either the effects to test or, with '!', those to leave out; not both",
             ));
         }
         let custom = self.effects_file.as_deref().map(read_effects).transpose()?.unwrap_or_default();
@@ -164,10 +164,13 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         train.insert(0, command.model.clone());
     }
     if let Some(twice) = train.iter().find(|log| command.holdout.contains(log)) {
-        return Err(Failure::input(format!("{} is both a log to learn from and one of --holdout", twice.display())));
+        return Err(Failure::input(format!("{} is named both for training and in --holdout", twice.display())));
     }
     if let Some(twice) = train.iter().chain(&command.holdout).find(|log| simulated.contains(log)) {
-        return Err(Failure::input(format!("{} is both a log of the machine and one of --simulated", twice.display())));
+        return Err(Failure::input(format!(
+            "{} is named both as a log of the machine and in --simulated",
+            twice.display()
+        )));
     }
     let power = command.power.then(|| Power { seed: session.seed, ..Power::default() });
     let settings = Settings { power, ..command.options.settings()? };
@@ -175,7 +178,9 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
     if simulated.is_empty() {
         let nominal = Nominal::open(&command.model, session)?;
         let (model, holdout) = (&nominal.model, &command.holdout);
-        let (train, holdout, offsets) = logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
+        let Parts { train, holdout, offsets, time_unit } =
+            logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
+        provenance.time_unit = time_unit;
         provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
         let progress = screen.progress();
         let mut diagnosed = nominal.run(|| {
@@ -230,10 +235,10 @@ fn deliver(
     if screen.json() {
         screen.out(&report_json(&diagnosed.diagnosis)?)?;
     } else {
-        screen.out(&gpsindy_report::summary(&diagnosed.diagnosis, screen.width(), screen.colour()))?;
+        screen.out(&gpsindy_report::summary_with(&diagnosed.diagnosis, provenance, screen.width(), screen.colour()))?;
         match &command.out {
             Some(folder) => screen.out(&format!("\nreport: {}\n", folder.join("report.html").display()))?,
-            None => screen.note("for the page, the JSON and the corrected model name a folder with --out"),
+            None => screen.note("--out DIR also writes the HTML page, the JSON report and the augmented model"),
         }
     }
     let verdict = diagnosed.diagnosis.verdict;
@@ -293,7 +298,7 @@ fn provenance(line: &[OsString]) -> Provenance {
         date: date(days),
         version: format!("gpsindy {}", env!("CARGO_PKG_VERSION")),
         command: format!("gpsindy {}", command.join(" ")),
-        logs: Vec::new(),
+        ..Provenance::default()
     }
 }
 
@@ -368,7 +373,17 @@ fn paired(
     Ok((found.diagnosed, found.model))
 }
 
-/// The logs to learn from and those to verify on, and the offsets of clocks that were estimated in both.
+/// The logs, by the part that they play.
+pub(crate) struct Parts {
+    pub(crate) train: Dataset,
+    pub(crate) holdout: Dataset,
+    /// Offsets of clocks that were estimated in both.
+    pub(crate) offsets: Vec<TopicOffset>,
+    /// Unit of the time of the logs to learn from.
+    pub(crate) time_unit: String,
+}
+
+/// The logs to learn from and those to verify on; without the latter a part of the former is held out.
 pub(crate) fn logs(
     model: &Model,
     train: &[PathBuf],
@@ -376,18 +391,19 @@ pub(crate) fn logs(
     hold: Option<Hold>,
     columns: &Columns,
     screen: &Screen,
-) -> Outcome<(Dataset, Dataset, Vec<TopicOffset>)> {
+) -> Outcome<Parts> {
     let hold = hold.unwrap_or_default();
-    let train = Logs::read(train, &columns.options()?)?;
-    let (train, mut offsets) = model_dataset(&train, std::slice::from_ref(model), hold, columns, screen)?;
+    let logs = Logs::read(train, &columns.options()?)?;
+    let time_unit = logs.time_unit().to_string();
+    let (train, mut offsets) = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
     if holdout.is_empty() {
         let (train, holdout) = hold_out(&train)?;
-        return Ok((train, holdout, offsets));
+        return Ok(Parts { train, holdout, offsets, time_unit });
     }
     let holdout = Logs::read(holdout, &columns.options()?)?;
     let (holdout, more) = model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?;
     offsets.extend(more);
-    Ok((train, holdout, offsets))
+    Ok(Parts { train, holdout, offsets, time_unit })
 }
 
 /// Writes the three files of a diagnosis of equations.

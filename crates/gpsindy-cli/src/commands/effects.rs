@@ -1,4 +1,4 @@
-//! `gpsindy effects`: the catalogue of effects that a diagnosis looks for.
+//! `gpsindy effects`: the catalogue of effects that a diagnosis tests.
 
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -6,15 +6,15 @@ use clap::Args;
 use gpsindy_core::diagnose::Effect;
 use serde_json::json;
 
-/// The catalogue of effects that a diagnosis looks for
+/// List the effects that a diagnosis tests
 ///
-/// With each: the form (added to the right side of the state's equation unless it says otherwise; z is the variable it depends on, u a
-/// control), its parameters, and what it looks like in a log. With `--json` also its name, where it can act, its twins with the
-/// experiment that parts each, and whether it is a suspect unasked.
+/// For each effect: its form (added to the right side of the state's equation unless stated otherwise; z is the variable it depends on, u a
+/// control), its parameters, and what it looks like in a log. With `--json` also its name, where it can act, the effects that logs may not
+/// distinguish from it with the experiment that would, and whether it is tested by default.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy effects\n         gpsindy effects coulomb_friction backlash")]
 pub(crate) struct Effects {
-    /// Show these only
+    /// Show only these effects
     #[arg(value_name = "ID")]
     ids: Vec<String>,
 }

@@ -1,7 +1,7 @@
-//! `gpsindy exam`: diagnoses every case of a suite whose effects are withheld, then reads the answers.
+//! `gpsindy exam`: diagnoses every case of a suite, then reads the answers and prints the score card.
 
 use crate::args::Columns;
-use crate::commands::diagnose::{self, Options};
+use crate::commands::diagnose::{self, Options, Parts};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
@@ -16,27 +16,27 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Examine the diagnosis on a suite of cases with withheld effects
+/// Test the diagnosis on a suite of cases with known effects
 ///
-/// A case is a folder with model.toml, real_*.csv and holdout_*.csv (which may be absent). Every case is diagnosed and written to a folder
-/// of its name in --out, never among the cases; only then are the answers read from answers.toml, and the score card is printed.
+/// A case is a folder with model.toml, real_*.csv and, optionally, holdout_*.csv. Every case is diagnosed into a folder of its name in --out,
+/// never inside the suite. Only then are the answers read from answers.toml and the score card printed.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy exam suite --out exam\n         gpsindy exam suite --reports other_tool --out exam_other"
 )]
 pub(crate) struct Exam {
-    /// The folder of the suite
+    /// Folder of the suite
     suite: PathBuf,
-    /// Folder of the diagnoses, one folder a case, and of scorecard.json; made where it does not exist
+    /// Folder for the diagnoses, one subfolder per case, and for scorecard.json; created if it does not exist
     #[arg(long, short, value_name = "DIR", default_value = "exam")]
     out: PathBuf,
-    /// The answers, where they stand apart from the suite [default: SUITE/answers.toml]
+    /// The answers, if they are not in the suite [default: SUITE/answers.toml]
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
-    /// Score the reports of another tool, DIR/CASE/report.json, in place of diagnosing; a case without one counts as missed
+    /// Score the reports of another tool, DIR/CASE/report.json, instead of diagnosing; a case without one counts as missed
     #[arg(long, value_name = "DIR")]
     reports: Option<PathBuf>,
-    /// Diagnose these cases only, separated by commas
+    /// Diagnose only these cases, separated by commas
     #[arg(long, value_name = "CASE", value_delimiter = ',')]
     only: Vec<String>,
     #[command(flatten)]
@@ -149,7 +149,7 @@ fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outco
     let folder = command.suite.join(id);
     let model = read_model(&folder.join("model.toml"))?;
     let quiet = screen.quietly();
-    let (train, holdout, _) = diagnose::logs(
+    let Parts { train, holdout, .. } = diagnose::logs(
         &model,
         &files(&folder, "real_")?,
         &files(&folder, "holdout_")?,

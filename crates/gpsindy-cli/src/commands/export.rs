@@ -1,4 +1,4 @@
-//! `gpsindy export`: the equations of a model as source.
+//! `gpsindy export`: a model as source code or LaTeX.
 
 use crate::args::Output;
 use crate::commands::{check_folder_of, deliver};
@@ -11,16 +11,16 @@ use gpsindy_files::read_model;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// The equations of a model as source
+/// Export a model as source code or LaTeX
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy export model.toml --to c --out model.c")]
 pub(crate) struct Export {
     /// The model (TOML or JSON); `-` is standard input
     model: PathBuf,
-    /// The language
+    /// Target language
     #[arg(long, value_name = "LANGUAGE", value_parser = PossibleValuesParser::new(Language::ALL.map(Language::name)))]
     to: String,
-    /// LaTeX: numbers with all their digits; without it six. Programs always have all
+    /// Write all digits of the numbers in LaTeX instead of six; source code always has all
     #[arg(long)]
     full_digits: bool,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `gpsindy fleet`: one diagnosis for each unit and period, then the comparison.
+//! `gpsindy fleet`: one diagnosis per unit and period, then the comparison.
 
 use crate::args::Columns;
 use crate::commands::diagnose::Options;
@@ -10,23 +10,23 @@ use gpsindy_fleet::{Fleet as Run, Manifest, Shard, compare};
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Diagnose every machine of a fleet, and compare them
+/// Diagnose every machine of a fleet and compare them
 ///
-/// The manifest (TOML or CSV) has one entry a unit and period: unit, logs, model, and where wanted holdout and since; other columns are
-/// covariates such as load and temperature. Reports go to DIR/tasks, the comparison to DIR/fleet.json and DIR/fleet.html. A second run
-/// does only what is missing.
+/// The manifest (TOML or CSV) has one entry per unit and period: unit, logs, model and, optionally, holdout and since; other columns are
+/// covariates such as load and temperature. The reports go to DIR/tasks, the comparison to DIR/fleet.json and DIR/fleet.html. A second run
+/// computes only what is missing.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy fleet fleet.toml --out fleet")]
 pub(crate) struct Fleet {
     /// The manifest (TOML or CSV); paths in it are relative to its folder
     manifest: PathBuf,
-    /// Folder of the reports and of the comparison; made where it does not exist
+    /// Folder for the reports and the comparison; created if it does not exist
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
-    /// Do part K of N of the tasks only, for schedulers; the comparison is written once all parts are there
+    /// Compute only part K of N of the tasks, for schedulers; the comparison is written once all parts are complete
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// Tasks at a time [default: one a core]
+    /// Number of tasks in parallel [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     #[command(flatten)]
@@ -51,10 +51,12 @@ pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
     for (task, error) in &done.failed {
         screen.warn(&format!("unit {}: no diagnosis: {error}", task.unit));
     }
-    screen.note(&format!("{} done, {} were there, {} failed", done.done, done.found, done.failed.len()));
+    screen.note(&format!("{} done, {} done before, {} failed", done.done, done.found, done.failed.len()));
     let missing = fleet.missing(&manifest, &command.out);
     if missing > 0 {
-        screen.note(&format!("{missing} tasks of other parts are missing; the last part to end writes the comparison"));
+        screen.note(&format!(
+            "{missing} tasks of other parts are missing; the last part to finish writes the comparison"
+        ));
         return Ok(());
     }
     let report = compare(&manifest, &fleet, &command.out)?;

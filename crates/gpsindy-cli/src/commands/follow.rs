@@ -1,4 +1,4 @@
-//! `gpsindy identify --follow`: a model that follows a log as it is written.
+//! `gpsindy identify --follow`: identification from a growing log.
 
 use super::identify::{self, Identify, as_json, rounded, summary_of};
 use crate::failure::{Failure, Outcome};
@@ -22,21 +22,21 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Following a log as it grows")]
+#[command(next_help_heading = "Following a growing log")]
 pub(crate) struct FollowOptions {
-    /// Follow one log sample by sample, from standard input (`-`) or a file that grows; Ctrl-C ends it in good order
+    /// Follow one log sample by sample, from standard input (`-`) or a growing file; --out always holds the newest model, Ctrl-C ends normally
     #[arg(long)]
     pub(crate) follow: bool,
-    /// Print the model every N samples [default: whenever its terms change]
+    /// Report the model every N samples [default: whenever its terms change]
     #[arg(long, value_name = "N", requires = "follow")]
     every: Option<NonZeroUsize>,
-    /// Forget: time in which the weight of a sample falls by 1/e [default: nothing is forgotten]
+    /// Forgetting time: after it the weight of a sample has fallen to 1/e [default: no forgetting]
     #[arg(long, value_name = "SECONDS", requires = "follow", allow_negative_numbers = true)]
     memory: Option<f64>,
-    /// Samples that are kept, at least 64: for hyperparameters, and to smooth the newest
+    /// Samples kept for the hyperparameters and for smoothing the newest ones, at least 64
     #[arg(long, value_name = "N", requires = "follow", default_value_t = 1000)]
     window: usize,
-    /// End when a file has not grown for so long; standard input ends by itself
+    /// Stop after a file has not grown for this time; standard input ends by itself
     #[arg(long, value_name = "SECONDS", requires = "follow", default_value_t = 10.0, allow_negative_numbers = true)]
     idle: f64,
 }
@@ -64,6 +64,8 @@ struct Following<'a> {
     /// Terms when the model was last told, and the samples it had.
     told: (Vec<Vec<String>>, usize),
     every: Option<NonZeroUsize>,
+    /// Where the model goes.
+    out: Option<&'a Path>,
     screen: &'a Screen,
 }
 
@@ -79,7 +81,7 @@ pub(crate) fn run(command: &Identify, screen: &Screen) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         let registered = signal_hook::flag::register(signal, Arc::clone(&stop));
-        registered.map_err(|e| Failure::Work(format!("Ctrl-C cannot be listened to: {e}")))?;
+        registered.map_err(|e| Failure::Work(format!("cannot listen to Ctrl-C: {e}")))?;
     }
     let lines = lines_of(path, options.idle)?;
     let mut stream = Stream::new(&file, command.columns.options()?);
@@ -93,13 +95,13 @@ pub(crate) fn run(command: &Identify, screen: &Screen) -> Outcome {
         following.take(&stream, &sample)?;
     }
     let Some(following) = following else {
-        return Err(Failure::input(format!("{file}: no sample came; expected a header row and then one sample a row")));
+        return Err(Failure::input(format!("{file}: no sample; expected a header row and then one sample per row")));
     };
-    following.end(command.output.out.as_deref())
+    following.end()
 }
 
 impl<'a> Following<'a> {
-    fn new(command: &Identify, stream: &Stream, first: &Sample, screen: &'a Screen) -> Outcome<Self> {
+    fn new(command: &'a Identify, stream: &Stream, first: &Sample, screen: &'a Screen) -> Outcome<Self> {
         let Some(header) = stream.header() else { return Err(Failure::input("the log has no header")) };
         let logs = Logs::of(header.clone());
         let settings = identify::settings(command, &logs, 0)?;
@@ -107,7 +109,7 @@ impl<'a> Following<'a> {
         if states.is_empty() {
             states = stream.numeric_columns(first);
             states.retain(|name| !settings.controls.contains(name));
-            screen.note(&format!("states: {} (all columns of numbers; choose with --state)", states.join(", ")));
+            screen.note(&format!("states: {} (all numeric columns; choose with --state)", states.join(", ")));
         }
         let controls = settings.controls.clone();
         let used: Vec<&String> = states.iter().chain(&controls).collect();
@@ -134,7 +136,8 @@ impl<'a> Following<'a> {
         };
         let told = (Vec::new(), 0);
         let online = Online::new(settings)?;
-        Ok(Self { online, states, controls, time: first.time(), told, every: command.follow.every, screen })
+        let (every, out) = (command.follow.every, command.output.out.as_deref());
+        Ok(Self { online, states, controls, time: first.time(), told, every, out, screen })
     }
 
     fn take(&mut self, stream: &Stream, sample: &Sample) -> Outcome {
@@ -156,13 +159,16 @@ impl<'a> Following<'a> {
         Ok(())
     }
 
-    /// Tells the model where its terms have changed, or in any case with --every.
+    /// Tells and writes the model where its terms have changed, or in any case with --every.
     fn tell(&mut self, found: &Identification) -> Outcome {
         let terms: Vec<Vec<String>> = found.states.iter().map(|s| s.terms.clone()).collect();
         if self.every.is_none() && terms == self.told.0 {
             return Ok(());
         }
         self.told = (terms, self.online.n_samples());
+        if let Some(path) = self.out {
+            write_model(path, &found.model)?;
+        }
         if self.screen.json() {
             return self.screen.out(&format!("{}\n", self.line(found, false)));
         }
@@ -185,16 +191,16 @@ impl<'a> Following<'a> {
     }
 
     /// The last word: the model of all samples, to the file and to the screen.
-    fn end(self, out: Option<&Path>) -> Outcome {
+    fn end(self) -> Outcome {
         let found = self.online.identification()?;
         for note in &found.notes {
             self.screen.warn(&note.to_string());
         }
-        if let Some(path) = out {
+        if let Some(path) = self.out {
             write_model(path, &found.model)?;
         }
         let summary = summary_of(&count(self.online.n_samples(), "sample"), &found, None);
-        match out {
+        match self.out {
             _ if self.screen.json() => self.screen.out(&format!("{}\n", self.line(&found, true))),
             Some(path) => self.screen.out(&format!("{summary}\nmodel: {}\n", path.display())),
             None => {
@@ -209,29 +215,29 @@ impl<'a> Following<'a> {
 fn online(command: &Identify, settings: Settings) -> Outcome<OnlineSettings> {
     let refused = |option: &str, why: &str| Err(Failure::input(format!("{option} does not go with --follow: {why}")));
     if !settings.derivatives.is_empty() {
-        return refused("--derivative", "the states alone are read");
+        return refused("--derivative", "only states are read");
     }
     if !matches!(settings.target, Target::Weak) {
-        return refused("--derivative-method or --preset", "the weak form alone can be added up");
+        return refused("--derivative-method or --preset", "only the weak form can be accumulated");
     }
     if settings.smoother.is_none() {
         return refused("--smoother none", "the newest samples are smoothed");
     }
     if settings.standardize {
-        return refused("--standardize", "sizes are not known beforehand");
+        return refused("--standardize", "the scales are not known in advance");
     }
     if settings.train_fraction != 1.0 {
-        return refused("--train-fraction", "the end of the log is not known");
+        return refused("--train-fraction", "the length of the log is not known");
     }
     if settings.ensemble > 0 {
-        return refused("--ensemble", "rows are not kept");
+        return refused("--ensemble", "past rows are not kept");
     }
     if command.refines() {
-        return refused("--refine", "it needs the whole log; identify once more when it has ended");
+        return refused("--refine", "it needs the whole log; run identify again when the log is complete");
     }
     let selection = match settings.choice {
         Choice::Rows(selection) => selection,
-        Choice::Rollout => return refused("--select rollout", "rows are not kept"),
+        Choice::Rollout => return refused("--select rollout", "past rows are not kept"),
     };
     let mut online = OnlineSettings {
         library: settings.library,

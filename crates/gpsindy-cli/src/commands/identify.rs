@@ -1,4 +1,4 @@
-//! `gpsindy identify`: logs to a model.
+//! `gpsindy identify`: a model from logs.
 
 mod author;
 mod choices;
@@ -20,9 +20,9 @@ use gpsindy_core::{Dataset, Expression, Identification, Progress, Run, Scoring, 
 use gpsindy_files::{Logs, Task, TopicOffset, model_to_toml, write_model};
 use std::path::PathBuf;
 
-/// Logs to a model: equations with standard errors
+/// Identify a model from logs: equations with standard errors
 ///
-/// The model is written to --out with a summary on stdout; without --out the model goes to stdout and the summary to stderr.
+/// Writes the model to --out and a summary to stdout; without --out, the model to stdout and the summary to stderr.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy identify run_1.csv run_2.csv --state x,v --control u --out model.toml\n         \
@@ -30,13 +30,13 @@ use std::path::PathBuf;
                    tail -f -n +1 robot.csv | gpsindy identify - --follow --state x,v --control u --json"
 )]
 pub(crate) struct Identify {
-    /// The logs, one or more: CSV, MCAP, Parquet, ULog or a data set's folder; `-` is standard input
+    /// One or more logs: CSV, MCAP, Parquet, ULog or the folder of a data set; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
     pub(super) logs: Vec<PathBuf>,
-    /// Logs that nothing is learnt from and the model is scored on
+    /// Logs for scoring only, not for training
     #[arg(long, num_args = 1.., value_name = "LOG")]
     holdout: Vec<PathBuf>,
-    /// Columns that are states, separated by commas [default: every column of numbers that no other option names]
+    /// Columns that are states, separated by commas [default: every numeric column that no other option names]
     #[arg(long, value_name = "COLUMN")]
     state: Vec<String>,
     /// Columns that are controls, separated by commas
@@ -72,28 +72,28 @@ impl Identify {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Candidate terms")]
 pub(crate) struct LibraryOptions {
-    /// Highest degree of the polynomials, 0 to 9
+    /// Highest polynomial degree, 0 to 9
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = degree, allow_hyphen_values = true)]
     degree: usize,
-    /// Sine and cosine of every state and control
+    /// Add sine and cosine of every state and control
     #[arg(long)]
     trig: bool,
-    /// Polynomials of degree 1 and 2 times sine and cosine
+    /// Add products of sine and cosine with polynomials of degree 1 and 2
     #[arg(long)]
     products: bool,
-    /// A further term, such as 'v*abs(v)'
+    /// Add a term, such as 'v*abs(v)'
     #[arg(long, value_name = "EXPR")]
     term: Vec<String>,
-    /// An equation that is known, such as "x' = v"; v need not be in the logs then
+    /// Fix a known equation, such as "x' = v"; v need not be in the logs then
     #[arg(long, value_name = "EQUATION")]
     fix: Vec<String>,
-    /// A term that an equation must not have, such as v:x^2
+    /// Exclude a term from an equation, such as v:x^2
     #[arg(long, value_name = "STATE:TERM")]
     forbid: Vec<String>,
-    /// A term that an equation has for certain, such as v:u; its coefficient is learnt
+    /// Always keep a term in an equation, such as v:u; its coefficient is estimated
     #[arg(long, value_name = "STATE:TERM")]
     keep: Vec<String>,
-    /// The sign of a coefficient, such as v:v=-
+    /// Constrain the sign of a coefficient, such as v:v=-
     #[arg(long, value_name = "STATE:TERM=SIGN", allow_hyphen_values = true)]
     sign: Vec<String>,
 }
@@ -101,56 +101,55 @@ pub(crate) struct LibraryOptions {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
 struct MethodOptions {
-    /// Where the settings start from, before the other options
+    /// The set of defaults that the other options change
     #[arg(long, value_enum, default_value_t = Preset::Default)]
     preset: Preset,
-    /// What a control does between its samples
+    /// How a control behaves between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
     hold: AutoHold,
-    /// How the states are smoothed [default: gp]
+    /// Smoother of the states [default: gp]
     #[arg(long, value_enum)]
     smoother: Option<Smoothing>,
-    /// Kernel of the smoother: auto, se, matern12, matern32, matern52, periodic, rq, or a sum or product such as se+periodic
+    /// Kernel of the Gaussian process: auto, se, matern12, matern32, matern52, periodic, rq, or a sum or product such as se+periodic
     #[arg(long, default_value = "auto")]
     kernel: String,
-    /// What the regression compares [default: weak, with the derivatives of --derivative where there are some]
+    /// Target of the regression [default: weak; given, if --derivative names columns]
     #[arg(long, value_name = "METHOD", value_parser = named::<Target>(Target::NAMES))]
     derivative_method: Option<Target>,
     /// The sparse regression [default: subset]
     #[arg(long, value_parser = named::<Regression>(Regression::NAMES))]
     regressor: Option<Regression>,
-    /// Its tuning value: auto, or a number (lambda, a threshold or a number of terms)
+    /// Tuning parameter of the regression: auto, or a number (lambda, a threshold or a number of terms)
     #[arg(long, default_value = "auto", allow_negative_numbers = true)]
     lambda: String,
-    /// How auto chooses the tuning value [default: cv]
+    /// Criterion by which auto selects the tuning parameter [default: cv]
     #[arg(long, value_parser = named::<Choice>(Choice::NAMES))]
     select: Option<Choice>,
-    /// Delay of a control in s, or auto to estimate it (auto:0.5 between 0 and 0.5 s)
+    /// Delay of a control in s, or auto to estimate it (auto:0.5: between 0 and 0.5 s)
     #[arg(long, value_name = "CONTROL=auto|SECONDS", value_parser = pair)]
     delay: Vec<(String, String)>,
-    /// Bring columns and target to unit size before the regression
+    /// Scale columns and target to unit size before the regression
     #[arg(long)]
     standardize: bool,
-    /// First part of each run that is learnt from, above 0 and at most 1 [default: 1, with the preset author 0.7]
+    /// Train on this first fraction of each run, above 0 and at most 1 [default: 1; preset author: 0.7]
     #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
     train_fraction: Option<f64>,
-    /// With the preset author: inputs of the second Gaussian process of a state, such as v=throttle [default: all states]
+    /// Preset author only: inputs of the second Gaussian process of a state, such as v=throttle [default: all states]
     #[arg(long, value_name = "STATE=COLUMN", value_parser = pair)]
     gp_input: Vec<(String, String)>,
-    /// Above 0: inclusion probabilities, by the evidence; without the refinement by N bootstraps of the regression
+    /// Above 0: report inclusion probabilities, from the evidence or, with --no-refine, from N bootstraps of the regression
     #[arg(long, value_name = "N", default_value_t = 0)]
     ensemble: usize,
-    /// Refine coefficients and terms through the integrator, on the raw samples [default: unless the preset is paper]
+    /// Refine coefficients and terms by simulation against the raw samples [default: yes, except for the preset paper]
     #[arg(long, overrides_with = "no_refine")]
     refine: bool,
-    /// Leave the refinement out: some terms may then only make up for errors of the smoother
+    /// Skip the refinement; some terms may then only compensate for errors of the smoother
     #[arg(long)]
     no_refine: bool,
-    /// Where the equations are an approximation of a controlled motion: look for more of them and let them vote, in about five
-    /// times the time
+    /// For approximate models of controlled motion: search for several models and select by agreement, in about five times the time
     #[arg(long)]
     consensus: bool,
-    /// End with status 0 even where the model predicts the logs no better than the mean or than standing still
+    /// Exit with status 0 even if the model predicts the logs no better than the mean or a constant state
     #[arg(long)]
     accept_poor: bool,
 }
@@ -176,7 +175,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
         return follow::run(command, screen);
     }
     if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {
-        return Err(Failure::input(format!("{} is both a log to learn from and one of --holdout", twice.display())));
+        return Err(Failure::input(format!("{} is named both for training and in --holdout", twice.display())));
     }
     let logs = Logs::read(&command.logs, &command.columns.options()?)?;
     let mut settings = settings(command, &logs, seed)?;
@@ -231,7 +230,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     }
     match result::poor(&found) {
         Some(how) if !command.method.accept_poor => {
-            Err(Failure::Work(format!("{how}; --accept-poor ends with status 0 all the same")))
+            Err(Failure::Work(format!("{how}; --accept-poor exits with status 0 nevertheless")))
         }
         _ => Ok(()),
     }
@@ -246,7 +245,9 @@ fn leave_clocks_out(states: &mut Vec<String>, data: &Dataset, screen: &Screen) {
     let (clocks, moving): (Vec<String>, Vec<String>) = states.iter().cloned().partition(is_clock);
     if !clocks.is_empty() && !moving.is_empty() {
         let names = clocks.join(", ");
-        screen.note(&format!("no state, being a straight line of time: {names} (name it with --state to keep it)"));
+        screen.note(&format!(
+            "not used as a state, because it is a linear function of time: {names} (name it with --state to keep it)"
+        ));
         *states = moving;
     }
 }
@@ -314,7 +315,7 @@ fn unlogged(constraints: &Constraints, logs: &Logs) -> Vec<String> {
 /// Every column of numbers but those `taken`.
 pub(crate) fn all_states(logs: &Logs, taken: &[String], screen: &Screen) -> Vec<String> {
     let states: Vec<String> = logs.numeric_columns().into_iter().filter(|name| !taken.contains(name)).collect();
-    screen.note(&format!("states: {} (all columns of numbers; choose with --state)", states.join(", ")));
+    screen.note(&format!("states: {} (all numeric columns; choose with --state)", states.join(", ")));
     states
 }
 
@@ -351,7 +352,7 @@ fn refuse_time(command: &Identify) -> Outcome {
     let is_time = |name: &str| named.map_or(matches!(name, "t" | "time"), |time| time == name);
     match command.state.iter().flat_map(|names| names.split(',')).map(str::trim).find(|name| is_time(name)) {
         Some(time) => {
-            Err(Failure::input(format!("--state: `{time}` is the time, along which states move; leave it out")))
+            Err(Failure::input(format!("--state: `{time}` is the time column and cannot be a state; leave it out")))
         }
         None => Ok(()),
     }

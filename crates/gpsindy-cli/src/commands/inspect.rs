@@ -1,4 +1,4 @@
-//! `gpsindy inspect`: what a log of any format holds, and what in it spoils an identification.
+//! `gpsindy inspect`: what a log of any format holds, and which of its flaws would harm an identification.
 
 use crate::args::{Clock, Output};
 use crate::commands::{check_folder_of, deliver};
@@ -8,23 +8,24 @@ use clap::Args;
 use gpsindy_files::{LogOptions, Stamp, inspect};
 use std::path::PathBuf;
 
-/// What a log of any format holds, and what in it spoils an identification
+/// Show what a log holds, and which of its flaws would harm an identification
 ///
-/// Every topic, field and column with its type, unit, rate, jitter, gaps, missing values and levels; then jitter, gaps, repeated and float32
-/// stamps, clocks that run apart, coarse and held sensors, constant columns, wrapped angles, and columns that are a difference of another.
+/// Lists every topic, field and column with type, unit, rate, jitter, gaps, missing values and quantisation step. Then reports flaws: jitter,
+/// gaps, repeated and float32 stamps, clock drift, quantised and held signals, constant columns, wrapped angles, and columns that are
+/// differences of other columns.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy inspect flight.mcap\n         gpsindy inspect run_*.csv --json")]
 pub(crate) struct Inspect {
-    /// The logs: CSV, MCAP, Parquet, ULog, the folder of a LeRobot data set or of a ROS 2 bag; `-` is standard input
+    /// One or more logs: CSV, MCAP, Parquet, ULog, the folder of a LeRobot data set or of a ROS 2 bag; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// The time column of a table, in seconds [default: `t`, else `time`]
     #[arg(long, value_name = "COLUMN")]
     time: Option<String>,
-    /// The column that tells the runs of a table apart [default: one file is one run]
+    /// The column that identifies the run of each row [default: one file is one run]
     #[arg(long, value_name = "COLUMN")]
     run: Option<String>,
-    /// The clock of messages [default: their header's stamp where there is one, else the time of recording]
+    /// Which time stamps of messages to use [default: that of the header if there is one, else the recording time]
     #[arg(long, value_enum, value_name = "CLOCK")]
     stamp: Option<Clock>,
     #[command(flatten)]

@@ -6,11 +6,11 @@ use crate::screen::Screen;
 use clap::{Args, CommandFactory};
 use std::path::PathBuf;
 
-/// Manual pages
+/// Generate manual pages
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy man | man -l -")]
 pub(crate) struct Man {
-    /// Write a page a command into this folder, which must exist [default: the main page to stdout]
+    /// Write one page per command into this existing folder [default: the main page to stdout]
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
 }

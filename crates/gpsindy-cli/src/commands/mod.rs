@@ -1,4 +1,4 @@
-//! One file a command: its arguments, what it does, what it prints.
+//! One file per command: its arguments, what it does, what it prints.
 
 pub(crate) mod completions;
 pub(crate) mod demo;
@@ -148,6 +148,11 @@ fn model_dataset(
     for (controls, states) in models.iter().map(columns_of) {
         for log in logs.files() {
             check_states(log, &states)?;
+        }
+        for control in &controls {
+            let remedy =
+                format!("; the model needs it as a control: give a column that name with --rename COLUMN={control}");
+            logs.resolve(control).map_err(|error| Failure::from(error).with(&remedy))?;
         }
         all_controls.extend(controls.into_iter().filter(|name| !all_controls.contains(name)).collect::<Vec<_>>());
         all_states.extend(states.into_iter().filter(|name| !all_states.contains(name)).collect::<Vec<_>>());

@@ -12,10 +12,10 @@ use gpsindy_files::{Logs, Table};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Rollout, windowed and one-step errors of one model or several on logs, by state
+/// Score models on logs: rollout, windowed and one-step errors by state
 ///
-/// Several models are compared on the same logs, state by state. Each is a root mean square error in the state's unit, and relative to the column's standard deviation in the logs: 0 is perfect,
-/// 1 is as bad as predicting the mean.
+/// Several models are compared on the same logs. Each error is a root mean square in the unit of the state, and relative to the standard
+/// deviation of the column: 0 is perfect, 1 is as bad as predicting the mean.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy score model.toml --data run_3.csv run_4.csv --window 1\n         \
                          gpsindy score nominal.toml augmented.toml --data run_3.csv")]
@@ -29,7 +29,7 @@ pub(crate) struct Score {
     /// Length of the windows, s [default: a tenth of each run]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     window: Option<f64>,
-    /// What a control does between its samples [default: what the model was identified with, else zero]
+    /// How a control behaves between its samples [default: as the model was identified, else zero]
     #[arg(long, value_enum)]
     hold: Option<Between>,
     #[command(flatten)]

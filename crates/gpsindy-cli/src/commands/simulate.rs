@@ -13,10 +13,10 @@ use gpsindy_files::{Logs, Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// A rollout of a model, as CSV: `t`, then every state
+/// Simulate a model: a rollout as CSV with `t` and every state
 ///
-/// Under the log's controls, from the state at the log's first sample; or without a log, under constant controls from the
-/// initial state that is given. What the model's `measured` says is what is written.
+/// With a log, the rollout uses its controls and starts from its first sample. Without one, it uses constant controls and
+/// the given initial state. A state with a `measured` expression is written as that expression gives it.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy simulate model.toml --data run_1.csv --out rollout.csv\n         \
                          gpsindy simulate model.toml --initial x=1,v=0 --control u=0.5 --duration 10")]
@@ -26,7 +26,7 @@ pub(crate) struct Simulate {
     /// The log with the controls and the first state; `-` is standard input
     #[arg(long, value_name = "LOG")]
     data: Option<PathBuf>,
-    /// Start at the first sample from this time on, s; delays see the log before it [default: the log's first, else 0]
+    /// Start at the first sample from this time on, s; delays use the log before it [default: the log's first, else 0]
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     from: Option<f64>,
     /// Stop at the last sample up to this time, s
@@ -38,13 +38,13 @@ pub(crate) struct Simulate {
     /// Initial state, such as x=0.1,v=0 [default: the log's, else the model's `[initial]`]
     #[arg(long, value_name = "STATE=VALUE", value_parser = values)]
     initial: Vec<Vec<(String, f64)>>,
-    /// Keep a control at a value, such as u=0.5, whatever the log says
+    /// Hold a control at a value, such as u=0.5, instead of that of the log
     #[arg(long, value_name = "CONTROL=VALUE", value_parser = values)]
     control: Vec<Vec<(String, f64)>>,
-    /// Time between the rows, s, where no control comes from a log [default: the log's samples, else a thousandth of the whole]
+    /// Time between the rows, s, if no control comes from a log [default: the log's samples, else a thousandth of the whole]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     period: Option<f64>,
-    /// What a control does between its samples [default: what the model was identified with, else zero]
+    /// How a control behaves between its samples [default: as the model was identified, else zero]
     #[arg(long, value_enum)]
     hold: Option<Between>,
     #[command(flatten)]
@@ -56,9 +56,9 @@ pub(crate) struct Simulate {
 /// What a control does between its samples.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum Between {
-    /// It keeps the value of the last sample
+    /// Zero-order hold: the control keeps the value of the last sample
     Zero,
-    /// It goes in a straight line to the next sample
+    /// First-order hold: linear interpolation to the next sample
     Linear,
 }
 

@@ -1,4 +1,4 @@
-//! `gpsindy smooth`: denoised states and derivatives with standard deviations, as CSV.
+//! `gpsindy smooth`: smoothed states and derivatives with standard deviations, as CSV.
 
 use crate::args::{Columns, Output};
 use crate::commands::{check_folder_of, chosen, dataset, deliver};
@@ -11,21 +11,21 @@ use gpsindy_files::{Logs, Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Denoised states and derivatives with standard deviations
+/// Smooth logs: states and derivatives with standard deviations
 ///
-/// One Gaussian process over time a column; hyperparameters are shared by all runs. For a column `x` the result has `x` and its standard
-/// deviation `x_std`, the time derivative `x_dot` and its standard deviation `x_dot_std`. A process with kernel `matern12` has no
-/// derivative: `x_dot` is then the mean slope from the sample before to the sample after.
+/// Fits one Gaussian process over time to each column, with hyperparameters shared by all runs. For a column `x` the result has `x`, its
+/// standard deviation `x_std`, the time derivative `x_dot` and its standard deviation `x_dot_std`. A process with kernel `matern12` has no
+/// derivative; `x_dot` is then the mean slope between the neighbouring samples.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy smooth run_1.csv --state x,v --out smooth.csv")]
 pub(crate) struct Smooth {
     /// The logs; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
-    /// Columns to smooth, separated by commas [default: every column of numbers]
+    /// Columns to smooth, separated by commas [default: every numeric column]
     #[arg(long, value_name = "COLUMN")]
     state: Vec<String>,
-    /// auto, or one of se, matern12, matern32, matern52, periodic, rq, or a sum or product of them such as se+periodic
+    /// Kernel: auto, se, matern12, matern32, matern52, periodic, rq, or a sum or product such as se+periodic
     #[arg(long, default_value = "auto")]
     kernel: String,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
     let logs = Logs::read(&command.logs, &command.columns.options()?)?;
     let states = if command.state.is_empty() { logs.numeric_columns() } else { chosen(&logs, &command.state)? };
     if states.is_empty() {
-        return Err(Failure::input("the logs have no column of numbers beside the time; nothing to smooth"));
+        return Err(Failure::input("the logs have no numeric column besides the time; there is nothing to smooth"));
     }
     let data = dataset(&logs, &Task { needed: states.clone(), ..Task::default() }, &command.columns, screen)?;
     let mut smoother = Smoother::default();

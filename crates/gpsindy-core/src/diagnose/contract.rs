@@ -1,4 +1,4 @@
-//! What every effect of the catalogue must fulfil, over `Effect::ALL`: a new one joins by its line in the list.
+//! The contract test of the catalogue, over `Effect::ALL`: a new effect joins by its line in the list.
 
 use crate::diagnose::catalogue::enumerate::enumerate;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;

@@ -1,5 +1,5 @@
-//! Machines for the tests: a first-order drive under square waves, which may lose more than its model says; and benches
-//! on which every effect of the catalogue can be planted.
+//! Machines for the tests: a first-order drive under square waves whose losses may differ from its model, and benches to
+//! which every effect of the catalogue can be added.
 
 use crate::data::{Channel, Dataset, Run};
 use crate::diagnose::catalogue::excited::Scene;

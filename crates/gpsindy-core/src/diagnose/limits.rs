@@ -1,4 +1,4 @@
-//! Every threshold of the search: its value, what it decides, why it has that value.
+//! Every threshold of the diagnosis: its value, what it decides, and why it has that value.
 //!
 //! "Development seeds" are those of the generator of random systems in `tests/suite`, 0 to 9,999. Guards against rounding
 //! and exact mathematics stand where they are used.

@@ -1,8 +1,8 @@
 //! The diagnosis of the gap between a simulator and the logs of the machine.
 //!
-//! Where the gap lies, which unmodelled effect causes it, how far it shrinks on held-out logs; and when
-//! to say "no gap" or "none of these". Effects are judged in output space: each is written into the model
-//! and fitted by rollouts to the raw measurements, with initial states and tolerated parameters free.
+//! It reports where the gap lies, which unmodelled effect causes it, and how far a correction closes it on held-out logs;
+//! or that there is no gap, or that no effect explains it. Effects are compared in output space: each is written into the
+//! model and fitted by rollouts to the raw measurements, with initial states and uncertain parameters free.
 
 mod catalogue;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What a reader must know beside the numbers of a diagnosis.
+//! Notes of a diagnosis: what its reader must know besides the numbers.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -96,14 +96,14 @@ pub enum Note {
 impl std::fmt::Display for Note {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Unwrapped { column } => write!(f, "column `{column}` jumps by full turns: it was unwrapped"),
-            Self::Outliers { count } => write!(f, "{count} isolated spike(s) in the logs were left out as outliers"),
+            Self::Unwrapped { column } => write!(f, "column `{column}` jumps by full turns and was unwrapped"),
+            Self::Outliers { count } => write!(f, "{count} isolated spike(s) in the logs were excluded as outliers"),
             Self::Decimated { stride } => {
-                write!(f, "the logs are far denser than their motion: the search used one sample in {stride}")
+                write!(f, "the sampling is far faster than the motion; the search used one sample in {stride}")
             }
             Self::Thinned { samples, length, one_in } => write!(
                 f,
-                "the logs hold {samples} samples; the search looked at stretches of {length:.3} s spread over one in {one_in} of them"
+                "the logs hold {samples} samples; the search used windows of {length:.3} s that cover one sample in {one_in}"
             ),
             Self::PlaceRuledOut { place, effects } => write!(
                 f,
@@ -115,43 +115,43 @@ impl std::fmt::Display for Note {
             }
             Self::Restarted { length } => write!(
                 f,
-                "rollouts are restarted every {length:.3} s in the fits: on longer ones the nominal model leaves the logs, or its errors only pile up"
+                "the fits use rollouts of {length:.3} s; in longer ones the nominal model diverges from the logs or only accumulates its error"
             ),
             Self::Lengthened => {
-                f.write_str("the corrected model stays near the logs for longer, so its fit uses longer rollouts")
+                f.write_str("the corrected model follows the logs for longer, so its fit uses longer rollouts")
             }
-            Self::StillHoldout => {
-                f.write_str("no state moves in the held-out logs, so the closure tells little; hold out other ones")
-            }
+            Self::StillHoldout => f.write_str(
+                "no state moves in the held-out logs, so the closure is not informative; hold out other logs",
+            ),
             Self::ChargedParameter { name } => write!(
                 f,
-                "the logs move parameter `{name}` from its nominal value; it is reported as a cause even where it stays within its tolerance"
+                "the logs contradict the nominal value of parameter `{name}`; it is reported as a cause even if it stays within its tolerance"
             ),
             Self::Interpolated => f.write_str(
-                "the control looks interpolated between samples, not held: no delay below one sample is claimed",
+                "the control looks interpolated between samples, not held, so no delay below one sample is claimed",
             ),
             Self::HoldoutRestarted { length } => write!(
                 f,
-                "held-out rollouts are restarted every {length:.3} s: longer ones magnify any error of the start"
+                "held-out rollouts are {length:.3} s long; longer ones amplify any error of the initial state"
             ),
             Self::TimeUp { seconds } => write!(
                 f,
-                "time was up after {seconds:.0} s: the search ended with the best that it had, and more time may name other causes"
+                "the time limit of {seconds:.0} s ended the search early; the result is the best so far, and a longer search may find other causes"
             ),
             Self::Resting { columns } => write!(
                 f,
-                "{}: these columns never move beyond their resolution, so closure, shares and figures leave them out",
+                "{}: these columns never move beyond their resolution; closure, shares and figures leave them out",
                 columns.join(", ")
             ),
             Self::Disagreement { effect, state, parts } => write!(
                 f,
-                "the size of {} in {state} differs in {} from that in the other parts of the logs: what is named may be an imitation",
+                "the fitted size of {} in {state} differs in {} from the other parts of the logs; another effect may be the true cause",
                 effect.replace('_', " "),
                 parts.join(", ")
             ),
             Self::NotFollowed { columns } => write!(
                 f,
-                "the corrected model still does not follow {} in the held-out runs: its error is more than half of the motion",
+                "the corrected model does not follow {} in the held-out runs: its error is more than half of the motion",
                 columns.join(", ")
             ),
             Self::NothingExplains => f.write_str("no effect of the catalogue explains a material part of the gap"),

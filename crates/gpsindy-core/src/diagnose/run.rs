@@ -1,4 +1,4 @@
-//! What all steps of one diagnosis share: who listens, when time is up, and what the reader must know.
+//! What all steps of one diagnosis share: progress, time limit and notes.
 
 use crate::diagnose::notes::{Note, Notes};
 use crate::error::Result;
@@ -120,7 +120,7 @@ mod tests {
             let verdict = cut.diagnosis.verdict;
             assert!(matches!(verdict, Verdict::PartlyExplained | Verdict::Unexplained), "{seconds}: {verdict}");
             assert!(cut.notes.contains(&Note::TimeUp { seconds }), "{:?}", cut.notes);
-            assert!(cut.diagnosis.notes.iter().any(|note| note.starts_with("time was up")));
+            assert!(cut.diagnosis.notes.iter().any(|note| note.starts_with("the time limit of")));
         }
     }
 

@@ -1,4 +1,4 @@
-//! When a unit changed: a step or a drift of its own, with the covariates held, against a constant.
+//! When a unit changed: tests a step or a drift of one unit, with the covariates held, against a constant.
 //!
 //! `r_j = level + delta g(t_j) + e_j`, with g a step at t0 or a straight rise from t0 on, and `delta ~ N(0, size^2)`. The level is
 //! integrated out, every day between two periods and both shapes weigh alike, and the share of series that change is learnt from the

@@ -1,7 +1,8 @@
-//! A fleet: many machines of one design, compared. Estimates with their errors in, tables out.
+//! A fleet: compares many machines of one design, from estimates and their errors to tables.
 //!
-//! Each unit's estimates are draws from a population, so that small logs borrow from the others (empirical Bayes). Covariates such as load
-//! and temperature are regressed out first: they move friction more than wear does. A unit is odd where the rest of the fleet does not
+//! The estimates of the units are draws from a population, so that estimates from short logs shrink towards it (empirical
+//! Bayes). Covariates such as load
+//! and temperature are regressed out first: they move friction more than wear does. A unit is odd if the rest of the fleet does not
 //! predict it; a change is a step or a drift that a constant does not explain.
 //!
 //! Source: Robbins 1956 (empirical Bayes); Benjamini and Hochberg 1995 (false discovery rate); Bittencourt 2014, Linköping dissertation

@@ -1,4 +1,4 @@
-//! Which unit differs: one that the rest of the fleet does not predict, with a bound on the share of false discoveries.
+//! Which unit differs: finds units that the rest of the fleet does not predict, with a bound on the false discovery rate.
 //!
 //! `t_i = (level_i - prediction of the others) / sqrt(tau^2 + error^2)`. Several odd units widen the spread and hide each other, so those
 //! found are taken out of the fleet that predicts, until no other is found.

@@ -1,4 +1,4 @@
-//! What every kernel must fulfil: symmetry, positive definiteness, gradients and derivatives
+//! The contract test of kernels: symmetry, positive definiteness, gradients and derivatives
 //! that agree with differences. A new kernel joins by standing in [`kernels`].
 
 use super::covariance::{Lags, contract, derivatives, values};

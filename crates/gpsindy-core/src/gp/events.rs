@@ -1,4 +1,4 @@
-//! What a smoother passes over: measurements and the times that are asked for, in order.
+//! The events of a smoother: measurements and requested times, in order.
 
 use super::points::Points;
 use std::borrow::Cow;

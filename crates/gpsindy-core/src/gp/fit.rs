@@ -1,10 +1,10 @@
-//! Hyperparameters and kernel by marginal likelihood, in a way that can't fail silently.
+//! Hyperparameters and kernel by marginal likelihood, without silent failure.
 //!
 //! Targets are standardised (each run by its own mean, all by one standard deviation); the cost
 //! is the negative log marginal likelihood of all runs plus weak priors, divided by the number of
 //! points; several deterministic starts; the noise never falls below a floor; the kernel of the
 //! lowest cost wins unless it only interpolates (leave-one-out check). Whatever makes the answer
-//! weak stands in the result.
+//! weak is reported in the result.
 //! Source: Rasmussen & Williams 2006, sections 5.4.1 and 5.4.2.
 
 use super::cost::Cost;
@@ -72,16 +72,16 @@ impl fmt::Display for Weakness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Constant => "all values are equal",
-            Self::FewPoints => "fewer than 8 points: the priors decide",
-            Self::NoSignal => "the noise explains nearly everything",
+            Self::FewPoints => "fewer than 8 points, so the priors dominate",
+            Self::NoSignal => "nearly all of the variation is explained as noise",
             Self::Interpolates => {
-                "passes through every point but predicts none that is left out; sample faster or hand in the noise"
+                "passes through every point but does not predict points that are left out; sample faster or give the noise"
             }
-            Self::AtBound => "a length or period stands at the end of its range",
-            Self::NotConverged => "the optimiser ran out of iterations",
+            Self::AtBound => "a length scale or period is at the bound of its range",
+            Self::NotConverged => "the optimiser reached its iteration limit",
             Self::Jitter => "the covariance needed jitter",
-            Self::KernelReplaced => "too many points for the kernels asked for; a Matern kernel stands in",
-            Self::Thinned => "fitted to an even part of its points, all being too many",
+            Self::KernelReplaced => "too many points for the requested kernels; a Matern kernel replaces them",
+            Self::Thinned => "fitted to an evenly spaced subset, because there are too many points",
         })
     }
 }

@@ -1,4 +1,4 @@
-//! How early a stretch of a series must be entered so that its filter has forgotten the start, and whether it had.
+//! How much of the preceding series a segment must include until its filter has forgotten the start, and a check of it.
 //!
 //! Source: Anderson & Moore 1979, Optimal Filtering, section 4.4.
 // Indices of small matrices read as in the formulas.

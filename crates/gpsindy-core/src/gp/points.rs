@@ -1,4 +1,4 @@
-//! What a Gaussian process is conditioned on: inputs, targets, relative noise.
+//! The data of a Gaussian process: inputs, targets, relative noise.
 
 use crate::error::{Error, Result};
 

@@ -1,5 +1,5 @@
-//! The minimum of the cost: the best of several starts are followed downhill, on few points first
-//! where a likelihood of all is dear and the inputs are several.
+//! Minimises the cost from the best of several starts, first on a subset of the points if the likelihood of all is expensive
+//! and there are several inputs.
 //!
 //! The optimum of a part of the points lies near that of all, and its curvature is that of all
 //! nearly, by the point. So the part does the long way, and a few steps of nearly Newton's length

@@ -1,4 +1,4 @@
-//! The smoother of a long series in four stretches side by side, one in each lane of a register.
+//! Smooths a long series in four segments in parallel, one in each lane of a register.
 //!
 //! A filter forgets where it began. Each stretch is entered early, from the stationary state, and left late, with
 //! nothing known of what follows; how early follows from the memory of the filter on a clock of the same mean step.

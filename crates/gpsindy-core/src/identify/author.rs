@@ -1,8 +1,8 @@
-//! The pipeline behind the paper's tables as its authors ran it, slips included, so that their numbers can be reproduced.
+//! The pipeline behind the paper's tables as its authors ran it, including its slips, so that their numbers can be reproduced.
 //!
 //! One run at a time: raw samples, symmetric differences over the whole record, ADMM with loose tolerances, one lambda for
 //! all states by the open-loop error on the training part, forward Euler, errors as Frobenius norms against the noisy log.
-//! Use [`super::Identify`] to learn something.
+//! For an identification of your own use [`super::Identify`].
 
 use crate::data::{Dataset, Run};
 use crate::differentiate::{SecondStage, slope};

@@ -1,4 +1,4 @@
-//! The equations being learnt: which term stands in which equation with which coefficient, and the model that they make.
+//! The equations under identification: which term is in which equation with which coefficient, and the resulting model.
 
 use crate::data::Channel;
 use crate::error::Result;

@@ -1,8 +1,8 @@
-//! How much residuals tell, and what a term must bring.
+//! The evidence of a set of equations, and the penalty of a term.
 //!
 //! Evidence: `sum_c n_c ln(rss_c / n_c) + sum_j (ln n + 2 ln p + 2 ln(a) (s_j - 1))`, n values, p candidate terms, s_j factors in
 //! term j ([`crate::library::Term::complexity`]) and a symbols to write a factor with, one a variable and one for the end: the
-//! length of the term's description. Of two terms that the logs can't tell apart the plainer one stays.
+//! length of the term's description. Of two indistinguishable terms, the simpler one is kept.
 //!
 //! Source: Chen and Chen 2008, Extended Bayesian information criteria.
 

@@ -1,7 +1,7 @@
-//! Logs to equations: Algorithm 1 of the paper, and what is better than it, as one body.
+//! Identification of equations from logs: Algorithm 1 of the paper and its refinement, as one body.
 //!
-//! Smooth the states, make rows of regression, choose terms by sparse regression, then refine through the integrator:
-//! coefficients, delays and initial states on the raw measurements, terms dropped, added and exchanged by evidence.
+//! Smooth the states, form the rows of the regression and select terms by sparse regression. Then refine by simulation: fit
+//! coefficients, delays and initial states to the raw measurements, and drop, add and exchange terms by evidence.
 
 mod algorithm1;
 mod author;

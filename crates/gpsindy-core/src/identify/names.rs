@@ -39,7 +39,7 @@ impl Regression {
     pub const NAMES: &'static [(&'static str, &'static str)] = &[
         ("subset", "Best subset with exchanges"),
         ("lasso", "LASSO by ADMM"),
-        ("sqrt-lasso", "LASSO with the unsquared norm that the paper prints"),
+        ("sqrt-lasso", "LASSO with an unsquared norm, as printed in the paper"),
         ("stlsq", "Sequentially thresholded least squares (SINDy)"),
         ("ssr-coefficient", "Stepwise sparse regression, smallest coefficient first"),
         ("ssr-residual", "Stepwise sparse regression, smallest increase of the residual first"),
@@ -80,12 +80,12 @@ impl FromStr for Regression {
 impl Target {
     /// Every name with what it stands for.
     pub const NAMES: &'static [(&'static str, &'static str)] = &[
-        ("weak", "Integrals of the terms; nothing is differentiated"),
+        ("weak", "Weak form: integrals of the terms, no derivatives"),
         ("gp-state", "Derivative of a Gaussian process over the smoothed states (the paper's second stage)"),
-        ("gp-control", "The same over the controls"),
+        ("gp-control", "As gp-state, over the controls"),
         ("gp-time", "Derivative of the Gaussian process over time, with its covariance"),
-        ("difference", "Central differences, any grid"),
-        ("given", "The logged derivatives alone"),
+        ("difference", "Central differences on any grid"),
+        ("given", "Only the derivatives in the logs"),
     ];
 }
 
@@ -111,7 +111,7 @@ impl Choice {
         ("cv", "Cross-validation with the one-standard-error rule"),
         ("cv-best", "Cross-validation, smallest error"),
         ("bic", "Bayesian information criterion"),
-        ("rollout", "Error of rollouts"),
+        ("rollout", "Rollout error"),
     ];
 }
 

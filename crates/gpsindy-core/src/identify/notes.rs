@@ -1,4 +1,4 @@
-//! What a reader of an identification should know, as data; surfaces add the names of their own options.
+//! Notes of an identification, as data; surfaces add the names of their own options.
 
 use crate::gp::Weakness;
 use std::fmt;
@@ -73,33 +73,36 @@ impl fmt::Display for Note {
             }
             Self::UnloggedVelocity { velocity, position } => write!(
                 f,
-                "`{velocity}` is not in the logs: the regression took the slope of `{position}` for it, a refinement compares `{position}` alone"
+                "`{velocity}` is not in the logs; the regression uses the slope of `{position}` for it, and the refinement compares `{position}` only"
             ),
             Self::LineOfTime { state } => {
-                write!(f, "`{state}` is a straight line of time: a clock or a row number is no state; leave it out")
+                write!(
+                    f,
+                    "`{state}` is a linear function of time; a clock or a row number is not a state, so leave it out"
+                )
             }
             Self::TermsKept { degree, unrefined } => {
                 let what = if *unrefined { "the equations" } else { "the terms" };
                 match degree {
                     Some(degree) => write!(
                         f,
-                        "{what} are those of a regression with degree {degree}: they follow whole runs better than what the larger library leads to"
+                        "{what} are those of a regression with degree {degree}; they predict whole runs better than those of the larger library"
                     ),
                     None => write!(
                         f,
-                        "{what} are those of the regression: what the evidence of short rollouts prefers follows whole runs less well"
+                        "{what} are those of the regression; those with the best evidence in short rollouts predict whole runs less well"
                     ),
                 }
             }
-            Self::NotRefined { reason } => write!(f, "no refinement through the integrator: {reason}"),
-            Self::Restless => f.write_str("the refinement stopped before it came to rest"),
+            Self::NotRefined { reason } => write!(f, "no refinement by simulation: {reason}"),
+            Self::Restless => f.write_str("the refinement stopped before it converged"),
             Self::Consensus { members } => write!(
                 f,
-                "the equations are an approximation: of {members} candidates, these stay nearest to the logs in long rollouts and agree best with the others; the evidence of short rollouts alone is for another"
+                "the equations are an approximation: of {members} candidates, these predict long rollouts best and agree most with the others; the evidence of short rollouts alone would select another candidate"
             ),
             Self::Unpredictable { within } => write!(
                 f,
-                "small differences grow a million times within {within:.3} s: the motion is unstable or chaotic, and a rollout as long as the logs says little about the equations"
+                "small differences grow a million times within {within:.3} s: the motion is unstable or chaotic, so rollouts over whole logs are a poor test of the equations"
             ),
             Self::Interpolated => f.write_str("the controls look interpolated between samples, not held"),
         }

@@ -1,4 +1,4 @@
-//! What an identification looks at: columns found, velocities added, the training part cut, the library made.
+//! Prepares an identification: finds columns, adds velocities, cuts the training part, builds the library.
 
 use crate::data::{Channel, Dataset, Run};
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! What was found, batch or online, as an [`Identification`].
+//! The result, batch or online, as an [`Identification`].
 
 use crate::identify::algorithm1::regress::Chosen;
 use crate::identify::equations::Equations;

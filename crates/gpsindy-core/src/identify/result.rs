@@ -1,4 +1,4 @@
-//! What an identification gives back.
+//! The result of an identification.
 
 use crate::identify::notes::Note;
 use crate::model::Model;

@@ -1,6 +1,6 @@
-//! Velocities that no log carries: where an equation `x' = v` is given, v is at first the slope of the smoothed x.
+//! Unlogged velocities: if an equation `x' = v` is given, v is at first the slope of the smoothed x.
 //!
-//! The regression takes the slope for a measurement. The refinement starts from it and compares positions alone.
+//! The regression treats the slope as a measurement. The refinement starts from it and compares only positions.
 
 use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::central;

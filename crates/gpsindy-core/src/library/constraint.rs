@@ -1,4 +1,4 @@
-//! What is known beforehand about the equations: taken as given, without a term, with a sign.
+//! Prior knowledge of the equations: given equations, excluded or kept terms, signs of coefficients.
 
 use super::Library;
 use crate::error::{Error, Result};

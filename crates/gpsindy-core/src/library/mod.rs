@@ -1,4 +1,4 @@
-//! Candidate terms of the equations: what they are called and what they are worth, from one list.
+//! Candidate terms of the equations: their names and their values, from one list.
 //!
 //! Theta(X, U) of the paper, section II: constant, polynomials, sine and cosine of every state and control, their
 //! products, and whatever expression the user adds.

@@ -1,4 +1,4 @@
-//! What a model must fulfil before it is compiled; every message shows the equation and the place.
+//! Checks of a model before it is compiled; every message shows the equation and the position.
 
 use super::{Model, SCHEMA};
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! Ports: places where a force that nobody modelled may act; zero in the model as it stands.
+//! Ports: places where an unmodelled force may act; zero in the model itself.
 
 use super::Model;
 use crate::expression::Expression;

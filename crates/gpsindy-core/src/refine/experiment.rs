@@ -1,4 +1,4 @@
-//! What a fit looks at: logs, the windows they are cut into, and the noise of every logged column.
+//! The data of a fit: logs, their windows, and the noise of every logged column.
 
 use crate::data::{Dataset, Hold, Run};
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! Inputs with a history: late ones, and those with play.
+//! Inputs with a history: delays and play.
 //!
 //! They depend on the controls alone, so they are sampled over a whole log once. A late input that is held enters a step
 //! by its mean, which is smooth in the delay.

@@ -1,4 +1,4 @@
-//! Refinement through the integrator: parameters and initial states that fit the raw measurements.
+//! Fits parameters and initial states to the raw measurements by simulation.
 //!
 //! Multiple shooting with free initial states, solved by Levenberg-Marquardt; the initial states of
 //! each window are eliminated from the normal equations, so that many windows cost no more than one.

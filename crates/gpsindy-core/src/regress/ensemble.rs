@@ -1,4 +1,4 @@
-//! Stability of a support: the same regression on block bootstraps of the rows.
+//! Stability of a support: the regression repeated on block bootstraps of the rows.
 //!
 //! Source: Kuensch 1989 (moving blocks); Meinshausen and Buehlmann 2010, Stability selection; Fasel et al. 2022, Ensemble-SINDy.
 

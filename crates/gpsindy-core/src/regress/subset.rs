@@ -1,7 +1,7 @@
-//! Best subset by forward selection with swaps and looks back.
+//! Best subset by forward selection with exchanges and backward steps.
 //!
-//! Libraries hold near-copies of terms (`x` and `sin(x)`, `x^2` and `cos(x)`), with which one-way methods go wrong early and
-//! can't turn back. Here each size starts from the best smaller subset plus the best term, and then exchanges terms
+//! Libraries hold nearly collinear terms (`x` and `sin(x)`, `x^2` and `cos(x)`), for which greedy methods err early and cannot
+//! recover. Here each size starts from the best smaller subset plus the best term, and then exchanges terms
 //! until no exchange lowers the residual, of two terms at once while the subset is small; a larger subset that beats a smaller one by a term less takes its place.
 //!
 //! Source: Miller 2002, Subset Selection in Regression, sections 3.4 and 3.5 (sequential replacement); Pudil, Novovicova and

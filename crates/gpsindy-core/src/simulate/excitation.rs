@@ -1,4 +1,4 @@
-//! The controls of a run between its samples, and what the model's delays and plays make of them.
+//! The controls of a run between its samples, passed through the delays and plays of the model.
 //!
 //! A held control jumps at its samples, a delayed one `tau` later; an integrator must stop there. The
 //! excitation knows these break points, and between two of them it gives smooth signals.

@@ -1,4 +1,4 @@
-//! The march from break point to break point: step control, stiffness, jumps, blow-up.
+//! Integrates from break point to break point: step control, stiffness, jumps, divergence.
 
 use super::dense::DenseStep;
 use super::explicit::{DormandPrince, euler, runge_kutta_4};

@@ -22,6 +22,9 @@ pub(super) fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<V
     if first.cells.len() == 1 && first.cells[0].contains('|') {
         return Err(wrong("the cells look separated by bars; separate them by commas, semicolons or tabs".into()));
     }
+    if first.cells.get(0).is_some_and(|cell| cell.starts_with("schema") && cell.contains("gpsindy.model/")) {
+        return Err(wrong("this is a model, not a log; a log has a header row and then one sample per row".into()));
+    }
     if first.cells.iter().all(|c| number(c).is_ok()) {
         return Err(wrong("no header: the first row holds only numbers; put a row of column names before it".into()));
     }

@@ -17,6 +17,16 @@ fn message(text: &str) -> String {
 }
 
 #[test]
+fn a_model_in_the_place_of_a_log_is_called_one() {
+    let error =
+        CsvLog::parse("m.toml", b"schema = \"gpsindy.model/1\"\nname = \"a\"\n", &LogOptions::default()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "m.toml:1: this is a model, not a log; a log has a header row and then one sample per row"
+    );
+}
+
+#[test]
 fn every_kind_of_bad_input_is_one_clear_line() {
     for (text, expected) in [
         ("", "log.csv: the file is empty"),

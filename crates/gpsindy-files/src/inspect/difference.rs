@@ -1,4 +1,4 @@
-//! Whether a column is somebody's filtered difference of another: it then adds no measurement of its own.
+//! Whether a column is a filtered difference of another column, and thus not a measurement of its own.
 
 use super::Sheet;
 

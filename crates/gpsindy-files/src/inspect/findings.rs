@@ -1,4 +1,4 @@
-//! What spoils an identification: one sentence each, with what to do.
+//! Flaws of a log: one sentence each, with what to do.
 
 use super::difference::{self, How};
 use super::stamps::median;

@@ -58,7 +58,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class CustomEffect:
-    """An effect of the user's own, added to the right side of an equation.
+    """A custom effect, added to the right side of an equation.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class CustomEffect:
 
 
 def read_effects(path: Path) -> tuple[CustomEffect, ...]:
-    """Effects of the user's own from the ``[[effect]]`` entries of a TOML file."""
+    """Custom effects from the ``[[effect]]`` entries of a TOML file."""
     found = _gpsindy.read_effects(os.fspath(path))
     return tuple(
         CustomEffect(
@@ -116,7 +116,7 @@ class Cause:
     parameters : tuple of dict
         ``name``, ``value``, ``low``, ``high``, ``unit``.
     equivalent : tuple of str
-        Effects that these logs can't tell from this one.
+        Effects that these logs cannot distinguish from this one.
     next_experiment : str or None
         The experiment that would.
     stability : dict or None
@@ -203,7 +203,7 @@ class Diagnosis:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader must know beside the numbers."""
+        """Remarks on the result."""
         return tuple(self._report["notes"])
 
     @property
@@ -345,7 +345,7 @@ class Diagnosis:
         return randomizing.randomization(self, **options)
 
     def plot(self, **options: Any) -> Figure:
-        """Held-out logs beside the rollouts before and after; see :func:`gpsindy.plot.diagnosis`. Needs matplotlib."""
+        """Rollouts, residuals or the gap of each equation; see :func:`gpsindy.plot.diagnosis`. Needs matplotlib."""
         from gpsindy import plot
 
         return plot.diagnosis(self, **options)
@@ -388,25 +388,26 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Where a simulator differs from the machine, which effect causes it, and how far correcting it helps.
+    """Find where a simulator differs from the machine, which effect causes it, and how much a correction helps.
 
     Parameters
     ----------
     model : Model, path of a model file, fitted GPSINDy, callable or None
-        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``. With ``simulated`` None, or a GPSINDy
-        whose settings say how the simulated logs become a model.
+        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``. With ``simulated``: None, or a GPSINDy
+        with the settings for identifying a model from the simulated logs.
     logs : Dataset, paths of CSV files, frame or list of frames
         The real logs, with the model's controls and states as columns.
     holdout : as logs, optional
-        Logs that no fit and no choice sees. Default: the last quarter of the runs, of a single run the last quarter in time.
+        Logs for validation only, never for a fit or a selection. Default: the last quarter of the runs; of a single run, its last quarter
+        in time.
     simulated : as logs, optional
-        Logs of a simulator that is neither equations nor callable, best of the same runs as the real ones, with ``states`` and
-        ``controls`` named. A model is identified from them first; it must explain 99 % of held-out simulated logs, and what it
-        misses there counts as no gap.
+        Logs of a simulator that is neither equations nor callable, preferably of the same runs as the real ones; name ``states`` and
+        ``controls``. A model is first identified from them. It must explain 99 % of held-out simulated logs, and its error there
+        does not count as a gap.
     states, controls, kinematic, vectorized
         For a callable, as in :meth:`Model.from_callable`.
     effects : str or sequence of str
-        Ids of the suspects; one that begins with ``!`` is none. Default: the whole catalogue, see :func:`effects`.
+        Ids of the effects to test; ``!`` before an id leaves it out. Default: the whole catalogue, see :func:`effects`.
     custom : sequence of CustomEffect
         Suspects of the user's own.
     allow_place : bool
@@ -414,20 +415,20 @@ def diagnose(
     all_suspects : bool
         Suspect every effect everywhere, also where it makes no sense by units or place.
     confidence : float
-        Of intervals, 0.5 to 0.999; no test and no verdict depends on it.
+        Confidence level of the intervals, 0.5 to 0.999; no test and no verdict depends on it.
     most_effects : int
-        Effects together, at most, 1 to 6; never more than four in one equation.
+        Largest number of effects in one explanation, 1 to 6; never more than four in one equation.
     hold : {"zero", "linear"}, optional
-        What controls do between samples. Default: estimated.
+        How controls behave between samples. Default: estimated.
     time_limit : float or None, default 600
-        Seconds after which the search ends with the best that it has, and says so; ``None``: no limit.
+        Seconds after which the search stops with the best result so far and says so; ``None``: no limit.
     keep_function : bool
-        Add what no effect explains to the augmented model, as a function without a name.
+        Add the part that no effect explains to the augmented model, as a fitted function.
     power : bool
-        Also study which effects these logs could reveal, see :attr:`Diagnosis.power`: each is planted in simulated copies of the
-        logs and withheld. Takes a hundred times as long as the diagnosis.
+        Also study which effects these logs could reveal, see :attr:`Diagnosis.power`: each is added to simulated copies of the
+        logs. Takes a hundred times as long as the diagnosis.
     seed : int
-        Of that study's noise.
+        Seed of the noise in that study.
     progress : callable, optional
         Called with (stage, done, total).
 
@@ -438,9 +439,9 @@ def diagnose(
     Raises
     ------
     ValueError
-        Logs that lack what the model needs, or a setting out of range.
+        Logs without a column that the model needs, or a setting out of range.
     NumericalError
-        A nominal model that diverges whatever its initial state.
+        A nominal model that diverges from every initial state.
     """
     if not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ValueError(f"seed: expected an integer of at least 0, found {seed!r}")

@@ -74,19 +74,19 @@ class GPSINDy:
     delays : mapping of str to float or "auto", optional
         Delay of a control in s, or ``"auto"`` to estimate it.
     max_delay : float, optional
-        Largest delay that ``"auto"`` looks for, s. Default: what is sensible for sampling and length of the runs.
+        Largest delay that ``"auto"`` considers, s. Default: chosen from the sampling and the length of the runs.
     hold : {"zero", "linear"}, optional
-        What controls do between samples. Default: held, unless interpolated is the better explanation.
+        How controls behave between samples. Default: whichever explains the logs better.
     standardize : bool
-        Columns and target at unit size before the regression.
+        Scale columns and target to unit size before the regression.
     train_fraction : float
-        First part of each run that is learnt from.
+        Train on this first fraction of each run.
     ensemble : int
-        Above 0: inclusion probabilities, by the evidence; without ``refine`` by so many bootstraps of the regression.
+        Above 0: inclusion probabilities, from the evidence or, without ``refine``, from so many bootstraps of the regression.
     refine : bool
-        The refinement through the integrator.
+        Refine coefficients and terms by simulation.
     window : float, optional
-        Length of its rollouts, s. Default: as long as they stay on course.
+        Length of the rollouts, s. Default: as long as they follow the logs.
     consensus : bool
         Where long rollouts leave the logs of a controlled motion: several sets of equations, and of them those that stay nearest
         to the logs and agree best with the others. About five times as long; without effect where ``window`` is given.
@@ -116,11 +116,11 @@ class GPSINDy:
     hold_ : {"zero", "linear"}
         What the controls were taken to do between samples; simulations and scores do the same.
     report_ : tuple of dict
-        How the equation of each state was learnt.
+        How the equation of each state was identified.
     notes_ : tuple of str
-        What a reader of the result should know.
+        Remarks on the result.
     poor_ : bool
-        Whether rollouts follow the logs no better than the mean of each column, or than standing still; ``fit`` warns of it.
+        Whether rollouts predict the logs no better than the mean of each column or a constant state; ``fit`` then warns.
 
     Examples
     --------
@@ -254,7 +254,7 @@ class GPSINDy:
         self.poor_: bool = report["poor"]
         if self.poor_:
             warnings.warn(
-                "the model predicts the logs it was learnt from no better than their mean or than standing still; "
+                "the model predicts its training logs no better than their mean or a constant state does; "
                 "see notes_ and report_, and try other terms or a known equation (fix)",
                 stacklevel=2,
             )

@@ -61,7 +61,7 @@ def inspect(
         A CSV, MCAP, Parquet or ULog file, or the folder of a LeRobot data set or a ROS 2 bag. With the extra
         ``gpsindy[rosbags]`` also a ROS 1 ``.bag`` and a ROS 2 ``.db3``, or its folder; these are shown as MCAP.
     time, run : str, optional
-        The time column of a table, and the one that tells its runs apart.
+        The time column of a table, and the column that identifies the run of each row.
     stamp : {'header', 'log'}, optional
         The clock of messages. Default: their header's stamp where there is one.
     width : int, default 100
@@ -121,7 +121,7 @@ def read_log(
     units : mapping of str to str, optional
         Units of mapped columns.
     time, run : str, optional
-        The time column of a table, and the one that tells its runs apart.
+        The time column of a table, and the column that identifies the run of each row.
     rename : mapping of str to str, optional
         Column, or its whole header, to another name.
     angles : str or sequence of str, optional

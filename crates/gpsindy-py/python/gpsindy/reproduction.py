@@ -76,7 +76,7 @@ def author(
     lam : float, optional
         Weight of the 1-norm. Default: chosen; 0.1 for their simulated systems.
     train_fraction : float
-        First part of the run that is learnt from.
+        Train on this first fraction of the run.
     progress : callable, optional
         Called with (stage, done, total).
 

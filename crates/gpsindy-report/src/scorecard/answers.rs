@@ -1,4 +1,4 @@
-//! The answers of a suite, `answers.toml`: what was put into each case.
+//! The answers of a suite, `answers.toml`: the true effects of each case.
 
 use gpsindy_core::{Error, Result};
 use serde::Deserialize;

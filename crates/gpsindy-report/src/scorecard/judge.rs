@@ -1,4 +1,4 @@
-//! One case: its diagnosis against its answer.
+//! One case: compares its diagnosis with its answer.
 
 use super::answers::{Answer, Kind, TrueEffect};
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};

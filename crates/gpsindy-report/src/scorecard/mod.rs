@@ -1,8 +1,7 @@
-//! The score card of an exam: diagnoses against the answers that were withheld from them.
+//! The score card of an exam: compares diagnoses with the true answers.
 //!
-//! A cause is a hit where effect, state and variables are those of an effect that was put in or of
-//! a name that the suite accepts for it, or where its `equivalent` holds the effect's id. A case
-//! without a diagnosis counts as missed in everything that it asks.
+//! A cause is a hit if effect, state and variables are those of a true effect or of a name that the suite accepts for it,
+//! or if its `equivalent` holds the id of the effect. A case without a diagnosis counts as a miss in every rate.
 
 mod answers;
 mod foreign;

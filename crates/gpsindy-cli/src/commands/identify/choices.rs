@@ -1,4 +1,4 @@
-//! What the options of `gpsindy identify` choose between.
+//! Values of the options of `gpsindy identify`.
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -6,11 +6,11 @@ use std::str::FromStr;
 
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum Preset {
-    /// The defaults of every option
+    /// The default of every option
     Default,
-    /// Algorithm 1 of the paper as it is stated, without refinement
+    /// Algorithm 1 as stated in the paper, without refinement
     Paper,
-    /// The pipeline behind the paper's tables as its authors ran it, slips included, on one log; --smoother none is their SINDy
+    /// The pipeline behind the paper's tables as its authors ran it, including its slips, on one log; with --smoother none their SINDy
     Author,
 }
 
@@ -18,7 +18,7 @@ pub(super) enum Preset {
 pub(super) enum Smoothing {
     /// Gaussian process over time
     Gp,
-    /// Samples as they are
+    /// No smoothing
     None,
 }
 

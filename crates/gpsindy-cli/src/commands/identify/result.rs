@@ -1,4 +1,4 @@
-//! What was identified, for the screen and as JSON.
+//! The result of an identification, for the screen and as JSON.
 
 use crate::text::{aligned, count, short};
 use gpsindy_core::{Dataset, Hold, Identification, Score, StateError};
@@ -33,9 +33,9 @@ impl On {
 
     fn words(self) -> &'static str {
         match self {
-            Self::Holdout => "whole runs of the held-out logs",
-            Self::Rest => "the rest of every run, which was not learnt from",
-            Self::Training => "whole runs of the logs that were learnt from; --holdout scores on others",
+            Self::Holdout => "whole held-out runs",
+            Self::Rest => "the last part of every run, which was not used for training",
+            Self::Training => "whole training runs; --holdout scores on other logs",
         }
     }
 }
@@ -45,12 +45,12 @@ pub(super) fn poor(found: &Identification) -> Option<String> {
     let fidelity = found.fidelity.filter(|fidelity| fidelity.is_poor())?;
     let length = short(fidelity.length);
     Some(match fidelity.error {
-        None => format!("the model diverges within rollouts of {length} s over the logs it was learnt from"),
+        None => format!("the model diverges in rollouts of {length} s over its training logs"),
         Some(error) => {
             let (what, level) =
-                if fidelity.still < 1.0 { ("standing still", fidelity.still) } else { ("the mean", 1.0) };
+                if fidelity.still < 1.0 { ("a constant state", fidelity.still) } else { ("the mean", 1.0) };
             format!(
-                "the model predicts its own logs no better than {what}: relative error {} against {} over rollouts of {length} s",
+                "the model predicts its training logs no better than {what} does: relative error {} against {} in rollouts of {length} s",
                 short(error),
                 short(level)
             )

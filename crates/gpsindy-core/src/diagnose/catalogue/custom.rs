@@ -1,4 +1,4 @@
-//! An effect of the user's own.
+//! Custom effects.
 
 use crate::expression::Expression;
 

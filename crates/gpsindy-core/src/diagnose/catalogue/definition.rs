@@ -1,4 +1,4 @@
-//! What the diagnosis knows of one effect: one [`Definition`] a file of `effects/`.
+//! The definition of an effect: one [`Definition`] per file of `effects/`.
 
 use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
@@ -80,11 +80,11 @@ pub(crate) fn as_fitted(_: &mut Model, _: usize) {}
 pub(crate) mod experiment {
     pub(crate) const SLOW_REVERSALS: &str = "slow reversals at three or more speeds, or a coast-down";
     pub(crate) const KNOWN_LOAD: &str = "add a known mass or load, or check one static reading against a ruler";
-    pub(crate) const TURN_THE_RIG: &str = "turn the rig round, or stand still at two positions";
+    pub(crate) const TURN_THE_RIG: &str = "turn the rig around, or hold still at two positions";
     pub(crate) const TRIANGLES: &str = "triangles of rising amplitude about two offsets";
     pub(crate) const AMPLITUDES: &str = "one frequency at several amplitudes";
     pub(crate) const THE_SAME_AGAIN: &str = "the identical run repeated three times";
     pub(crate) const LARGER: &str = "a larger amplitude, or a second mean position";
     /// Where no pair has one of its own.
-    pub(crate) const ANOTHER_RUN: &str = "a run with another amplitude, offset and speed than the given logs have";
+    pub(crate) const ANOTHER_RUN: &str = "a run with another amplitude, offset and speed than the given logs";
 }

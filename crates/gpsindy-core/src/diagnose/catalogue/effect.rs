@@ -1,4 +1,4 @@
-//! What others ask of an effect.
+//! The public interface of effects.
 
 use crate::diagnose::catalogue::definition::{Definition, experiment};
 use crate::diagnose::catalogue::form::{with_words, written};

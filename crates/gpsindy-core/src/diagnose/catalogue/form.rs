@@ -1,4 +1,4 @@
-//! The text of an effect's form, with other names in the place of its symbols.
+//! The text of an effect's form, with its symbols replaced by names.
 
 use crate::error::Result;
 use crate::expression::Expression;

@@ -1,9 +1,9 @@
-//! Effects that are screened and fitted together because one alone shows the wrong sign.
+//! Effects that are screened and fitted together because each alone would have the wrong sign.
 //!
-//! The damping that an oscillation feels mixes dry, linear and quadratic friction. Where the nominal model has too
-//! much of one and lacks two others, every single friction is refused for its sign, and a search that adds one effect
-//! at a time walks past the truth. So the frictions of an equation also apply together, and with the nominal
-//! model's own damping parameter in the place of viscous friction. An exchange between two states is two terms, too.
+//! The damping of an oscillation mixes dry, linear and quadratic friction. If the nominal model has too much of one and
+//! lacks two others, every single friction is rejected for its sign, and a search that adds one effect at a time misses
+//! the true combination. So the frictions of an equation are also tested together, and with the damping parameter of the
+//! nominal model in the place of viscous friction. An exchange between two states also needs two terms.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Kind, Start};

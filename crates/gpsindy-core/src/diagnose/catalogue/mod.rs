@@ -1,4 +1,4 @@
-//! What may be wrong with a simulator: the effects, where they can act, and how each is written into a model.
+//! The catalogue: the effects, where they can act, and how each is written into a model.
 
 pub(crate) mod custom;
 mod custom_starts;

@@ -72,21 +72,27 @@ impl Place {
     /// The place in words.
     pub(crate) fn words(self) -> &'static str {
         match self {
-            Self::Row => "any equation of a rate",
-            Self::Own => "an equation of a rate, on its own state",
-            Self::Position => "an equation of a rate, on the place that belongs to it",
-            Self::Other => "an equation of a rate, on another state or a control that it lacks",
-            Self::Pair => "an equation of a rate, on two variables",
-            Self::Time => "any equation of a rate, on time",
-            Self::Parameter => "every equation in which a parameter stands",
-            Self::Control => "every equation in which a control stands",
+            Self::Row => "any dynamic equation",
+            Self::Own => "a dynamic equation, as a function of its own state",
+            Self::Position => "a dynamic equation, as a function of the position that belongs to it",
+            Self::Other => {
+                "a dynamic equation, as a function of another state or of a control that it does not contain"
+            }
+            Self::Pair => "a dynamic equation, as a function of two variables",
+            Self::Time => "any dynamic equation, as a function of time",
+            Self::Parameter => "every equation that contains a parameter",
+            Self::Control => "every equation that contains a control",
             Self::Sensor => "a logged column",
-            Self::Load => "an equation of a rate, on its own state and on another force of it",
-            Self::DriveAndSpeed => "every equation in which a control stands, on the speed that the control drives",
-            Self::Supply => "every equation in which a control stands, on a logged control that no equation has",
-            Self::Rate => "every equation in which a parameter stands, on a state that its terms hold",
-            Self::Heated => "every equation in which a parameter stands, on a control of the same equation",
-            Self::Gap => "every equation that holds the difference of two places",
+            Self::Load => "a dynamic equation, as a function of its own state and of another force in it",
+            Self::DriveAndSpeed => {
+                "every equation that contains a control, as a function of the speed that the control drives"
+            }
+            Self::Supply => {
+                "every equation that contains a control, as a function of a logged control that no equation uses"
+            }
+            Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
+            Self::Heated => "every equation that contains a parameter, as a function of a control of the same equation",
+            Self::Gap => "every equation that contains the difference of two positions",
         }
     }
 }

@@ -1,8 +1,8 @@
-//! Plants an effect in the nominal model, as the machine might have it and not as the search writes it.
+//! Adds an effect to the nominal model for a power study, as the machine might have it and not as the search models it.
 //!
-//! The forms are those of the published catalogue, with sharper corners than the search's: a friction whose sign turns
-//! within a thousandth of the typical speed, an edge in time without a ramp. Nothing of the search's own writing of effects
-//! is used. What is planted stands in the effect's own file of `effects/`; here are the words for it.
+//! The forms are those of the published catalogue, with sharper corners than those of the search: a friction whose sign
+//! changes within a thousandth of the typical speed, a step in time without a ramp. No code of the search is shared. Each
+//! effect has its form in its own file of `effects/`; this file has the building blocks.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;

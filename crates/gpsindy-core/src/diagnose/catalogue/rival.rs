@@ -1,7 +1,7 @@
-//! Non-parametric rivals: what any smooth function of some variables could explain, without a name.
+//! Non-parametric rivals: generic smooth functions of some variables.
 //!
-//! They answer two questions that relative evidence can't: whether something is left that no effect of
-//! the catalogue covers, and on which variables it depends.
+//! They answer two questions that a comparison of effects cannot: whether structure remains that no effect of the
+//! catalogue covers, and on which variables it depends.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Combine, Start};

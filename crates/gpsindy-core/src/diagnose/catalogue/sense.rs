@@ -1,4 +1,4 @@
-//! Where an effect makes sense: by units, by what the logs show, by what the equation already has.
+//! Where an effect makes physical sense: by units, by the ranges in the logs, by the terms of the equation.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;
@@ -28,13 +28,13 @@ impl Sense {
     /// The rule in words.
     pub(crate) fn words(self) -> &'static str {
         match self {
-            Self::Speed => "an equation of a speed",
-            Self::Balance => "an equation of an amount, not of a speed",
-            Self::NotNegative(_) => "a variable that is never below zero in the logs",
-            Self::EitherSign(_) => "a variable that takes either sign in the logs",
-            Self::Moves(_) => "a variable that moves in the logs",
-            Self::NotThermal => "an equation of no temperature",
-            Self::NoScale => "an equation that no parameter scales as a whole",
+            Self::Speed => "the equation is that of a speed",
+            Self::Balance => "the equation is that of an amount, not of a speed",
+            Self::NotNegative(_) => "the variable is never negative in the logs",
+            Self::EitherSign(_) => "the variable takes both signs in the logs",
+            Self::Moves(_) => "the variable moves in the logs",
+            Self::NotThermal => "the equation is not that of a temperature",
+            Self::NoScale => "no parameter scales the whole equation",
         }
     }
 

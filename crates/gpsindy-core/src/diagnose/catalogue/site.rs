@@ -1,7 +1,7 @@
 //! Sites: the ports and controls at which effects act as they do in an equation.
 //!
-//! Friction in one joint of an arm enters every row of its equations. Written at the joint's port it does so as the
-//! mechanics say; written into one row it does not.
+//! Friction in one joint of an arm enters every equation through the inverse mass matrix. An effect at the port of the joint
+//! does so; an effect written into a single equation does not.
 
 use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::list::Effect;

@@ -1,6 +1,6 @@
 //! Writes a hypothesis into the equations of a model, with start values for its parameters.
 //!
-//! What an effect writes stands in its own file of `effects/`; here are the words in which it is written.
+//! Each effect has its terms in its own file of `effects/`; this file has the building blocks.
 
 use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::excited::Scene;

@@ -1,4 +1,4 @@
-//! How far to go along columns, and what that gains: the quadratic `2 s'l - l'G l` at its best.
+//! Maximises the gain `2 s'l - l'G l` over step lengths `l` within bounds.
 
 use nalgebra::{DMatrix, DVector};
 

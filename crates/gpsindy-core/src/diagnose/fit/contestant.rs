@@ -1,4 +1,4 @@
-//! A contestant: the nominal model with some hypotheses written into it, and what its fit to the training logs left.
+//! A contestant: the nominal model with some hypotheses written into it, its fit to the training logs and the residual.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
 use crate::diagnose::fit::evidence::Evidence;

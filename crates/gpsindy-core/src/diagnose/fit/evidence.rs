@@ -1,4 +1,4 @@
-//! What judges a contestant: its residuals as noise, the beliefs that it strains, and the chances of gains.
+//! The evidence of a contestant: the likelihood of its residuals, the priors of its parameters, and the significance of gains.
 
 use crate::diagnose::fit::colour::{Colour, colours};
 use crate::diagnose::fit::tolerance;

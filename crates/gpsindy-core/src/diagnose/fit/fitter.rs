@@ -1,4 +1,4 @@
-//! What makes contestants: fits of a model with hypotheses in it to the training logs.
+//! Makes contestants: fits a model with hypotheses to the training logs.
 
 use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};

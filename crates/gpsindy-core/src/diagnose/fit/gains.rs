@@ -1,8 +1,8 @@
-//! Straight lines: what each hypothesis would do to the outputs, with everything that is free projected out.
+//! Linearised gains: how far each hypothesis would improve the fit, with all free quantities projected out.
 //!
-//! A column is the change of the whitened outputs when the hypothesis is switched on at its start values.
-//! Initial states and free parameters are eliminated first (Frisch and Waugh 1933), so that an effect
-//! which a retuned parameter or another start could imitate gains nothing.
+//! A column is the change of the whitened outputs when the hypothesis is switched on at its start values. Initial states
+//! and free parameters are eliminated first (Frisch and Waugh 1933), so that an effect which another parameter value or
+//! initial state could imitate has no gain.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Start};
 use crate::diagnose::fit::bounded::{bounded_gain, span_gain};

@@ -1,4 +1,4 @@
-//! Where the states start that a hypothesis added.
+//! Initial values of the states that a hypothesis adds.
 
 use crate::model::{Model, State, System};
 use crate::refine::Experiment;

@@ -1,4 +1,4 @@
-//! A contestant of the diagnosis, what fits it to the logs, and what judges it.
+//! Contestants of the diagnosis, their fits to the logs, and their evidence.
 
 pub(crate) mod bounded;
 pub(crate) mod colour;

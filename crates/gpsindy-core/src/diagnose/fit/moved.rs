@@ -1,4 +1,4 @@
-//! How far the logs move the parameters of a contestant, and how well they tell them.
+//! How far a fit moves the parameters of a contestant, and their standard deviations.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{BELIEVED, EXPECTED};

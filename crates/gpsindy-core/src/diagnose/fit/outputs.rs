@@ -1,4 +1,4 @@
-//! Rollouts of a model along the windows of an experiment: what its sensors would read, and its states.
+//! Rollouts of a model along the windows of an experiment: its predicted readings and its states.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::fit::contestant::Contestant;

@@ -1,4 +1,4 @@
-//! Parameters that the user believes in up to a tolerance, and what they take up of the logs.
+//! Parameters with a tolerance, and how much of the gap they absorb.
 
 use crate::diagnose::catalogue::joint::dissipative_bounds;
 use crate::diagnose::limits::BELIEVED;

@@ -1,4 +1,4 @@
-//! The power study: effects are planted in copies of the logs, withheld, and diagnosed.
+//! The power study: diagnoses simulated copies of the logs to which an effect was added.
 
 pub(crate) mod copies;
 pub(crate) mod settings;

@@ -1,8 +1,8 @@
-//! Power: which effects could these logs reveal, from what size, and what would each be taken for?
+//! Power: which effects could these logs reveal, from what size, and which would be mistaken for others?
 //!
-//! Every effect that can act is planted in simulated copies of the user's own logs (their times, controls and starts,
-//! the noise that the diagnosis found) and withheld; the diagnosis is run on the copies as on the logs. Sizes are
-//! chosen by the gap that the nominal model would show without noise, in units of the noise.
+//! Every effect that can act is added to simulated copies of the user's logs (with their times, controls and initial
+//! states, and the noise that the diagnosis found). The copies are diagnosed without knowledge of the effect. Sizes are
+//! chosen by the noise-free gap of the nominal model, in units of the noise.
 
 use crate::data::Dataset;
 use crate::diagnose::catalogue::excited::Scene;

@@ -1,4 +1,4 @@
-//! One effect of a power study: at which sizes blind diagnoses of the copies find and name it.
+//! One effect of a power study: at which sizes diagnoses of the copies detect and name it.
 
 use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;

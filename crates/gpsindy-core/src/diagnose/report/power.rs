@@ -1,4 +1,4 @@
-//! What a power study found: which effects the user's own logs could reveal, and from what size.
+//! The result of a power study: which effects the user's logs could reveal, and from what size.
 
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};

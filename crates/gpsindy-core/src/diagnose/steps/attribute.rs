@@ -1,4 +1,4 @@
-//! Attribute: which effects cause the gap, and is anything left that has no name.
+//! Attribute: which effects cause the gap, and whether unmodelled structure remains.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{MOST_MOVES, SWAP};

@@ -1,4 +1,4 @@
-//! Augment: the nominal model with the included causes written into it, as readers want to see it.
+//! Augment: the nominal model with the included causes written into it, in readable form.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;

@@ -1,5 +1,5 @@
-//! Charge: tolerated parameters that the logs move clearly and materially are causes, and must win their place like any
-//! other.
+//! Charge: a parameter that the fit moves clearly and materially from its nominal value becomes a hypothesis, which competes
+//! with the other effects.
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};

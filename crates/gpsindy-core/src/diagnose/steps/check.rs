@@ -1,4 +1,4 @@
-//! What no diagnosis can be made from, told before any work: logs without values or motion, a model that leaves them at once.
+//! Checks before any computation: logs without values or motion, and a model that diverges from them at once, are refused.
 
 use crate::data::{Dataset, Run};
 use crate::diagnose::fit::contestant::Contestant;

@@ -1,4 +1,4 @@
-//! The contest: who takes part, and by which rules one wins.
+//! The contest: its hypotheses, and the rules by which contestants are compared.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;

@@ -1,4 +1,4 @@
-//! Curves of the page: held-out rollouts beside the logs, what they leave, and the logs themselves.
+//! Curves of the report page: held-out rollouts beside the logs, their residuals, and the logs themselves.
 
 use crate::data::Dataset;
 use crate::diagnose::limits::curves::{BAND, LAGS, MOST_RUNS};

@@ -1,4 +1,4 @@
-//! Detect: is there a gap beyond noise, beyond what no test should find, and beyond what the user tolerates?
+//! Detect: is there a gap that is significant, material, and beyond the tolerances of the parameters?
 
 use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};

@@ -1,4 +1,4 @@
-//! What the steps find and hand on to the next ones.
+//! The results that steps pass on to later steps.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::TWINS;

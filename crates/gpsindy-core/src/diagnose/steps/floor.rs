@@ -1,8 +1,8 @@
-//! The noise floor: what is left of a rollout's error when the model is right.
+//! The noise floor: the rollout error of a correct model.
 //!
-//! Where held-out runs repeat the same controls from the same start, it is what differs between them, which no model can
-//! follow: sensor noise, disturbances of their own, and what a start to within the noise makes of itself. Else it is the
-//! sensor's noise, and what that does to the starts.
+//! If held-out runs repeat the same controls from the same initial state, the floor is the difference between them, which
+//! no model can predict: sensor noise, disturbances, and the effect of an uncertain initial state. Otherwise it is the
+//! sensor noise and its effect on the initial state.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::NOISE;

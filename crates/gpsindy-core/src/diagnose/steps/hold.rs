@@ -1,4 +1,4 @@
-//! Hold: what the control does between its samples, held or interpolated.
+//! Hold: whether the control is held or interpolated between its samples.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::unless_refused;

@@ -1,4 +1,4 @@
-//! Lengthen: once the model is better, rollouts may be longer: whole runs again where the winner allows it.
+//! Lengthen: a better model allows longer rollouts, up to whole runs.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::unless_refused;

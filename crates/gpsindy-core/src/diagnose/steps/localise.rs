@@ -1,7 +1,7 @@
 //! Where the gap lies: by equation, by region of a variable, and over time.
 //!
 //! The gap of an equation is the difference between the rates of the corrected and of the nominal model along
-//! the corrected trajectory. The corrected model is the winner, or the best function without a name.
+//! the corrected trajectory. The corrected model is the winner, or the nominal model with the best generic function.
 
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};

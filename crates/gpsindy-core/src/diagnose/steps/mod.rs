@@ -1,4 +1,4 @@
-//! The steps of a diagnosis, and their parts; docs/architecture.md tells their order.
+//! The steps of a diagnosis, and their parts; docs/architecture.md has their order.
 
 pub(crate) mod attribute;
 pub(crate) mod augment;

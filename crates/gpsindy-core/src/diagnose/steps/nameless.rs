@@ -1,4 +1,4 @@
-//! A function without a name in the place of what is left, where it was asked for.
+//! A generic smooth function in the augmented model for the remaining residual, on request.
 
 use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};

@@ -1,4 +1,4 @@
-//! Places: each effect of the winner left out in turn, and all others applying for its place.
+//! Places: replaces each effect of the winner in turn by every other effect, and keeps a better one.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{Budget, IN_SIGHT, NAMED};

@@ -1,4 +1,4 @@
-//! Prepare: noise level of every column, outliers, windows and integration steps, before anything is judged.
+//! Prepare: noise level of every column, outliers, windows and integration steps.
 
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;

@@ -1,4 +1,4 @@
-//! Refit: contestants with one more effect, of those whose straight lines are promising.
+//! Refit: full fits of contestants with one more effect, for the effects with promising linearised gains.
 
 use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};

@@ -1,4 +1,4 @@
-//! One round of the contest: everything screened at a contestant, and what is promising refitted.
+//! One round of the contest: screens all hypotheses at a contestant and refits the promising ones.
 
 use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};

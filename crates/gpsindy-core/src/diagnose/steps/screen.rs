@@ -1,4 +1,4 @@
-//! Screen: what straight lines say of every hypothesis at a contestant, and of functions without a name.
+//! Screen: linearised gains of every hypothesis, and of generic smooth functions, at a contestant.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};

@@ -1,4 +1,4 @@
-//! Search: effects are added to a beam of contestants as long as they convince.
+//! Search: a beam search that adds effects as long as they improve the evidence enough.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{ALIKE, BEAM};

@@ -1,4 +1,4 @@
-//! Simplify: effects that a search picked up from what it can't explain are left out again, and one takes the place of two.
+//! Simplify: removes effects that only fit unexplained structure, and replaces two effects by one where that suffices.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{Budget, CHANCE, NAMED, REST, STRUCTURE};

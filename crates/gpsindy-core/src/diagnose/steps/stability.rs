@@ -1,8 +1,8 @@
 //! Stability: does a cause keep its size in every run, in the inner and the outer part of its range, early and late?
 //!
-//! The size of a true cause does not change with the situation; an imitation's does (Peters, Buehlmann, Meinshausen 2016,
-//! JRSS B 78(5)). At the joint fit each part gets a size of its own, by a straight line, with everything else free; whether
-//! the sizes agree is judged under the colour and the size of what the fit leaves, so that the null distribution is known.
+//! The size of a true cause is invariant; that of an imitation is not (Peters, Buehlmann, Meinshausen 2016, JRSS B 78(5)).
+//! At the joint fit, each part of the logs gets a size of its own in a linearised model, with everything else free. The
+//! test of agreement uses the size and colour of the residual, so its null distribution is known.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};

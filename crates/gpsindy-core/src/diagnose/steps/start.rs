@@ -1,9 +1,8 @@
-//! Where a held-out rollout starts: at a place that the log's own first samples do not contradict.
+//! The initial state of a held-out rollout, from the first samples of the log.
 //!
-//! The belief is a parabola through as many first samples as one follows to within the noise. The model then refines it
-//! on the beginning of the rollout, as far as it follows the log there: its residual counts by its own size and colour. A
-//! model that is right learns its start to a fraction of the noise; one that is wrong can't move the start to where its
-//! errors look small.
+//! The prior is a parabola through as many first samples as it fits to within the noise. The model then refines the initial
+//! state on the beginning of the rollout, where its residual is weighted by its own size and colour. A correct model thus
+//! finds its initial state to a fraction of the noise; a wrong one cannot shift it to hide its errors.
 
 use crate::diagnose::fit::colour::colours;
 use crate::diagnose::fit::lagging::with_lagging;

@@ -1,4 +1,4 @@
-//! Suspects: the effects that could act in this model under these logs, and the functions without a name beside them.
+//! Suspects: the effects that could act in this model under these logs, and the generic smooth functions.
 
 use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::enumerate::everything;

@@ -1,6 +1,6 @@
-//! Verify: how far the corrected model's held-out rollouts come from the nominal ones to the noise floor, column by column.
+//! Verify: held-out rollout errors of the nominal and the corrected model against the noise floor, by column.
 //!
-//! Every column counts in units of its own noise, so that one that travels far hides nothing.
+//! Every column is measured in units of its own noise, so that a column with a large range does not dominate.
 
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;

@@ -1,4 +1,4 @@
-//! Probabilities, groups, exclusions and the verdict: from the contest's outcome to the report.
+//! Weigh: probabilities, groups, exclusions and the verdict, from the outcome of the contest to the report.
 
 use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;

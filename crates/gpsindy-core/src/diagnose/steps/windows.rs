@@ -1,4 +1,4 @@
-//! How long rollouts are: as long as the model stays near the logs and tells more than shorter ones.
+//! The length of rollouts: as long as the model follows the logs and longer rollouts carry more information.
 
 use crate::diagnose::limits::{Budget, EXPLOSION, LOUD, OFF_COURSE, OFF_COURSE_NOISE, SHORTEST};
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! The lines of the paper's Algorithm 1: smooth, rows, one sparse regression a state; and how the controls act.
+//! The paper's Algorithm 1: smoothing, regression rows, one sparse regression per state; and the timing of the controls.
 
 pub(crate) mod regress;
 pub(crate) mod rows;

@@ -1,6 +1,6 @@
-//! Lines 4 to 6 of Algorithm 1: rows of the regression, one set a state: what the library must explain, in units of its noise.
+//! Lines 4 to 6 of Algorithm 1: the rows of the regression, one set per state, in units of their noise.
 //!
-//! The weak form compares the states themselves: `x(t) = x(t0) + (integral of Theta from t0 to t) xi`. Its errors are those of
+//! The weak form uses the states themselves: `x(t) = x(t0) + (integral of Theta from t0 to t) xi`. Its errors are those of
 //! the sensor, hence independent and of known size, and nothing is differentiated. `x(t0)` of each stretch is free.
 //!
 //! Source: Dattner and Klaassen 2015, Optimal rate of direct estimators in systems of ordinary differential equations

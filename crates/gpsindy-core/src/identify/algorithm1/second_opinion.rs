@@ -1,8 +1,8 @@
-//! A second opinion on a smoother that takes all motion for noise.
+//! Checks a smoother that mistakes all motion for noise.
 //!
-//! A motion of few samples a period has a steep likelihood at its own length and a flat one at "all noise", where an optimiser
-//! may end. Whether a column can be foretold from its last samples says which is true, whatever the kernel: of a motion that
-//! obeys a linear recursion `x_i = sum_k a_k x_(i-k)`, logged with white noise of standard deviation e, the recursion misses by
+//! For a motion with few samples per period, the likelihood has a steep optimum at its length scale and a flat one at "all
+//! noise", where an optimiser may end. Whether a column is predictable from its last samples decides between the two,
+//! regardless of the kernel: for a motion that obeys a linear recursion `x_i = sum_k a_k x_(i-k)`, logged with white noise of standard deviation e, the recursion misses by
 //! `e sqrt(1 + sum_k a_k^2)`.
 //!
 //! Source: Kay 1988, Modern Spectral Estimation, chapters 6 and 7.

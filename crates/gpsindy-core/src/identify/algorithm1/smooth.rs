@@ -1,4 +1,4 @@
-//! Lines 1 to 3 of Algorithm 1: the states as a smooth motion, their slopes, and the sizes that follow from them.
+//! Lines 1 to 3 of Algorithm 1: smoothed states, their derivatives, and typical sizes.
 
 use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};

@@ -1,4 +1,4 @@
-//! What the controls do between samples and how late they act, by what all allowed terms together leave.
+//! The hold and the delay of the controls, chosen by the residual of all allowed terms together.
 
 use crate::error::Result;
 use crate::identify::algorithm1::rows::rows;

@@ -1,4 +1,4 @@
-//! Rows of the weak form as they come, folded into triangular factors: what is kept does not grow with the log.
+//! Accumulates rows of the weak form into triangular factors of constant size.
 //!
 //! Within a stretch of time `x(t) = x0 + (integral of Theta) xi`, with x0 free. The free start is eliminated row by row: each
 //! row less the mean of those before it, times `sqrt(w / (w + 1))` for w rows before (Helmert's transformation), has an

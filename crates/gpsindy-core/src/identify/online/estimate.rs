@@ -1,4 +1,4 @@
-//! Where a state is.
+//! The estimate of a state.
 
 /// Where a state is, by all samples so far.
 #[derive(Debug, Clone, Copy, PartialEq)]

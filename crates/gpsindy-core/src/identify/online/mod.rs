@@ -2,9 +2,9 @@
 //! not grow with the log.
 //!
 //! Gaussian processes of Matern kernels smooth the newest samples; their hyperparameters are fitted again as the log grows.
-//! Once later samples tell nothing more about a smoothed state, its row of the weak form is folded into triangular factors,
-//! and terms are chosen from those factors alone. While the whole log fits into the window, a new fit goes through it again,
-//! so that short logs lose nothing.
+//! Once later samples no longer change a smoothed state, its row of the weak form is added to triangular factors, and terms
+//! are selected from these factors alone. While the whole log fits into the window, each new fit starts over from all
+//! samples, so that short logs lose no information.
 
 mod accumulate;
 mod estimate;

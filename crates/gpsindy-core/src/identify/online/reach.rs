@@ -1,4 +1,4 @@
-//! How far a sample reaches: the rate at which its influence on a smoothed value fades.
+//! The reach of a sample: the rate at which its influence on a smoothed value decays.
 //!
 //! Smoothing by a Matern process of spectral density `S(w) = q / (lambda^2 + w^2)^m` under noise of density `r` is a filter
 //! `S / (S + r)`, whose poles are where `(lambda^2 - s^2)^m = -q / r`. The slowest of them is the rate asked for.

@@ -1,4 +1,4 @@
-//! The settings of an online identification, and what they may be.
+//! The settings of an online identification and their ranges.
 
 use crate::data::Channel;
 use crate::error::{Error, Result};

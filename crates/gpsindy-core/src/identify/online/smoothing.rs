@@ -1,4 +1,4 @@
-//! Smoothed states from the newest samples alone, and what the terms add up to along them.
+//! Smoothed states from the newest samples, and integrals of the terms along them.
 
 use super::accumulate::Block;
 use super::estimate::Estimate;

@@ -1,4 +1,4 @@
-//! The tuning value of the regression by the error of rollouts.
+//! Selects the tuning parameter of the regression by the rollout error.
 
 use crate::error::Result;
 use crate::identify::algorithm1::regress::Regressed;

@@ -1,10 +1,11 @@
-//! Of several equations that explain a log about as well, those that stay near it in long rollouts and that the others bear
-//! out where the log says nothing.
+//! Consensus: of several equations that explain a log about equally well, selects those that predict long rollouts best and
+//! agree most with the others outside the logged data.
 //!
-//! Short rollouts with free starts say little about where an approximation leads in the end; long ones from the smoothed states
-//! do. And under a controller every control follows the states, and a relation of the loop (a speed that depends on the place
-//! where the car always slows down) passes for an equation. Such relations break when the controls of one stretch of the log are
-//! given to the states of another, each in its own way, while equations near the truth still move alike.
+//! Short rollouts with free initial states are a weak test of the long-term behaviour of an approximation; long rollouts from
+//! the smoothed states are a strong one. Under feedback, every control follows the states, and a relation of the loop (a speed
+//! that depends on the place where the car always slows down) can pass for an equation. Such relations fail, each in its own
+//! way, when the controls of one part of the log are combined with the states of another, while equations near the truth
+//! still predict the same motion.
 //!
 //! Source for the loop: Ljung 1999, System Identification, section 13.4; for equations judged by their long rollouts: Piroddi and
 //! Spinelli 2003, An identification algorithm for polynomial NARX models based on simulation error minimization.

@@ -1,4 +1,4 @@
-//! Equations fitted through the integrator on the raw measurements: coefficients, delays and initial states.
+//! Fits equations by simulation to the raw measurements: coefficients, delays and initial states.
 //!
 //! Source: Bock 1983, Recent advances in parameter identification techniques for ODE.
 

@@ -1,5 +1,5 @@
-//! Longer and longer rollouts: short ones first, since a wrong equation stays near the logs in them; then as long as they stay
-//! on course, because long ones tell more.
+//! Lengthens the rollouts step by step: short ones first, because even a wrong equation follows the logs in them; then as long
+//! as the rollouts follow the logs, because long ones carry more information.
 
 use crate::error::{Error, Result};
 use crate::identify::limits::{GROWTH, ON_COURSE, UNCHANGED};

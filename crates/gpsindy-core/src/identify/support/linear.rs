@@ -1,5 +1,4 @@
-//! Rollouts around a fit as a linear function of every candidate coefficient: which supports promise a better one, and where
-//! their full fits start.
+//! Rollouts linearised in every candidate coefficient at a fit: which supports promise a better fit, and its start values.
 
 use crate::error::Result;
 use crate::identify::evidence::price;

@@ -1,4 +1,4 @@
-//! The refinement: equations searched for and fitted through the integrator on the raw measurements.
+//! The refinement: searches for equations and fits them by simulation to the raw measurements.
 
 mod by_rollout;
 mod consensus;

@@ -1,4 +1,4 @@
-//! The search for terms: dropped, added and exchanged by evidence.
+//! The moves of the search: terms are dropped, added and exchanged by evidence.
 //!
 //! At a fit the trajectories are linear in all candidate coefficients to first order, so the search for a better support is
 //! again a sparse regression, with the sensitivities of the trajectories as its columns; what it proposes is then fitted in full.

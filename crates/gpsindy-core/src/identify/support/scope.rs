@@ -1,4 +1,4 @@
-//! What a refinement works on, and what it works out.
+//! The input and the result of a refinement.
 
 use crate::error::Result;
 use crate::identify::algorithm1::regress::Regressed;

@@ -1,4 +1,4 @@
-//! How trajectories move with the coefficient of every candidate term, in use or not, from one trajectory of the terms in use.
+//! Sensitivities of trajectories to the coefficient of every candidate term, included or not, from one trajectory of the model.
 //!
 //! Along a trajectory of `x' = f(x, u)` the sensitivity S of the states to the coefficient of term theta_j in equation s obeys
 //! `S' = (df/dx) S + e_s theta_j`, and is 0 at the start of a window. Over a step of length h, with the transition matrices

@@ -1,5 +1,5 @@
-//! What the refinement ends with: never equations that predict whole runs worse than those it began with, and those of a smaller
-//! library where the larger one leads astray.
+//! The final choice of the refinement: never equations that predict whole runs worse than the initial ones, and those of a
+//! smaller library if they predict better.
 
 use crate::error::{Error, Result};
 use crate::identify::algorithm1::regress::{Regressed, regress};

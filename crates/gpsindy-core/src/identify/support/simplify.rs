@@ -1,4 +1,4 @@
-//! Terms that no log could show: where rollouts follow the logs as closely as numbers are kept, the fewest terms that still do.
+//! Removes terms without visible effect: if rollouts match the logs to rounding, keeps the fewest terms that still do.
 
 use crate::error::Result;
 use crate::identify::limits::{EXACT, MOVES};

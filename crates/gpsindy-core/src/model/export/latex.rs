@@ -1,4 +1,4 @@
-//! LaTeX: the equations, what the sensors read, and the parameters, as `align*` environments.
+//! LaTeX: the equations, the readings of the sensors, and the parameters, as `align*` environments.
 
 use super::dialect::no_equations;
 use crate::error::Result;

@@ -1,4 +1,4 @@
-//! Models as source: LaTeX, SymPy, Python, C, Rust, Julia, Modelica.
+//! Models as source code: LaTeX, SymPy, Python, C, Rust, Julia, Modelica.
 
 mod c;
 mod dialect;

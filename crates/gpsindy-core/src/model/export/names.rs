@@ -1,8 +1,7 @@
 //! Names of a model as identifiers of a programming language, and its free text as words of a comment.
 //!
-//! A name and a unit are written by whoever wrote the model file. Nothing of theirs may end a comment or a string:
-//! [`Model::check`] refuses characters that do not show, and here every other mark that a language reads inside a
-//! comment or a string is made harmless.
+//! Names and units come from the author of a model file and must not end a comment or a string: [`Model::check`] refuses
+//! invisible characters, and this file escapes every other mark that a language interprets inside a comment or a string.
 
 use super::super::Model;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! A model taken apart for a programming language: rates, outputs, and inputs with a history.
+//! The parts of a model that every program needs: rates, outputs, and inputs with a history.
 
 use super::super::{InputKind, Model};
 use super::dialect::no_equations;

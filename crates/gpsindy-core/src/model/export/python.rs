@@ -1,4 +1,4 @@
-//! Plain Python: the `math` module is all it needs; the rates suit SciPy's `solve_ivp`.
+//! Plain Python: it needs only the `math` module; the rates suit SciPy's `solve_ivp`.
 
 use super::dialect::{Dialect, number};
 use super::names::{line_comment, python_string};

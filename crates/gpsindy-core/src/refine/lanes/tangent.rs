@@ -1,4 +1,4 @@
-//! Straight-line responses of a simulator that steps: what small changes of its inputs and parameters do to a rollout.
+//! Linearised responses of a simulator that steps: the effect of small changes of its inputs and parameters on a rollout.
 //!
 //! Along one rollout the simulator is differentiated once, at every step and by all its arguments, in calls of many
 //! rows. Any number of suspects is then screened without another call: `d' = A d + B (a - a0)`, where `d` is how far

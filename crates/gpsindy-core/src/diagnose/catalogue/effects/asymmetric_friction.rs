@@ -1,4 +1,4 @@
-//! Dry friction of two levels, one a direction.
+//! Dry friction with one level per direction.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::{Combine, Start};
@@ -12,23 +12,23 @@ use crate::expression::Expression;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "asymmetric friction",
-    meaning: "Dry friction that is stronger one way than the other.",
+    meaning: "Dry friction that differs between the two directions.",
     family: Family::Friction,
     form: "-c_plus*max(sign(z), 0) - c_minus*min(sign(z), 0)",
     symbols: &["z"],
-    parameters: "c_plus: level for z above 0, c_minus: level for z below 0",
-    signature: "a jump of the rate at every reversal, and unlike decay in the two directions",
+    parameters: "c_plus: level for z above 0, c_minus: level for z below 0, w: speed within which the sign is smoothed",
+    signature: "the rate jumps at every reversal, and decay differs between the two directions",
     places: &[Place::Own],
     sense: &[Sense::Speed, Sense::EitherSign(0)],
     twins: &[
         (Effect::CoulombFriction, "equal slow strokes in both directions"),
-        (Effect::Bias, "turn the rig round, or equal slow strokes in both directions"),
+        (Effect::Bias, "turn the rig around, or equal slow strokes in both directions"),
     ],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
-    about: "Equal levels are Coulomb friction, which has one number less and wins then. Coulomb friction beside a bias is the same force.",
+    about: "With equal levels it is Coulomb friction, which has one parameter less and is then preferred. Coulomb friction together with a bias is the same force.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

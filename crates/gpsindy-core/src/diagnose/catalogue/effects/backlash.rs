@@ -12,12 +12,12 @@ use crate::expression::{Expression, Function};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "backlash",
-    meaning: "Play: after a reversal some travel does nothing.",
+    meaning: "Play: after a reversal, part of the travel has no effect.",
     family: Family::Memory,
     form: "u becomes play(u, c)",
     symbols: &["u"],
     parameters: "c: total width",
-    signature: "nothing happens for a while after every reversal of the command",
+    signature: "no response for some time after every reversal of the command",
     places: &[Place::Control],
     sense: &[],
     twins: &[

@@ -10,12 +10,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "constant bias",
-    meaning: "A constant push that the model lacks.",
+    meaning: "A constant force or rate that the model does not have.",
     family: Family::Parameter,
     form: "c",
     symbols: &[],
     parameters: "c: constant rate",
-    signature: "a steady push that does not depend on anything",
+    signature: "a constant offset of the rate, whatever the motion",
     places: &[Place::Row],
     sense: &[],
     twins: &[

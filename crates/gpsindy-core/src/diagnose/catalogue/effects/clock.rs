@@ -1,4 +1,4 @@
-//! The clock of a column is off.
+//! The clock of a column is shifted or runs at another rate.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::{Combine, Start};
@@ -11,12 +11,12 @@ use crate::expression::Expression;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "clock",
-    meaning: "The clock of one column runs ahead or behind, or fast or slow.",
+    meaning: "The clock of one column is offset, or runs fast or slow.",
     family: Family::Sensor,
     form: "the column reads the state at the time (1 + e)*t + tau",
     symbols: &[],
     parameters: "e: relative error of the rate, tau: offset, s",
-    signature: "one column runs away from the others in time, whatever the motion",
+    signature: "one column drifts in time against the others, whatever the motion",
     places: &[Place::Sensor],
     sense: &[],
     twins: &[
@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "The state at another time is its value and its rate times the difference, which holds for differences that are short beside the motion. Only a suspect where it is asked for: an offset of half a sample takes up what any other effect gets wrong in time.",
+    about: "The state at the other time is approximated by its value plus its rate times the difference, which holds for differences that are short compared with the motion. It is tested only on request: an offset of half a sample absorbs the timing errors of any other effect.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -14,12 +14,12 @@ use std::f64::consts::{PI, TAU};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "cogging",
-    meaning: "A force that repeats along the position.",
+    meaning: "A force that is periodic in the position.",
     family: Family::Stiffness,
     form: "c*sin(n*z + phase)",
     symbols: &["z"],
     parameters: "c: size, n: spatial frequency, phase",
-    signature: "a ripple that repeats with position",
+    signature: "a ripple that is periodic in the position",
     places: &[Place::Position],
     sense: &[],
     twins: &[(Effect::PeriodicDisturbance, "the same motion at two speeds")],

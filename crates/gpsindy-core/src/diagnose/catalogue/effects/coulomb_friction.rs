@@ -1,4 +1,4 @@
-//! Dry friction: the same against every motion.
+//! Dry friction: a constant force against the motion.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -11,12 +11,12 @@ use crate::expression::{Expression, Function};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "Coulomb friction",
-    meaning: "Dry friction: the same against every motion, whatever its speed.",
+    meaning: "Dry friction: a constant force against the motion, whatever its speed.",
     family: Family::Friction,
     form: "-c*sign(z)",
     symbols: &["z"],
     parameters: "c: friction level, w: speed within which the sign is smoothed",
-    signature: "decay by equal steps, standing still, a jump of the rate at every reversal",
+    signature: "linear decay of oscillations, sticking at rest, a jump of the rate at every reversal",
     places: &[Place::Own],
     sense: &[],
     twins: &[

@@ -1,4 +1,4 @@
-//! Another axis pulls along.
+//! A linear coupling with another axis.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -9,12 +9,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "coupling",
-    meaning: "Another axis pulls along.",
+    meaning: "Another axis or input acts on this one.",
     family: Family::Coupling,
     form: "c*z",
     symbols: &["z"],
     parameters: "c: gain from z",
-    signature: "this axis moves when only the other is driven",
+    signature: "this axis moves when only the other one is driven",
     places: &[Place::Other],
     sense: &[],
     twins: &[],

@@ -10,12 +10,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "cubic stiffness",
-    meaning: "A spring that hardens (or softens) away from the middle.",
+    meaning: "A spring that hardens (or softens) with its deflection.",
     family: Family::Stiffness,
     form: "-c*z^3",
     symbols: &["z"],
     parameters: "c: hardening",
-    signature: "resonance shifts with amplitude",
+    signature: "the resonance frequency depends on the amplitude",
     places: &[Place::Own, Place::Position],
     sense: &[],
     twins: &[(Effect::GravityLoad, experiment::LARGER), (Effect::LinearStiffness, experiment::LARGER)],

@@ -12,12 +12,12 @@ use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "drift",
-    meaning: "A number of the plant changes slowly with time.",
+    meaning: "A parameter of the plant changes slowly with time.",
     family: Family::Time,
     form: "a parameter or bias changes slowly with time: c*t",
     symbols: &[],
     parameters: "c: change per second",
-    signature: "the beginning fits, the end does not",
+    signature: "the model fits the beginning of a log but not its end",
     places: &[Place::Time, Place::Parameter],
     sense: &[],
     twins: &[(Effect::Bias, experiment::THE_SAME_AGAIN), (Effect::StepDisturbance, experiment::THE_SAME_AGAIN)],

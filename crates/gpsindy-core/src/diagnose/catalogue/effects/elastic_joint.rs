@@ -1,4 +1,4 @@
-//! A load that hangs on a spring.
+//! A load behind an elastic joint.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -14,12 +14,12 @@ use std::f64::consts::{PI, TAU};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "elastic joint",
-    meaning: "The drive and its load are joined by a spring that the model takes for stiff.",
+    meaning: "The drive and its load are joined by a spring that the model assumes to be rigid.",
     family: Family::Coupling,
     form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r",
     symbols: &["z"],
     parameters: "m: inertia of the load as a share of the drive's, omega: rad/s, zeta: damping",
-    signature: "a resonance after each jump of the force, and no other sign at slow motion",
+    signature: "a resonance after each jump of the force, and no effect at slow motion",
     places: &[Place::Own],
     sense: &[Sense::Speed],
     twins: &[(Effect::InputLag, "a chirp beyond the resonance"), (Effect::Inertia, "a chirp beyond the resonance")],
@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "The twist is what the load is ahead of the drive. The rigid limit of a very stiff spring is inertia.",
+    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

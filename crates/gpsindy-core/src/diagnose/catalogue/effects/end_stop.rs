@@ -14,12 +14,12 @@ use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "end stop",
-    meaning: "A stop that pushes back beyond a place, and does nothing before it.",
+    meaning: "A stop that pushes back beyond a position and has no effect before it.",
     family: Family::Stiffness,
     form: "-(k + d*v)*max(0, z - high) + (k - d*v)*max(0, low - z)",
     symbols: &["z"],
     parameters: "k: stiffness, d: damping by the speed v in contact, high and low: where the stops begin",
-    signature: "free motion up to a place, and a short rebound there",
+    signature: "free motion up to a position, and a short rebound there",
     places: &[Place::Position],
     sense: &[Sense::NotThermal],
     twins: &[(Effect::CubicStiffness, experiment::LARGER), (Effect::LinearStiffness, experiment::LARGER)],
@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "Both stops are in one suspect; one that is never reached stays at the end of the range. The damping acts in contact only (Hunt and Crossley 1975). An amount that has no speed, such as a level, is stopped without damping.",
+    about: "Both stops are one effect; a stop that is never reached stays at the end of the range. The damping acts only in contact (Hunt and Crossley 1975). A quantity without a speed, such as a level, is stopped without damping.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

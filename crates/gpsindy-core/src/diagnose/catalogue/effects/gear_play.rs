@@ -12,12 +12,12 @@ use crate::expression::{Expression, Function, Operator};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "gear play",
-    meaning: "Play between two moving parts: for a while one turns without the other.",
+    meaning: "Play between two moving parts: one moves some way without the other.",
     family: Family::Memory,
     form: "p - q becomes dead_zone(p - q, c)",
     symbols: &["p", "q"],
     parameters: "c: half width of the play",
-    signature: "after a reversal one part moves alone, then both",
+    signature: "after a reversal, one part first moves alone",
     places: &[Place::Gap],
     sense: &[],
     twins: &[
@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "A suspect where an equation holds the difference of two places, as a spring between two masses has it.",
+    about: "It is tested if an equation contains the difference of two positions, such as that of a spring between two masses.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

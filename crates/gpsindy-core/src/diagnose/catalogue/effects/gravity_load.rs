@@ -10,7 +10,7 @@ use crate::expression::{Expression, Function};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "gravity load",
-    meaning: "A weight on an arm: its pull changes with the angle.",
+    meaning: "A weight on an arm: its moment depends on the angle.",
     family: Family::Stiffness,
     form: "c*sin(z + phase)",
     symbols: &["z"],

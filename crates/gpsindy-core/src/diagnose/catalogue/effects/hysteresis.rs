@@ -1,4 +1,4 @@
-//! A force that remembers the path.
+//! A force that depends on the path.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::excited::Scene;
@@ -14,18 +14,18 @@ use crate::model::{Model, State, unit};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "hysteresis",
-    meaning: "A force that depends on where the motion came from: a material or a valve that gives before it slides.",
+    meaning: "A force that depends on the path of the motion: a material or a valve that deforms before it slides.",
     family: Family::Memory,
     form: "-c*h with h a state of its own, h(0) = 0, and the rate of h z - b*abs(z)*h - g*z*abs(h)",
     symbols: &["z"],
-    parameters: "c: stiffness after a reversal, b and g: how soon the force levels off",
-    signature: "closed loops of force over place, with rounded corners after each reversal",
+    parameters: "c: stiffness after a reversal, b and g: rates at which the force saturates",
+    signature: "closed loops of force over position, with rounded corners after each reversal",
     places: &[Place::Own],
     sense: &[Sense::Speed, Sense::EitherSign(0)],
     twins: &[
-        (Effect::CoulombFriction, "reversals of several lengths: hysteresis gives before it slides"),
+        (Effect::CoulombFriction, "reversals of several lengths: hysteresis deforms before it slides"),
         (Effect::LinearStiffness, "small and large strokes"),
-        (Effect::StribeckFriction, "reversals of several lengths: hysteresis gives before it slides"),
+        (Effect::StribeckFriction, "reversals of several lengths: hysteresis deforms before it slides"),
     ],
     traits: Traits { added_states: 1, ..Traits::PLAIN },
     write,

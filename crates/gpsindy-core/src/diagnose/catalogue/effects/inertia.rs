@@ -1,4 +1,4 @@
-//! More to move than the model says.
+//! An inertia that differs from the model.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -11,12 +11,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "inertia",
-    meaning: "More is moved than the model says: armature, payload or added mass.",
+    meaning: "The moved inertia exceeds that of the model: armature, payload or added mass.",
     family: Family::Parameter,
     form: "the right side of the equation is divided by (1 + c)",
     symbols: &[],
-    parameters: "c: inertia that the model lacks, as a share of what it has",
-    signature: "everything that moves this axis moves it less, by the same factor",
+    parameters: "c: missing inertia, relative to that of the model",
+    signature: "every force accelerates this axis less, by the same factor",
     places: &[Place::Row],
     sense: &[Sense::Speed, Sense::NoScale],
     twins: &[(Effect::InputGain, experiment::KNOWN_LOAD), (Effect::ParameterError, experiment::KNOWN_LOAD)],
@@ -24,7 +24,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "Where a parameter of the model scales the whole equation already, such as its mass, that parameter is the suspect and inertia is none. Less than the model says, down to half of it, is let through too.",
+    about: "If a parameter of the model already scales the whole equation, such as its mass, that parameter is tested instead. Negative values down to half of the inertia are allowed.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

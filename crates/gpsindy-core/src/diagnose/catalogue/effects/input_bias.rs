@@ -10,12 +10,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input bias",
-    meaning: "The actuator adds a constant to what it is told.",
+    meaning: "The actuator adds a constant to its command.",
     family: Family::InputStatic,
     form: "u becomes u + c",
     symbols: &["u"],
     parameters: "c: offset of the control",
-    signature: "acts as if the command were shifted",
+    signature: "the response is that of a shifted command",
     places: &[Place::Control],
     sense: &[],
     twins: &[(Effect::SensorBias, experiment::TURN_THE_RIG), (Effect::CoulombFriction, experiment::TURN_THE_RIG)],

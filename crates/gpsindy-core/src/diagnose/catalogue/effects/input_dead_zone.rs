@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     form: "u becomes dead_zone(u, c)",
     symbols: &["u"],
     parameters: "c: half width",
-    signature: "small commands do nothing",
+    signature: "no response to small commands",
     places: &[Place::Control],
     sense: &[],
     twins: &[],

@@ -11,12 +11,12 @@ use crate::expression::{Expression, Function};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input delay",
-    meaning: "The actuator acts later than it is told.",
+    meaning: "The actuator acts later than commanded.",
     family: Family::InputDynamic,
     form: "u becomes delay(u, tau)",
     symbols: &["u"],
     parameters: "tau: delay, s",
-    signature: "everything happens later by the same time",
+    signature: "every response is late by the same time",
     places: &[Place::Control],
     sense: &[],
     twins: &[

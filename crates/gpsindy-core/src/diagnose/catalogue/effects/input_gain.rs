@@ -1,4 +1,4 @@
-//! The control acts by another factor.
+//! The control acts with another gain.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -10,7 +10,7 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input gain",
-    meaning: "The actuator does more or less than it is told, by a factor.",
+    meaning: "The actuator does more or less than commanded, by a constant factor.",
     family: Family::InputStatic,
     form: "u becomes (1 + c)*u",
     symbols: &["u"],

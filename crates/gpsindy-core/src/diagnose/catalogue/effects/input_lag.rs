@@ -1,4 +1,4 @@
-//! The control is followed gradually.
+//! The control acts through a first-order lag.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -11,12 +11,12 @@ use crate::model::State;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input lag",
-    meaning: "The actuator follows its command gradually.",
+    meaning: "The actuator follows its command with a first-order lag.",
     family: Family::InputDynamic,
     form: "u becomes a state that follows u with time constant tau",
     symbols: &["u"],
     parameters: "tau: time constant, s",
-    signature: "fast commands are rounded, slow ones pass",
+    signature: "fast commands are smoothed, slow ones pass",
     places: &[Place::Control],
     sense: &[],
     twins: &[],

@@ -1,4 +1,4 @@
-//! The control moves no faster than a rate.
+//! The control has a rate limit.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::excursion::Excursion;
@@ -13,12 +13,12 @@ use crate::model::State;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input rate limit",
-    meaning: "The actuator moves no faster than a limit, whatever the step it is told.",
+    meaning: "The actuator cannot change faster than a limit.",
     family: Family::InputDynamic,
     form: "u becomes a state that follows u no faster than r",
     symbols: &["u"],
     parameters: "r: largest rate",
-    signature: "large steps become ramps, small ones pass",
+    signature: "large steps become ramps, small steps pass",
     places: &[Place::Control],
     sense: &[],
     twins: &[

@@ -11,12 +11,12 @@ use crate::expression::{Expression, Function};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input saturation",
-    meaning: "The actuator can do no more than a limit.",
+    meaning: "The actuator saturates at a limit.",
     family: Family::InputStatic,
     form: "u becomes clamp(u, -c, c)",
     symbols: &["u"],
     parameters: "c: limit",
-    signature: "large commands do no more than middle ones",
+    signature: "large commands have no more effect than medium ones",
     places: &[Place::Control],
     sense: &[],
     twins: &[(Effect::InputLag, experiment::AMPLITUDES), (Effect::InputGain, experiment::AMPLITUDES)],

@@ -9,12 +9,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "linear stiffness",
-    meaning: "A spring.",
+    meaning: "A spring force in proportion to the deflection.",
     family: Family::Stiffness,
     form: "-c*z",
     symbols: &["z"],
     parameters: "c: stiffness",
-    signature: "a shifted resonance, a spring that pulls back",
+    signature: "a shifted resonance, and a force towards the rest position",
     places: &[Place::Position],
     sense: &[],
     twins: &[],

@@ -12,12 +12,12 @@ use crate::expression::Expression;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "load friction",
-    meaning: "Dry friction that grows with the load on the gears or bearings.",
+    meaning: "Dry friction that increases with the load on gears or bearings.",
     family: Family::Friction,
     form: "-(c + k*abs(w))*sign(z)",
     symbols: &["z", "w"],
-    parameters: "c: level without load, k: what a unit of load adds",
-    signature: "a jump of the rate at reversals that is larger under load",
+    parameters: "c: level without load, k: increase per unit of load, corner: speed within which the sign is smoothed",
+    signature: "the rate jumps at reversals, more so under load",
     places: &[Place::Load],
     sense: &[Sense::Speed, Sense::EitherSign(0), Sense::Moves(1)],
     twins: &[
@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "The load is a control of the equation, or the place that it depends on. Source: the friction models M3 to M6 of BAM (Duclusaud et al. 2024) grow with the torque that the gears carry.",
+    about: "The load is a control of the equation, or the position that it depends on. Source: the friction models M3 to M6 of BAM (Duclusaud et al. 2024) increase with the torque that the gears carry.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

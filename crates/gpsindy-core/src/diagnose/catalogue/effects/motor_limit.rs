@@ -12,12 +12,12 @@ use crate::expression::Expression;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "motor limit",
-    meaning: "The drive can do less the faster it turns.",
+    meaning: "The limit of the drive falls with its speed.",
     family: Family::InputStatic,
     form: "u becomes clamp(u, -s*(1 + z/z0), s*(1 - z/z0))",
     symbols: &["u", "z"],
-    parameters: "s: limit at standstill, z0: speed at which nothing is left",
-    signature: "large commands do less at speed, and as much as told at standstill",
+    parameters: "s: limit at standstill, z0: speed at which the limit is zero",
+    signature: "large commands have less effect at speed than at standstill",
     places: &[Place::DriveAndSpeed],
     sense: &[Sense::Speed],
     twins: &[
@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "The straight line between stall and no-load speed of a permanent-magnet motor at a fixed voltage. A drive that never comes near its limit shows nothing of it.",
+    about: "The linear characteristic between stall torque and no-load speed of a permanent-magnet motor at a fixed voltage. A drive that never comes near its limit does not show it.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

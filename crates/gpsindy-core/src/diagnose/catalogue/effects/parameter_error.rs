@@ -10,11 +10,11 @@ use crate::error::{Error, Result};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "wrong parameter",
-    meaning: "A number of the nominal model has another value.",
+    meaning: "A parameter of the nominal model has another value.",
     family: Family::Parameter,
     form: "value of a nominal parameter",
     symbols: &[],
-    parameters: "value: what the logs say",
+    parameters: "value: the value in the logs",
     signature: "the whole term that the parameter scales is too large or too small",
     places: &[Place::Parameter],
     sense: &[],

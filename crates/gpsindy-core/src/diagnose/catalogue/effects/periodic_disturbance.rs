@@ -1,4 +1,4 @@
-//! A push that repeats in time.
+//! A disturbance that is periodic in time.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::excited::Scene;
@@ -13,12 +13,12 @@ use std::f64::consts::{PI, TAU};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "periodic disturbance",
-    meaning: "Something from outside that repeats in time.",
+    meaning: "An external disturbance that is periodic in time.",
     family: Family::Time,
     form: "c*sin(omega*t + phase)",
     symbols: &[],
     parameters: "c: size, omega: rad/s, phase",
-    signature: "a line in the spectrum that no command has",
+    signature: "a spectral line that no command contains",
     places: &[Place::Time],
     sense: &[],
     twins: &[

@@ -9,12 +9,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "product coupling",
-    meaning: "Two variables act together, by their product.",
+    meaning: "The product of two variables acts on this equation.",
     family: Family::Coupling,
     form: "c*z*w",
     symbols: &["z", "w"],
     parameters: "c: gain of the product",
-    signature: "grows when two motions happen together",
+    signature: "an effect only when two motions occur together",
     places: &[Place::Pair],
     sense: &[],
     twins: &[],

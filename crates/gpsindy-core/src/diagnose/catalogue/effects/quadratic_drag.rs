@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     form: "-c*z*abs(z)",
     symbols: &["z"],
     parameters: "c: drag coefficient",
-    signature: "top speed saturates, slow motion is untouched",
+    signature: "the top speed is limited, slow motion is unaffected",
     places: &[Place::Own],
     sense: &[],
     twins: &[],

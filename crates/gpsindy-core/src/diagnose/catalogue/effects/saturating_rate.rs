@@ -13,24 +13,24 @@ use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "saturating rate",
-    meaning: "A rate that levels off as there is more of something, as uptake and enzymes do.",
+    meaning: "A rate that saturates as an amount grows, as with uptake and enzymes.",
     family: Family::Coupling,
     form: "p becomes p/(1 + h*z)",
     symbols: &["p", "z"],
-    parameters: "h: how soon the rate levels off, one over the half amount",
-    signature: "large amounts react slower than in proportion, small ones as they should",
+    parameters: "h: one over the amount at which the rate is halved",
+    signature: "large amounts react less than in proportion, small ones as modelled",
     places: &[Place::Rate],
     sense: &[Sense::Balance, Sense::NotNegative(1), Sense::Moves(1)],
     twins: &[
-        (Effect::ParameterError, "the same at amounts of several sizes"),
-        (Effect::ProductCoupling, "the same at amounts of several sizes"),
-        (Effect::QuadraticDrag, "the same at amounts of several sizes"),
+        (Effect::ParameterError, "the same experiment at several amounts"),
+        (Effect::ProductCoupling, "the same experiment at several amounts"),
+        (Effect::QuadraticDrag, "the same experiment at several amounts"),
     ],
     traits: Traits { has_many_places: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
-    about: "Monod, Holling and Michaelis-Menten, written at the parameter that sets the rate, so that every equation in which that rate stands feels it.",
+    about: "Monod, Holling and Michaelis-Menten kinetics, applied to the parameter that sets the rate, so that every equation with this rate changes.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

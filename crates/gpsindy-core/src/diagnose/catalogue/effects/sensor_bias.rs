@@ -1,4 +1,4 @@
-//! The column reads too much by a constant.
+//! The column has a constant offset.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -9,12 +9,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "sensor bias",
-    meaning: "The sensor reads too much by a constant.",
+    meaning: "The sensor has a constant offset.",
     family: Family::Sensor,
     form: "the column reads state + c",
     symbols: &[],
     parameters: "c: offset",
-    signature: "a constant difference that no motion explains",
+    signature: "a constant difference, whatever the motion",
     places: &[Place::Sensor],
     sense: &[],
     twins: &[],

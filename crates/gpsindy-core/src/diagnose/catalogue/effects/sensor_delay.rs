@@ -10,12 +10,12 @@ use crate::expression::{Expression, Function};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "sensor delay",
-    meaning: "The sensor reads late.",
+    meaning: "The reading of the sensor is delayed.",
     family: Family::Sensor,
     form: "the column reads the state tau earlier",
     symbols: &[],
     parameters: "tau: delay, s",
-    signature: "one column runs behind the others",
+    signature: "one column lags behind the others by a constant time",
     places: &[Place::Sensor],
     sense: &[],
     twins: &[],

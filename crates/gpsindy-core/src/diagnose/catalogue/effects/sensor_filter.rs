@@ -12,12 +12,12 @@ use crate::model::State;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "sensor filter",
-    meaning: "The sensor smooths: it follows the state gradually.",
+    meaning: "The sensor low-pass filters the state.",
     family: Family::Sensor,
     form: "the column reads a low pass of the state with time constant tau",
     symbols: &[],
     parameters: "tau: time constant, s",
-    signature: "fast motion looks smaller and later in one column than in the others",
+    signature: "fast motion appears smaller and later in one column than in the others",
     places: &[Place::Sensor],
     sense: &[],
     twins: &[

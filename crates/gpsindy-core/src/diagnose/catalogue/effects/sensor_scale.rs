@@ -1,4 +1,4 @@
-//! The column reads too much by a factor.
+//! The column has a scale error.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -9,12 +9,12 @@ use crate::error::Result;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "sensor scale",
-    meaning: "The sensor reads too much by a factor.",
+    meaning: "The sensor has a scale error.",
     family: Family::Sensor,
     form: "the column reads (1 + c)*state",
     symbols: &[],
     parameters: "c: relative error of scale",
-    signature: "differences in proportion to the reading",
+    signature: "errors in proportion to the reading",
     places: &[Place::Sensor],
     sense: &[],
     twins: &[],

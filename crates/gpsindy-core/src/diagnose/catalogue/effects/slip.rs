@@ -13,12 +13,12 @@ use crate::model::unit;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "slip",
-    meaning: "A force of contact that no longer grows in proportion, as a tyre at its limit.",
+    meaning: "A contact force that saturates, like that of a tyre at its limit.",
     family: Family::Coupling,
     form: "p becomes p/sqrt(1 + q*z^2)",
     symbols: &["p", "z"],
-    parameters: "q: how soon the force levels off, one over the square of the slip",
-    signature: "small motion fits, hard turns or hard pulls do less",
+    parameters: "q: one over the square of the slip at which the force saturates",
+    signature: "gentle motion fits, hard manoeuvres have less effect than modelled",
     places: &[Place::Rate],
     sense: &[Sense::Speed, Sense::EitherSign(1), Sense::Moves(1)],
     twins: &[
@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "The saturation of a force with the slip that makes it, without the fall beyond the peak that the magic formula of Pacejka has. Only a suspect where it is asked for: every parameter of every equation of a speed may have it.",
+    about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. It is tested only on request, because it could act at every parameter of every equation of a speed.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -1,4 +1,4 @@
-//! A push that sets in at a moment.
+//! A disturbance that sets in at some time.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, experiment};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -12,12 +12,12 @@ use crate::model::Model;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "step disturbance",
-    meaning: "Something from outside that sets in at a moment.",
+    meaning: "An external disturbance that sets in at some time.",
     family: Family::Time,
     form: "c*step(t - t0)",
     symbols: &[],
     parameters: "c: size, t0: time, s",
-    signature: "everything is as it should be until an instant",
+    signature: "the model fits up to some time and not afterwards",
     places: &[Place::Time],
     sense: &[],
     twins: &[(Effect::Bias, experiment::THE_SAME_AGAIN)],

@@ -1,4 +1,4 @@
-//! Dry friction that really holds.
+//! Dry friction that holds at rest.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::hypothesis::{Combine, Start};
@@ -13,24 +13,24 @@ use crate::model::{State, unit};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "stiction",
-    meaning: "Dry friction that holds: nothing moves until the force exceeds a level.",
+    meaning: "Dry friction that holds at rest: nothing moves until the force exceeds a level.",
     family: Family::Friction,
     form: "-(c + (s - c)*exp(-(z/w)^2))*d/delta with d a state of its own, d(0) = 0, and the rate of d z - abs(z)*d/delta",
     symbols: &["z"],
-    parameters: "c: level in motion, s: level that holds, w: speed that parts them, delta: how far it gives before it slides",
-    signature: "stands still under a force, then jerks loose",
+    parameters: "c: level in motion, s: level at rest, s_minus_c: difference of the two levels, w: speed that separates them, delta: elastic deflection before it slides",
+    signature: "rest under a force, then a sudden start",
     places: &[Place::Own],
     sense: &[Sense::Speed, Sense::EitherSign(0)],
     twins: &[
         (Effect::StribeckFriction, experiment::SLOW_REVERSALS),
         (Effect::CoulombFriction, experiment::SLOW_REVERSALS),
-        (Effect::Hysteresis, "reversals of several lengths: stiction gives way at once"),
+        (Effect::Hysteresis, "reversals of several lengths: stiction lets go at once"),
     ],
     traits: Traits { added_states: 1, only_if_asked: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
-    about: "A bristle of the LuGre model (Canudas de Wit et al. 1995) without its damping: while it bends, the axis is held. The integrator has no mode of standing still, so the bristle gives by about what the axis covers in a sample. Only a suspect where it is asked for: Coulomb and Stribeck friction of a machine that sticks would take its name.",
+    about: "The bristle of the LuGre model (Canudas de Wit et al. 1995) without its damping: while it bends, the axis is held. The integrator has no sticking mode, so the bristle deflects by about the distance that the axis covers in a sample. It is tested only on request, because Coulomb and Stribeck friction of a sticking machine would be mistaken for it.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -15,8 +15,8 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Friction,
     form: "-(c + (s - c)*exp(-(z/w)^2))*sign(z)",
     symbols: &["z"],
-    parameters: "c: level at speed, s: level near zero, w: speed that parts them",
-    signature: "sticks more than it slides: jerky motion at low speed",
+    parameters: "c: level at speed, s: level near zero, s_minus_c: difference of the two levels, w: speed that separates them, corner: speed within which the sign is smoothed",
+    signature: "stick-slip: jerky motion at low speed",
     places: &[Place::Own],
     sense: &[],
     twins: &[

@@ -1,4 +1,4 @@
-//! What a control does scales with its supply.
+//! The gain of a control scales with its supply.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::hypothesis::Start;
@@ -12,23 +12,23 @@ use crate::expression::Expression;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "supply",
-    meaning: "What the control does goes up and down with its supply: a voltage or a pressure.",
+    meaning: "The gain of the control varies with its supply: a voltage or a pressure.",
     family: Family::InputStatic,
     form: "u becomes u*(w/w0)",
     symbols: &["u", "w"],
-    parameters: "w0: supply at which the control does what the model says",
-    signature: "the same command does more while the supply is high",
+    parameters: "w0: supply at which the gain is that of the model",
+    signature: "the same command has more effect while the supply is high",
     places: &[Place::Supply],
     sense: &[Sense::Moves(1), Sense::NotNegative(1)],
     twins: &[
-        (Effect::Drift, "the same run with a full and with an empty supply"),
-        (Effect::InputGain, "the same run with a full and with an empty supply"),
+        (Effect::Drift, "the same run with a high and with a low supply"),
+        (Effect::InputGain, "the same run with a high and with a low supply"),
     ],
     traits: Traits::PLAIN,
     write,
     plant,
     told: as_fitted,
-    about: "A suspect only where the model declares a logged control that none of its equations has: the column of the voltage or the pressure.",
+    about: "It is tested only if the model declares a logged control that none of its equations uses: the column of the voltage or the pressure.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -13,20 +13,20 @@ use crate::model::State;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "thermal",
-    meaning: "A number of the plant changes as it warms up, and comes back as it cools.",
+    meaning: "A parameter of the plant changes as it warms up and returns as it cools.",
     family: Family::Time,
     form: "p becomes p*(1 + c*T), with a hidden temperature T that u^2 heats within the time tau",
     symbols: &["p", "u"],
-    parameters: "c: change when warm, tau: s",
-    signature: "the beginning fits, hard work changes the plant and rest brings it back",
+    parameters: "c: relative change when warm, tau: time constant, s",
+    signature: "the model fits at first; the plant changes under load and recovers at rest",
     places: &[Place::Heated],
     sense: &[Sense::Moves(1)],
-    twins: &[(Effect::Drift, "a warm-up from cold, a rest, and the same again")],
+    twins: &[(Effect::Drift, "a warm-up from cold, a rest, and a second warm-up")],
     traits: Traits { added_states: 1, has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
-    about: "The machine is taken for cold at the beginning of every log; a log that begins warm shifts the size of the parameter. The heat is the square of a control of the same equation, so it stands for the losses of a drive. Only a suspect where it is asked for: a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, which models the losses of a drive. It is tested only on request, because a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

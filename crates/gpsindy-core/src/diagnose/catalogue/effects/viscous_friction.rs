@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     form: "-c*z",
     symbols: &["z"],
     parameters: "c: damping rate",
-    signature: "oscillations die faster, steady speed falls in proportion",
+    signature: "oscillations decay faster, and the steady speed is lower by a constant factor",
     places: &[Place::Own],
     sense: &[],
     twins: &[(Effect::QuadraticDrag, "steady motion at three or more speeds, or a coast-down")],
