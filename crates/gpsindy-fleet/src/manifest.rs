@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     fn manifest(entries: std::result::Result<Vec<Entry>, String>) -> CoreResult<Manifest> {
-        Manifest::new(&entries.map_err(CoreError::invalid)?, Path::new("fleet"))
+        Manifest::new(&entries.map_err(CoreError::file)?, Path::new("fleet"))
     }
 
     #[test]
