@@ -17,6 +17,9 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// A table that Python owns.
+type Table<'py> = Bound<'py, PyArray2<f64>>;
+
 /// States and what the logs' columns read of them, of one rollout.
 type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
@@ -330,7 +333,7 @@ impl PyModel {
         t: Vector<'py>,
         controller: Py<PyAny>,
         tolerance: f64,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    ) -> PyResult<(Table<'py>, Table<'py>, Table<'py>)> {
         let simulate = Simulate { tolerance, ..Simulate::default() };
         let t = vector(&t);
         let watch = Arc::new(Watch::default());

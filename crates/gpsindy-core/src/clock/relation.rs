@@ -208,7 +208,7 @@ fn pairs<'a>(windows: &Windows, moved: &[&'a Trace], fixed: &[&'a Trace]) -> Vec
             remove(&ones, &mut rest);
             for other in moved {
                 found.push(Relation {
-                    fixed: *trace,
+                    fixed: trace,
                     moved: vec![*other],
                     order,
                     factors: Vec::new(),
@@ -266,7 +266,7 @@ fn driven_by<'a>(windows: &Windows, moved: &[&'a Trace], fixed: &[&'a Trace]) ->
                 continue;
             }
             found.push(Relation {
-                fixed: *trace,
+                fixed: trace,
                 moved: moved.to_vec(),
                 order: 0,
                 factors: factors.clone(),
