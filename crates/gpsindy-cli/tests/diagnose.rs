@@ -139,7 +139,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("slider.toml short.csv", "short.csv:2: 1 sample; a run needs at least 2"),
         ("slider.toml x.csv", "x.csv: no column is a state of the model (v); found: x; name them with --rename"),
         ("slider.toml run_1.csv --effects nothing", "effect `nothing` is unknown; known: parameter_error, bias"),
-        ("slider.toml run_1.csv --effects bias,!coulomb_friction", "--effects: either name the suspects"),
+        ("slider.toml run_1.csv --effects bias,!coulomb_friction", "--effects: name either the effects to test"),
         ("slider.toml run_1.csv --effects-file own.toml", "own.toml:2: invalid type: integer `1`, expected a string"),
         ("slider.toml run_1.csv --confidence 2", "`confidence` must be between 0.5 and 0.999, found 2"),
         ("slider.toml run_1.csv --holdout run_1.csv", "run_1.csv is named both for training and in --holdout"),
