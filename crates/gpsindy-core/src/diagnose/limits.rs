@@ -192,7 +192,10 @@ pub(crate) const STEP: (f64, f64) = (0.5, 2.0);
 /// Most parameters at the end of their tolerance that a screening lets back: all 3^4 choices of them are tried.
 pub(crate) const MOST_STRAINED: usize = 4;
 
-// The power study.
+// What the logs exclude, and the power study.
+
+/// Deviations from which a size shows 19 times in 20: the one-sided 5 % point and the 95 % power point of a normal variable.
+pub(crate) const SHOWN: f64 = 1.645 + 1.645;
 
 /// A rollout further from its log than this many ranges of the column has left it: the run is then cut into pieces.
 pub(crate) const LEFT_LOG: f64 = 2.0;

@@ -12,7 +12,7 @@ use crate::diagnose::fit::fitter::starts;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::fit::whitening::Whitener;
-use crate::diagnose::limits::{MOST_STRAINED, STEP};
+use crate::diagnose::limits::{MOST_STRAINED, SHOWN, STEP};
 use crate::model::System;
 use crate::refine::{Job, lanes::Lanes, roll_together, tangent};
 use nalgebra::{DMatrix, DVector};
@@ -63,9 +63,6 @@ struct Projected {
     /// Directions of the free parameters.
     free: DMatrix<f64>,
 }
-
-/// Deviations from which a size shows 19 times in 20: the one-sided 5 % point and the 95 % power point of a normal variable.
-const SHOWN: f64 = 3.29;
 
 /// What a start of a hypothesis would gain.
 #[derive(Debug, Clone)]

@@ -8,7 +8,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::stability::DISAGREES;
 use crate::diagnose::limits::weigh::{CROWDED, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
-use crate::diagnose::limits::{REST, STRUCTURE};
+use crate::diagnose::limits::{REST, SHOWN, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
     Cause, Diagnosis, Excluded, Figures, ModelParameter, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
@@ -378,8 +378,6 @@ fn normal_quantile(p: f64) -> f64 {
 
 /// Effects that these logs would have shown beside the winner's, had they been larger than a size.
 fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
-    // Sum of the one-sided 5 % point and of the 95 % power point of a normal variable.
-    const POWER: f64 = 1.645 + 1.645;
     let model = outcome.best.system.model();
     let mut all: Vec<Excluded> = Vec::new();
     for (hypothesis, summary) in contest.hypotheses.iter().zip(&outcome.screened) {
@@ -399,7 +397,7 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
                     state,
                     variables,
                     place,
-                    above: POWER * deviation,
+                    above: SHOWN * deviation,
                     unit: unit.clone(),
                 });
             }
