@@ -1,9 +1,10 @@
 //! The page `fleet.html`: which unit differs, what changed and when, what to randomise; one file, no network, no script.
 
 use crate::chart::{Chart, Mark};
+use crate::metadata::metadata;
 use crate::words::{effect_name, number, percent, with_unit};
 use gpsindy_core::fleet::report::{Change, FleetReport, Odd, Population, Shape, Unit};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{DOCTYPE, Markup, html};
 
 /// Charts of one kind on the page; more are left to the JSON.
 const CHARTS: usize = 24;
@@ -18,16 +19,7 @@ pub fn render(report: &FleetReport) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:";
-                meta name="generator" content="gpsindy";
-                link rel="icon" href="data:,";
-                title { "Fleet comparison (gpsindy)" }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
+            (metadata("Fleet comparison (gpsindy)"))
             body {
                 (head(report))
                 main {

@@ -1,6 +1,7 @@
 //! The page `report.html`: verdict, location, causes, closure, next steps; one file, no network, no script.
 
 use crate::figures::{Charts, autocorrelation, left_over, residual_curve, residual_trace, rollout, signal};
+use crate::metadata::metadata;
 use crate::provenance::{self, Provenance};
 use crate::words::{
     cause_name, cause_place, closure_sentence, effect_meaning, effect_name, excluded_name, interval, left_sentence,
@@ -8,7 +9,7 @@ use crate::words::{
     verdict_name, verdict_sentence, with_deviation, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Figures, Verdict};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{DOCTYPE, Markup, html};
 use std::collections::BTreeSet;
 
 /// Probability below which a cause that is not included is left to the JSON.
@@ -41,16 +42,7 @@ pub fn render_with(report: &Diagnosis, provenance: &Provenance) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:";
-                meta name="generator" content="gpsindy";
-                link rel="icon" href="data:,";
-                title { (report.model) ": " (verdict_name(report.verdict)) " (gpsindy diagnosis)" }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
+            (metadata(&format!("{}: {} (gpsindy diagnosis)", report.model, verdict_name(report.verdict))))
             body {
                 (head(report))
                 main {

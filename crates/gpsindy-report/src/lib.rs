@@ -16,6 +16,7 @@ mod effects;
 mod figures;
 pub mod fleet;
 mod html;
+mod metadata;
 mod pictures;
 mod power;
 mod provenance;
