@@ -6,14 +6,16 @@ use crate::input::Input;
 use crate::log::LogOptions;
 use crate::time::{self, Clock};
 use crate::topic::{Reading, Source, Topic};
-use csv::StringRecord;
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
+mod cell;
 mod headers;
 mod scan;
 
+pub(crate) use cell::Row;
+use cell::{cell, number, shown};
 pub(crate) use headers::separator;
 use headers::{headers, missing, names};
 use scan::Body;
@@ -43,13 +45,6 @@ pub(crate) struct CsvLog {
     run_of_row: Vec<u32>,
     /// Which headers stand over nothing but numbers, once somebody asked.
     numeric: OnceLock<Vec<bool>>,
-}
-
-/// Cells of one line, which begins at line number `line`; in a pass over a file at byte `line`.
-#[derive(Debug, Clone)]
-pub(crate) struct Row {
-    pub(crate) line: u64,
-    pub(crate) cells: StringRecord,
 }
 
 impl CsvLog {
@@ -385,27 +380,6 @@ impl Source for CsvLog {
     fn time_header(&self) -> Option<&Header> {
         (!matches!(self.clock, Clock::Date(_))).then(|| &self.headers[self.time])
     }
-}
-
-fn cell(row: &Row, index: usize) -> &str {
-    row.cells.get(index).unwrap_or_default()
-}
-
-/// A cell as a number: missing is NaN, an overflow is infinite, other text is `Err`.
-fn number(text: &str) -> std::result::Result<f64, ()> {
-    if matches!(text, "" | "NA") {
-        return Ok(f64::NAN);
-    }
-    text.parse().map_err(|_| ())
-}
-
-/// A cell in quotes, cut where it is long.
-fn shown(text: &str) -> String {
-    let mut short: String = text.chars().take(40).collect();
-    if short.len() < text.len() {
-        short.push_str("...");
-    }
-    format!("{short:?}")
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod experiment;
 mod history;
 mod jacobian;
 pub(crate) mod lanes;
+mod normal;
 
 pub(crate) use crate::data::Hold;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
@@ -18,8 +19,8 @@ pub(crate) use lanes::tangent::tangent;
 
 use crate::error::{Error, Result};
 use crate::model::System;
-use jacobian::Normal;
 use nalgebra::DMatrix;
+use normal::Normal;
 
 /// A parameter that a fit may change.
 #[derive(Debug, Clone, PartialEq)]

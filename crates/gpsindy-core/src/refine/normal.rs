@@ -1,0 +1,173 @@
+//! The normal equations of a fit and its damped steps; every window's initial state is eliminated from them.
+
+use super::{Experiment, Free, Jacobian, Point, Starts};
+use nalgebra::{DMatrix, DVector};
+
+/// How far an initial state may sit from its guess, in typical sizes (1 sigma): only holds what the
+/// logs do not tell.
+const INITIAL_BELIEF: f64 = 30.0;
+
+/// The normal equations with every window's initial state kept apart.
+pub(crate) struct Normal {
+    /// Per window: initial x initial, initial x parameters, gradient of the initial state.
+    windows: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)>,
+    parameters: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl Normal {
+    pub(crate) fn new(jacobian: &Jacobian, experiment: &Experiment, point: &Point, free: &[Free]) -> Self {
+        let n = jacobian.n_states;
+        let q = free.len();
+        let Starts { samples, more } = experiment.starts;
+        let mut parameters = DMatrix::zeros(q, q);
+        let mut gradient = DVector::zeros(q);
+        for (i, f) in free.iter().enumerate() {
+            if let Some((mean, sd)) = f.prior {
+                parameters[(i, i)] += 1.0 / (sd * sd);
+                gradient[i] += (mean - point.parameters[f.parameter]) / (sd * sd);
+            }
+        }
+        let windows = jacobian
+            .blocks
+            .iter()
+            .map(|block| {
+                let mut product = block.derivative.tr_mul(&block.derivative);
+                let mut slope = block.derivative.tr_mul(&block.residual);
+                if more > 0.0 {
+                    let first = (samples * experiment.columns.len()).min(block.residual.len());
+                    let derivative = block.derivative.rows(0, first);
+                    product += more * derivative.tr_mul(&derivative);
+                    slope += more * derivative.tr_mul(&block.residual.rows(0, first));
+                }
+                parameters += product.view((n, n), (q, q));
+                gradient += slope.rows(n, q);
+                let mut initial = product.view((0, 0), (n, n)).into_owned();
+                for j in 0..n {
+                    initial[(j, j)] += (INITIAL_BELIEF * experiment.scale[j]).powi(-2);
+                }
+                (initial, product.view((0, n), (n, q)).into_owned(), slope.rows(0, n).into_owned())
+            })
+            .collect();
+        Self { windows, parameters, gradient }
+    }
+
+    /// The point one damped Gauss-Newton step on, kept inside the bounds.
+    pub(crate) fn step(&self, point: &Point, free: &[Free], damping: f64) -> Option<Point> {
+        let mut reduced = damped(&self.parameters, damping);
+        let mut gradient = self.gradient.clone();
+        let mut solved = Vec::with_capacity(self.windows.len());
+        for (initial, mixed, slope) in &self.windows {
+            let factor = damped(initial, damping).cholesky()?;
+            let weights = factor.solve(mixed);
+            let own = factor.solve(slope);
+            reduced -= mixed.tr_mul(&weights);
+            gradient -= mixed.tr_mul(&own);
+            solved.push((weights, own));
+        }
+        let applied = bounded_solution(&reduced, &gradient, point, free)?;
+        let mut next = point.clone();
+        for (f, change) in free.iter().zip(applied.iter()) {
+            next.parameters[f.parameter] = (point.parameters[f.parameter] + change).clamp(f.lower, f.upper);
+        }
+        for (initial, (weights, own)) in next.initial.iter_mut().zip(&solved) {
+            let move_by = own - weights * &applied;
+            for (value, step) in initial.iter_mut().zip(move_by.iter()) {
+                *value += step;
+            }
+        }
+        next.parameters.iter().chain(next.initial.iter().flatten()).all(|v| v.is_finite()).then_some(next)
+    }
+
+    /// Covariance of the free parameters with the initial states free, infinite where they are not told; and the windows
+    /// whose equations for the initial state are not positive definite to rounding, which tell nothing.
+    pub(crate) fn covariance(&self) -> (DMatrix<f64>, Vec<usize>) {
+        let q = self.gradient.len();
+        let mut reduced = self.parameters.clone();
+        let mut left_out = Vec::new();
+        for (w, (initial, mixed, _)) in self.windows.iter().enumerate() {
+            match initial.clone().cholesky() {
+                Some(factor) => reduced -= mixed.tr_mul(&factor.solve(mixed)),
+                None => left_out.push(w),
+            }
+        }
+        let covariance = match reduced.cholesky() {
+            Some(factor) => factor.inverse(),
+            None => DMatrix::from_diagonal_element(q, q, f64::INFINITY),
+        };
+        (covariance, left_out)
+    }
+}
+
+/// Solves for the change of the free parameters; what would leave its bounds stops there, and the others are solved
+/// again without it (an active set that only grows).
+fn bounded_solution(
+    matrix: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    point: &Point,
+    free: &[Free],
+) -> Option<DVector<f64>> {
+    let q = free.len();
+    let mut stopped: Vec<Option<f64>> = vec![None; q];
+    for _ in 0..=q {
+        let mut matrix = matrix.clone();
+        let mut right = gradient.clone();
+        for (i, change) in stopped.iter().enumerate() {
+            if let Some(change) = *change {
+                right.axpy(-change, &matrix.column(i).clone_owned(), 1.0);
+                matrix.fill_row(i, 0.0);
+                matrix.fill_column(i, 0.0);
+                matrix[(i, i)] = 1.0;
+            }
+        }
+        for (value, change) in right.iter_mut().zip(&stopped) {
+            *value = change.unwrap_or(*value);
+        }
+        let solution = if q > 0 { matrix.cholesky()?.solve(&right) } else { right };
+        let mut all_inside = true;
+        for (i, f) in free.iter().enumerate().filter(|(i, _)| solution[*i].is_finite()) {
+            let old = point.parameters[f.parameter];
+            let new = (old + solution[i]).clamp(f.lower, f.upper);
+            if stopped[i].is_none() && new != old + solution[i] {
+                stopped[i] = Some(new - old);
+                all_inside = false;
+            }
+        }
+        if all_inside {
+            return Some(solution);
+        }
+    }
+    None
+}
+
+/// The matrix with its diagonal raised by `damping` of itself (Marquardt's scaling).
+fn damped(matrix: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
+    let mut damped = matrix.clone();
+    for i in 0..matrix.nrows() {
+        damped[(i, i)] = matrix[(i, i)] * (1.0 + damping) + f64::MIN_POSITIVE;
+    }
+    damped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_that_the_covariance_leaves_out_are_named() {
+        let window = |own: f64| {
+            (DMatrix::from_element(1, 1, own), DMatrix::from_element(1, 1, 1.0), DVector::from_element(1, 0.0))
+        };
+        let normal = |own: [f64; 2]| Normal {
+            windows: own.map(window).into(),
+            parameters: DMatrix::from_element(1, 1, 10.0),
+            gradient: DVector::from_element(1, 0.0),
+        };
+        // Each window takes 1/2 of the information; the second tells nothing where its own is no number.
+        let (covariance, left_out) = normal([2.0, 2.0]).covariance();
+        assert!((covariance[(0, 0)] - 1.0 / 9.0).abs() < 1e-15 && left_out.is_empty());
+        let (covariance, left_out) = normal([2.0, -2.0]).covariance();
+        assert!((covariance[(0, 0)] - 1.0 / 9.5).abs() < 1e-15);
+        assert_eq!(left_out, [1]);
+    }
+}
