@@ -1,20 +1,25 @@
 //! `gpsindy diagnose`: where a simulator is wrong, why, and how much a correction helps.
 
+mod files;
+mod provenance;
+mod simulated;
+
+pub(crate) use files::{report_json, write};
+
 use crate::args::{AutoHold, Columns};
-use crate::commands::design::OPEN;
-use crate::commands::identify::{LibraryOptions, all_states};
 use crate::commands::nominal::Nominal;
-use crate::commands::{Session, check_states, chosen, dataset, model_dataset};
-use crate::engine::Corrected;
+use crate::commands::{Session, model_dataset};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
-use gpsindy_core::diagnose::report::{Diagnosis, Verdict};
+use files::Augmented;
+use gpsindy_core::diagnose::report::Verdict;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
-use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
-use gpsindy_files::{Logs, Task, TopicOffset, model_to_toml, read_effects, write_whole};
-use gpsindy_report::{LogFacts, Provenance};
-use std::ffi::OsString;
+use gpsindy_core::{Dataset, Hold, Model};
+use gpsindy_files::{Logs, TopicOffset, read_effects, write_whole};
+use gpsindy_report::Provenance;
+use provenance::{facts, provenance};
+use simulated::{SimulatorOptions, paired};
 use std::path::{Path, PathBuf};
 
 /// Diagnose the gap between a simulator and logs of the machine
@@ -71,23 +76,6 @@ impl FailIf {
             Self::Unexplained => verdict == Verdict::Unexplained,
         }
     }
-}
-
-/// A simulator of which there are only logs.
-#[derive(Debug, Args)]
-#[command(next_help_heading = "Simulator known by its logs only")]
-struct SimulatorOptions {
-    /// Logs of the simulator in place of MODEL, preferably of the same runs; a model is first identified from them and checked on a held-out part
-    #[arg(long, num_args = 1.., value_name = "LOG")]
-    simulated: Vec<PathBuf>,
-    /// Columns of the simulator's logs that are states [default: every numeric column that is not a control]
-    #[arg(long, value_name = "COLUMN", requires = "simulated")]
-    state: Vec<String>,
-    /// Columns that are controls
-    #[arg(long, value_name = "COLUMN", requires = "simulated")]
-    control: Vec<String>,
-    #[command(flatten)]
-    library: LibraryOptions,
 }
 
 /// How a diagnosis is made.
@@ -156,7 +144,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
     if let Some(folder) = command.out.as_deref().filter(|_| !command.force) {
-        refuse_others(folder)?;
+        files::refuse_others(folder)?;
     }
     let simulated = &command.simulator.simulated;
     let mut train: Vec<PathBuf> = command.logs.clone();
@@ -194,7 +182,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         if let Some(folder) = &command.out {
             let files = nominal.beside(&diagnosed)?;
             if !files.is_empty() {
-                make(folder)?;
+                files::make(folder)?;
             }
             for (name, text) in files {
                 write_whole(&folder.join(name), text.as_bytes())?;
@@ -229,8 +217,8 @@ fn deliver(
 ) -> Outcome {
     augmented.tell(&mut diagnosed.diagnosis);
     if let Some(folder) = &command.out {
-        write_with(folder, &diagnosed, &augmented, provenance)?;
-        write_open(folder, &diagnosed, &augmented)?;
+        files::write_with(folder, &diagnosed, &augmented, provenance)?;
+        files::write_open(folder, &diagnosed, &augmented)?;
     }
     if screen.json() {
         screen.out(&report_json(&diagnosed.diagnosis)?)?;
@@ -246,131 +234,6 @@ fn deliver(
         Some(_) => Err(Failure::Verdict(format!("--fail-if: the verdict is {verdict}"))),
         None => Ok(()),
     }
-}
-
-/// How the corrected simulator is written.
-enum Augmented {
-    /// As equations.
-    Equations,
-    /// As the file of its engine.
-    File(Corrected),
-    /// Not at all.
-    None,
-}
-
-impl Augmented {
-    /// Names the file in the report, and what changed in it on the page.
-    fn tell(&self, diagnosis: &mut Diagnosis) {
-        diagnosis.augmented_model = match self {
-            Self::Equations => return,
-            Self::File(corrected) => Some(corrected.name.clone()),
-            Self::None => None,
-        };
-        if let (Self::File(corrected), Some(figures)) = (self, &mut diagnosis.figures) {
-            figures.difference.clone_from(&corrected.difference);
-        }
-    }
-}
-
-/// Refuses a folder that holds a file which the report would overwrite and gpsindy did not write.
-fn refuse_others(folder: &Path) -> Outcome {
-    let engines = ["augmented.xml", "augmented.ssv", "randomization.py"];
-    for name in ["report.json", "report.html", "augmented.toml", OPEN].into_iter().chain(engines) {
-        let path = folder.join(name);
-        let Ok(bytes) = std::fs::read(&path) else { continue };
-        let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
-        if !gpsindy_report::is_ours(name, &start) {
-            return Err(Failure::input(format!(
-                "--out: {} was not written by gpsindy; name another folder, or overwrite it with --force",
-                path.display()
-            )));
-        }
-    }
-    Ok(())
-}
-
-/// The day, the version and the command line.
-fn provenance(line: &[OsString]) -> Provenance {
-    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let days = since.map_or(0, |since| since.as_secs() / 86_400);
-    let command: Vec<String> = line.iter().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
-    Provenance {
-        date: date(days),
-        version: format!("gpsindy {}", env!("CARGO_PKG_VERSION")),
-        command: format!("gpsindy {}", command.join(" ")),
-        ..Provenance::default()
-    }
-}
-
-/// The day that is `days` after 1970-01-01, year by year and month by month.
-fn date(mut days: u64) -> String {
-    let is_leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
-    let mut year = 1970;
-    while days >= 365 + u64::from(is_leap(year)) {
-        days -= 365 + u64::from(is_leap(year));
-        year += 1;
-    }
-    let lengths = [31, 28 + u64::from(is_leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
-    let mut month = 1;
-    for length in lengths {
-        if days < length {
-            break;
-        }
-        days -= length;
-        month += 1;
-    }
-    format!("{year}-{month:02}-{:02}", days + 1)
-}
-
-/// What every run of `data` holds.
-fn facts(data: &Dataset, held_out: bool) -> impl Iterator<Item = LogFacts> + '_ {
-    data.runs().iter().map(move |run| LogFacts {
-        name: run.name.clone(),
-        held_out,
-        samples: run.n_samples(),
-        duration: run.time.last().zip(run.time.first()).map_or(0.0, |(last, first)| last - first),
-    })
-}
-
-/// The diagnosis of a simulator of which there are only logs, and the model that was identified from them.
-fn paired(
-    command: &Diagnose,
-    settings: Settings,
-    train: &[PathBuf],
-    seed: u64,
-    screen: &Screen,
-) -> Outcome<(Diagnosed, Model)> {
-    let options = &command.simulator;
-    let simulated = Logs::read(&options.simulated, &command.columns.options()?)?;
-    let controls = chosen(&simulated, &options.control)?;
-    let mut states = chosen(&simulated, &options.state)?;
-    if states.is_empty() {
-        states = all_states(&simulated, &controls, screen);
-    }
-    if let Some(twice) = states.iter().find(|name| controls.contains(name)) {
-        return Err(Failure::input(format!("column `{twice}` has two roles; name it in one option")));
-    }
-    let (library, constraints) = options.library.settings()?;
-    let between = settings.hold.unwrap_or_default();
-    let real = |paths: &[PathBuf]| -> Outcome<Dataset> {
-        let logs = Logs::read(paths, &command.columns.options()?)?;
-        for log in logs.files() {
-            check_states(log, &states)?;
-        }
-        let (needed, controls) = (controls.clone(), controls.clone());
-        dataset(&logs, &Task { needed, optional: states.clone(), controls, hold: between }, &command.columns, screen)
-    };
-    let train = real(train)?;
-    let (train, holdout) =
-        if command.holdout.is_empty() { hold_out(&train)? } else { (train, real(&command.holdout)?) };
-    let needed: Vec<String> = states.iter().chain(&controls).cloned().collect();
-    let task = Task { needed, controls: controls.clone(), hold: between, ..Task::default() };
-    let simulated = dataset(&simulated, &task, &command.columns, screen)?;
-    let hold: Option<Hold> = settings.hold;
-    let identify = Identify { states, controls, library, constraints, hold, seed, ..Identify::default() };
-    let found = Paired { identify, diagnose: settings, ..Paired::default() };
-    let found = found.run(&simulated, &train, &holdout, &screen.progress())?;
-    Ok((found.diagnosed, found.model))
 }
 
 /// The logs, by the part that they play.
@@ -406,66 +269,9 @@ pub(crate) fn logs(
     Ok(Parts { train, holdout, offsets, time_unit })
 }
 
-/// Writes the three files of a diagnosis of equations.
-pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed, provenance: &Provenance) -> Outcome {
-    write_with(folder, diagnosed, &Augmented::Equations, provenance)
-}
-
-fn make(folder: &Path) -> Outcome {
-    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))
-}
-
-fn write_with(folder: &Path, diagnosed: &Diagnosed, augmented: &Augmented, provenance: &Provenance) -> Outcome {
-    // All texts first, so that nothing is written where one of them fails.
-    let html = gpsindy_report::render_with(&diagnosed.diagnosis, provenance);
-    let json = report_json(&diagnosed.diagnosis)?;
-    let corrected = match augmented {
-        Augmented::Equations => {
-            let model = model_to_toml(&diagnosed.augmented)?;
-            Some(("augmented.toml", gpsindy_report::augmented(&diagnosed.diagnosis, &model)))
-        }
-        Augmented::File(corrected) => Some((corrected.name.as_str(), corrected.text.clone())),
-        Augmented::None => None,
-    };
-    make(folder)?;
-    write_whole(&folder.join("report.json"), json.as_bytes())?;
-    write_whole(&folder.join("report.html"), html.as_bytes())?;
-    if let Some((name, text)) = corrected {
-        write_whole(&folder.join(name), text.as_bytes())?;
-    }
-    Ok(())
-}
-
-/// What `gpsindy design` reads: the simulators that the logs can't tell apart, as equations.
-fn write_open(folder: &Path, diagnosed: &Diagnosed, augmented: &Augmented) -> Outcome {
-    let path = folder.join(OPEN);
-    if !matches!(augmented, Augmented::Equations) || diagnosed.open.candidates.len() < 2 {
-        // One of an earlier diagnosis would be taken for this one's.
-        if path.exists() {
-            std::fs::remove_file(&path).map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
-        }
-        return Ok(());
-    }
-    let text = serde_json::to_string(&diagnosed.open).map_err(|e| Failure::Work(format!("{OPEN}: {e}")))?;
-    Ok(write_whole(&path, (text + "\n").as_bytes())?)
-}
-
-/// The report as in report.json.
-pub(crate) fn report_json(diagnosis: &Diagnosis) -> Outcome<String> {
-    gpsindy_report::json(diagnosis).map_err(|e| Failure::Work(format!("report.json: {e}")))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn days_since_1970_are_dates() {
-        let days = [(0, "1970-01-01"), (58, "1970-02-28"), (11_016, "2000-02-29"), (20_453, "2025-12-31")];
-        for (days, expected) in days {
-            assert_eq!(date(days), expected);
-        }
-    }
 
     #[test]
     fn a_verdict_fails_where_it_was_asked_to() {

@@ -1,6 +1,9 @@
 //! `gpsindy identify --preset author`: the pipeline behind the paper's tables.
 
-use super::{AutoHold, Identify, Smoothing, level};
+use super::Identify;
+use super::choices::Smoothing;
+use super::method::level;
+use crate::args::AutoHold;
 use crate::commands::{check_folder_of, chosen, dataset, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;

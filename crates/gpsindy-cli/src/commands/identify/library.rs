@@ -1,0 +1,67 @@
+//! Options of the candidate terms, and of what is known of the equations beforehand.
+
+use crate::failure::{Failure, Outcome};
+use clap::Args;
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Candidate terms")]
+pub(crate) struct LibraryOptions {
+    /// Highest polynomial degree, 0 to 9
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = degree, allow_hyphen_values = true)]
+    pub(super) degree: usize,
+    /// Add sine and cosine of every state and control
+    #[arg(long)]
+    pub(super) trig: bool,
+    /// Add products of sine and cosine with polynomials of degree 1 and 2
+    #[arg(long)]
+    pub(super) products: bool,
+    /// Add a term, such as 'v*abs(v)'
+    #[arg(long, value_name = "EXPR")]
+    pub(super) term: Vec<String>,
+    /// Fix a known equation, such as "x' = v"; v need not be in the logs then
+    #[arg(long, value_name = "EQUATION")]
+    pub(super) fix: Vec<String>,
+    /// Exclude a term from an equation, such as v:x^2
+    #[arg(long, value_name = "STATE:TERM")]
+    pub(super) forbid: Vec<String>,
+    /// Always keep a term in an equation, such as v:u; its coefficient is estimated
+    #[arg(long, value_name = "STATE:TERM")]
+    pub(super) keep: Vec<String>,
+    /// Constrain the sign of a coefficient, such as v:v=-
+    #[arg(long, value_name = "STATE:TERM=SIGN", allow_hyphen_values = true)]
+    pub(super) sign: Vec<String>,
+}
+
+impl LibraryOptions {
+    /// Candidate terms, and what is known of the equations beforehand.
+    pub(crate) fn settings(&self) -> Outcome<(LibrarySettings, Constraints)> {
+        let library = LibrarySettings {
+            degree: self.degree,
+            trig: self.trig,
+            products: self.products,
+            extra: self.term.clone(),
+            ..LibrarySettings::default()
+        };
+        let mut constraints = Constraints::default();
+        for text in &self.fix {
+            constraints.fixed.push(Fixed::parse(text).map_err(|e| Failure::input(format!("--fix: {e}")))?);
+        }
+        for text in &self.forbid {
+            constraints.forbidden.push(Forbidden::parse(text).map_err(|e| Failure::input(format!("--forbid: {e}")))?);
+        }
+        for text in &self.keep {
+            constraints.kept.push(Kept::parse(text).map_err(|e| Failure::input(format!("--keep: {e}")))?);
+        }
+        for text in &self.sign {
+            constraints.signed.push(Signed::parse(text).map_err(|e| Failure::input(format!("--sign: {e}")))?);
+        }
+        Ok((library, constraints))
+    }
+}
+
+/// A degree as text.
+fn degree(text: &str) -> Result<usize, String> {
+    let degree = text.parse::<usize>().ok().filter(|degree| *degree <= 9);
+    degree.ok_or_else(|| "expected a whole number from 0 to 9".into())
+}
