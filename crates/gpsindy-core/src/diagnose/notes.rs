@@ -111,7 +111,7 @@ impl std::fmt::Display for Note {
                 effects.join(", ")
             ),
             Self::RuledOut { needs, effects } => {
-                write!(f, "no suspects where there is not {needs}: {}", effects.join(", "))
+                write!(f, "suspected only where {needs}: {}", effects.join(", "))
             }
             Self::Restarted { length } => write!(
                 f,
