@@ -3,30 +3,7 @@
 
 mod common;
 use common::Folder;
-
-const SLIDER: &str = "
-schema = \"gpsindy.model/1\"
-name = \"slider\"
-[[state]]
-name = \"v\"
-unit = \"m/s\"
-equation = \"-b*v\"
-[[parameter]]
-name = \"b\"
-value = 0.2
-";
-
-/// `v' = -0.2*v - drag*v^2` from `start`, in closed form, with a small error that no seed is needed for.
-fn coast(start: f64, drag: f64) -> String {
-    let mut text = String::from("t [s],v [m/s]\n");
-    for i in 0..60 {
-        let t = 0.05 * f64::from(i);
-        let decay = (-0.2 * t).exp();
-        let v = start * decay / (1.0 + start * drag / 0.2 * (1.0 - decay));
-        text += &format!("{t:.2},{:.5}\n", v + 0.004 * (f64::from(i * i) * 1.7 + start).sin());
-    }
-    text
-}
+use common::slider::{SLIDER, coast};
 
 /// Eight units, the last one with twice the drag, and a ninth without logs.
 fn fleet() -> Folder {

@@ -1,6 +1,8 @@
 //! Runs the real program in a folder of its own.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+pub mod slider;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
