@@ -18,6 +18,29 @@ const LOGS: &str = "run_1.csv run_2.csv run_3.csv --holdout run_4.csv";
 const SUSPECTS: &str = "--effects quadratic_drag,coulomb_friction,bias";
 
 #[test]
+fn rates_are_per_the_logs_own_unit_of_time_unless_the_model_speaks_of_seconds() {
+    let folder = lab(0.3);
+    for i in 1..=4 {
+        let log = folder.read(&format!("run_{i}.csv")).replace("t [s]", "t [h]").replace("v [m/s]", "v [kg]");
+        folder.write(&format!("run_{i}.csv"), &log);
+    }
+    let units = |report: &str| -> Vec<String> {
+        let report: serde_json::Value = serde_json::from_str(report).unwrap();
+        [&report["gap"]["by_state"][0], &report["causes"][0]["parameters"][0], &report["excluded"][0]]
+            .map(|entry| entry["unit"].as_str().unwrap().to_string())
+            .into()
+    };
+    let command = format!("diagnose slider.toml {LOGS} {SUSPECTS} --out report --quiet --json");
+    folder.write("slider.toml", &SLIDER.replace("m/s", "kg"));
+    let ran = folder.run(&command).done();
+    assert_eq!(units(&ran.stdout), ["kg/h", "1/(kg*h)", "kg/h"]);
+    assert!(folder.read("report/augmented.toml").contains("unit = \"1/(kg*h)\""));
+    assert!(!folder.read("report/report.html").contains("kg/s"));
+    folder.write("slider.toml", SLIDER);
+    assert_eq!(units(&folder.run(&command).done().stdout), ["m/s^2", "1/m", "m/s^2"]);
+}
+
+#[test]
 fn the_missing_drag_is_found_and_the_corrected_simulator_runs() {
     let folder = lab(0.3);
     let ran = folder.run(&format!("diagnose slider.toml {LOGS} {SUSPECTS} --out report --quiet")).done();

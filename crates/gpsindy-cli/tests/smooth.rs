@@ -108,3 +108,13 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     }
     assert_eq!(folder.names(), ["empty.csv", "log.csv", "text.csv"]);
 }
+
+#[test]
+fn rates_are_per_the_log_s_own_unit_of_time() {
+    let folder = Folder::new();
+    let rows: String = (0..40).map(|i| 0.1 * f64::from(i)).map(|t| format!("{t},{},1\n", t.sin())).collect();
+    folder.write("log.csv", &format!("t [years],hare [kpelts],v [m/s]\n{rows}"));
+    let ran = folder.run("smooth log.csv --state hare,v").done();
+    let header = "t [years],hare [kpelts],hare_std [kpelts],hare_dot [kpelts/years],hare_dot_std [kpelts/years],";
+    assert!(ran.stdout.starts_with(header) && ran.stdout.contains("v_dot [m/(s*years)]"), "{}", ran.stdout);
+}

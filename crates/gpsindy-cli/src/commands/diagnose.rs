@@ -168,7 +168,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         let (model, holdout) = (&nominal.model, &command.holdout);
         let Parts { train, holdout, offsets, time_unit } =
             logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
-        provenance.time_unit = time_unit;
+        provenance.time_unit.clone_from(&time_unit);
         provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
         let progress = screen.progress();
         let mut diagnosed = nominal.run(|| {
@@ -178,6 +178,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
             })
         })?;
         drop(progress);
+        diagnosed.count_time_in(model, &time_unit);
         diagnosed.diagnosis.notes.extend(offsets.iter().map(ToString::to_string));
         if let Some(folder) = &command.out {
             let files = nominal.beside(&diagnosed)?;

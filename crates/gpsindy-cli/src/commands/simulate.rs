@@ -91,8 +91,8 @@ fn simulate(command: &Simulate, nominal: &Nominal, screen: &Screen) -> Outcome {
     let system = nominal.system(&model)?;
     let settings = Settings { hold: command.hold.map_or_else(|| model.hold(), Into::into), ..Settings::default() };
     let kept = kept_controls(&model, command)?;
-    let rollouts = match &command.data {
-        None => vec![(model.name.clone(), without_log(command, &system, &settings, &kept)?)],
+    let (rollouts, time_unit) = match &command.data {
+        None => (vec![(model.name.clone(), without_log(command, &system, &settings, &kept)?)], "s".to_string()),
         Some(log) => {
             let logs = Logs::read(std::slice::from_ref(log), &command.columns.options()?)?;
             let (controls, states) = columns_of(&model);
@@ -117,10 +117,11 @@ fn simulate(command: &Simulate, nominal: &Nominal, screen: &Screen) -> Outcome {
                 };
                 Ok((run.name.clone(), rollout))
             };
-            data.runs().iter().map(rollout).collect::<Outcome<Vec<_>>>()?
+            let rollouts = data.runs().iter().map(rollout).collect::<Outcome<Vec<_>>>()?;
+            (rollouts, logs.time_unit().to_string())
         }
     };
-    let table = table(&model, &rollouts);
+    let table = table(&model, &rollouts, &time_unit);
     if screen.json() {
         let result = json!({"model": model.name, "columns": table.to_json()});
         return deliver(&command.output, &format!("{result}\n"), screen);
@@ -236,13 +237,14 @@ fn override_initial(model: &Model, given: &[(String, f64)], initial: &mut [f64])
 }
 
 /// One row a sample: the run where there are several, the time, what each state's column reads.
-fn table(model: &Model, rollouts: &[(String, Rollout)]) -> Table {
+fn table(model: &Model, rollouts: &[(String, Rollout)], time_unit: &str) -> Table {
     let mut table = Table::new();
     if rollouts.len() > 1 {
         table =
             table.with_text("run", rollouts.iter().flat_map(|(name, r)| vec![name.clone(); r.time.len()]).collect());
     }
-    table = table.with(&Channel::new("t").with_unit("s"), rollouts.iter().flat_map(|(_, r)| r.time.clone()).collect());
+    let time = rollouts.iter().flat_map(|(_, r)| r.time.clone()).collect();
+    table = table.with(&Channel::new("t").with_unit(time_unit), time);
     for (j, state) in model.states.iter().enumerate() {
         let channel = Channel::new(&state.name).with_unit(&state.unit);
         table = table.with(&channel, rollouts.iter().flat_map(|(_, r)| r.outputs.col_as_slice(j).to_vec()).collect());

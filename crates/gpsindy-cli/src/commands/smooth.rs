@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::gp::Kernel;
-use gpsindy_core::{Channel, Smoothed, Smoother, rate_unit};
+use gpsindy_core::{Channel, Smoothed, Smoother, rate_unit_in};
 use gpsindy_files::{Logs, Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
@@ -69,7 +69,7 @@ pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
             screen.warn(&format!("{}: {weakness}", channel.name));
         }
     }
-    let table = table(&smoothed);
+    let table = table(&smoothed, logs.time_unit());
     if !screen.json() {
         return deliver(&command.output, &table.to_csv(), screen);
     }
@@ -82,14 +82,15 @@ pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
 }
 
 /// One row a sample: the run where there are several, the time, then four columns a channel.
-fn table(smoothed: &Smoothed) -> Table {
+fn table(smoothed: &Smoothed, time_unit: &str) -> Table {
     let mut table = Table::new();
     if smoothed.runs.len() > 1 {
         table = table.with_text("run", smoothed.runs.iter().flat_map(|r| vec![r.name.clone(); r.time.len()]).collect());
     }
-    table = table.with(&Channel::new("t").with_unit("s"), smoothed.runs.iter().flat_map(|r| r.time.clone()).collect());
+    table = table
+        .with(&Channel::new("t").with_unit(time_unit), smoothed.runs.iter().flat_map(|r| r.time.clone()).collect());
     for (j, channel) in smoothed.channels.iter().enumerate() {
-        let rate = rate_unit(&channel.unit);
+        let rate = rate_unit_in(&channel.unit, time_unit);
         let column = |pick: fn(&gpsindy_core::SmoothedRun) -> &faer::Mat<f64>| {
             smoothed.runs.iter().flat_map(|r| pick(r).col_as_slice(j).to_vec()).collect::<Vec<f64>>()
         };

@@ -32,6 +32,7 @@ pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
 use crate::error::{Error, Result};
+use crate::model::unit::{has_seconds, in_time_unit};
 use crate::model::{Dynamics, Model, System};
 use crate::progress::Progress;
 use crate::refine::Hold;
@@ -127,6 +128,21 @@ pub struct Diagnosed {
     pub open: Open,
     /// For every included cause, as [`Diagnosis::included`] has them, the corrected simulator without it.
     pub without: Vec<Model>,
+}
+
+impl Diagnosed {
+    /// Names rates per `time_unit` where the logs count time in it: `kpelts/year` in place of `kpelts/s`.
+    ///
+    /// Without effect where a unit of the nominal model speaks of seconds: that is the user's own word.
+    pub fn count_time_in(&mut self, nominal: &Model, time_unit: &str) {
+        if nominal.units().any(has_seconds) {
+            return;
+        }
+        self.diagnosis.count_time_in(time_unit);
+        for parameter in &mut self.augmented.parameters {
+            parameter.unit = in_time_unit(&parameter.unit, time_unit);
+        }
+    }
 }
 
 /// The corrected simulator without each of the included causes, in the report's order.

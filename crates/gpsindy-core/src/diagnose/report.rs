@@ -9,6 +9,7 @@ mod closure;
 mod figures;
 mod gap;
 mod power;
+mod time_unit;
 
 pub use cause::{Cause, Excluded, ModelParameter, Parameter, Stability};
 pub use closure::{Closure, ClosureState};

@@ -136,6 +136,20 @@ pub fn rate_unit(unit: &str) -> String {
     }
 }
 
+/// The same of a log that counts time in `time_unit`: `kpelts` gives `kpelts/year`.
+///
+/// ```
+/// assert_eq!(gpsindy_core::rate_unit_in("kpelts", "year"), "kpelts/year");
+/// ```
+pub fn rate_unit_in(unit: &str, time_unit: &str) -> String {
+    match (time_unit, unit::has_seconds(unit)) {
+        ("s", _) => rate_unit(unit),
+        (_, false) => unit::in_time_unit(&rate_unit(unit), time_unit),
+        // Speeds in a log of minutes: both units stand there.
+        (_, true) => unit::product(&[(unit, 1), (time_unit, -1)]),
+    }
+}
+
 /// A control: an input that the log carries.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
@@ -281,6 +295,13 @@ impl Model {
         matches!(&self.states[index].equation, Expression::Variable(name) if self.state_index(name).is_some())
     }
 
+    /// Every unit that is given, empty ones included.
+    pub(crate) fn units(&self) -> impl Iterator<Item = &str> {
+        let states = self.states.iter().map(|s| &s.unit).chain(self.controls.iter().map(|c| &c.unit));
+        let others = self.ports.iter().map(|p| &p.unit).chain(self.parameters.iter().map(|p| &p.unit));
+        states.chain(others).map(String::as_str)
+    }
+
     /// Every name in use.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let states = self.states.iter().map(|s| s.name.as_str());
@@ -308,12 +329,15 @@ impl Model {
 
 #[cfg(test)]
 mod tests {
-    use super::rate_unit;
+    use super::{rate_unit, rate_unit_in};
 
     #[test]
     fn the_unit_of_a_derivative_is_per_second() {
         for (unit, rate) in [("", ""), ("m", "m/s"), ("m/s", "m/s^2"), ("rad/s^2", "rad/s^3"), ("kpelts", "kpelts/s")] {
             assert_eq!(rate_unit(unit), rate);
+            assert_eq!(rate_unit_in(unit, "s"), rate);
         }
+        assert_eq!(rate_unit_in("rad", "min"), "rad/min");
+        assert_eq!(rate_unit_in("m/s", "min"), "m/(s*min)");
     }
 }

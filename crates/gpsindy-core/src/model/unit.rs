@@ -73,9 +73,28 @@ fn factor(word: &str) -> Option<Option<(String, i32)>> {
             _ => (word, 1),
         },
     };
-    let is_symbol = |c: char| c.is_alphabetic() || matches!(c, '\u{b0}' | '%' | '_');
-    (!symbol.is_empty() && symbol.chars().all(is_symbol) && (-9..=9).contains(&power))
+    (!symbol.is_empty() && symbol.chars().all(is_letter) && (-9..=9).contains(&power))
         .then(|| Some((symbol.to_string(), power)))
+}
+
+/// A unit in which the second stands for another unit of time: `kpelts/s` counted in `year` gives `kpelts/year`.
+pub(crate) fn in_time_unit(unit: &str, time_unit: &str) -> String {
+    let mut found = String::with_capacity(unit.len());
+    for piece in unit.split_inclusive(|c: char| !is_letter(c)) {
+        let symbol = piece.trim_end_matches(|c: char| !is_letter(c));
+        found.push_str(if symbol == "s" { time_unit } else { symbol });
+        found.push_str(&piece[symbol.len()..]);
+    }
+    found
+}
+
+/// Whether a unit speaks of seconds.
+pub(crate) fn has_seconds(unit: &str) -> bool {
+    unit.split(|c: char| !is_letter(c)).any(|symbol| symbol == "s")
+}
+
+fn is_letter(c: char) -> bool {
+    c.is_alphabetic() || matches!(c, '\u{b0}' | '%' | '_')
 }
 
 #[cfg(test)]
@@ -96,6 +115,21 @@ mod tests {
             (&[("V", -1), ("A", -1)], "1/(V*A)"),
         ] {
             assert_eq!(product(parts), wanted, "{parts:?}");
+        }
+    }
+
+    #[test]
+    fn a_second_becomes_the_log_s_unit_of_time_and_nothing_else_does() {
+        for (unit, wanted) in [
+            ("kpelts/s", "kpelts/year"),
+            ("1/(kpelts*s)", "1/(kpelts*year)"),
+            ("kg*s^2", "kg*year^2"),
+            ("ms", "ms"),
+            ("m_s/s", "m_s/year"),
+            ("", ""),
+        ] {
+            assert_eq!(in_time_unit(unit, "year"), wanted);
+            assert_eq!(has_seconds(unit), unit != wanted, "{unit}");
         }
     }
 
