@@ -228,7 +228,18 @@ fn a_column_that_counts_the_years_becomes_no_state() {
 }
 
 #[test]
-#[ignore = "fails: at degree 3 hare and lynx still end at a relative error of 0.89, where degree 2 has 0.41"]
+fn rollouts_that_follow_little_of_the_logs_are_told() {
+    let folder = Folder::new();
+    let told = |degree: u32| {
+        folder.run(&format!("identify {} --state hare,lynx --degree {degree}", data("hare_lynx.csv"))).done().stderr
+    };
+    assert!(told(3).contains("warning: rollouts miss 80 % of the logs' variance; try a lower --degree"), "{}", told(3));
+    assert!(!told(2).contains("warning: rollouts miss"), "{}", told(2));
+}
+
+#[test]
+#[ignore = "a known miss: from the smoothed start degree 3 follows hare and lynx within the noise as well as degree 2 (relative error \
+            0.43 against 0.33), so it stands; from the first count it does not (0.89 against 0.41)"]
 fn a_library_that_is_too_large_gives_way_to_one_that_follows_the_logs() {
     let folder = Folder::new();
     let ran = folder.run(&format!("identify {} --state hare,lynx --json", data("hare_lynx.csv"))).done();

@@ -121,8 +121,8 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     let found = settings.fit(&data, &progress)?;
     let fit = scored_on.score(&found, &progress)?;
     drop(progress);
-    for note in &found.notes {
-        screen.warn(&note.to_string());
+    for note in found.notes.iter().map(ToString::to_string).chain(result::astray(&found, &fit)) {
+        screen.warn(&note);
     }
     if let Some(path) = &command.output.out {
         write_model(path, &found.model)?;

@@ -1,7 +1,7 @@
 //! The result of an identification, for the screen and as JSON.
 
 use crate::text::{aligned, count, short};
-use gpsindy_core::{Dataset, Hold, Identification, Score, StateError};
+use gpsindy_core::{Dataset, Hold, Identification, Note, Score, StateError};
 use serde_json::json;
 
 /// What a score was taken on.
@@ -55,6 +55,21 @@ pub(super) fn poor(found: &Identification) -> Option<String> {
                 short(level)
             )
         }
+    })
+}
+
+/// Share of the variance that rollouts over whole runs may miss without a warning: more than half of it is not followed.
+const MISSED: f64 = 0.5;
+
+/// That rollouts follow little of the logs, where they do although the model is not poor and the motion can be foretold.
+pub(super) fn astray(found: &Identification, fit: &Fit) -> Option<String> {
+    let missed = fit.score.rollout.pooled.powi(2);
+    let foretold = !found.notes.iter().any(|note| matches!(note, Note::Unpredictable { .. }));
+    (missed > MISSED && foretold && !found.is_poor()).then(|| {
+        format!(
+            "rollouts miss {} of the logs' variance; try a lower --degree, other terms, or a known equation (--fix)",
+            if missed < 1.0 { format!("{:.0} %", 100.0 * missed) } else { "all".into() }
+        )
     })
 }
 
