@@ -85,7 +85,7 @@ impl Engine for Simulator {
                 |model: Model| PyModel { model, simulator: nominal.simulator.as_ref().map(|s| s.clone_ref(py)) };
             let (report, nominal, augmented, without, open) =
                 findings(diagnosed.clone(), nominal.model.clone(), around)?;
-            let made = py.import("gpsindy.diagnosis")?.getattr("_diagnosis")?;
+            let made = py.import("gpsindy.diagnosing")?.getattr("_diagnosis")?;
             let found = made.call1((report, (nominal, augmented, without), open, self.source.bind(py)))?;
             found.call_method0("_beside")?.extract()
         };

@@ -3,7 +3,8 @@
 use crate::convert::{error, file_error};
 use crate::dataset::PyDataset;
 use crate::design::PyOpen;
-use crate::model::{PyModel, hold_of};
+use crate::model::PyModel;
+use crate::rollout::hold_of;
 use crate::watch::Watch;
 use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Diagnosed, Effect, Power, hold_out};

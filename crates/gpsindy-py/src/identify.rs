@@ -2,7 +2,8 @@
 
 use crate::convert::error;
 use crate::dataset::PyDataset;
-use crate::model::{PyModel, hold_of};
+use crate::model::PyModel;
+use crate::rollout::hold_of;
 use crate::smooth::smoother;
 use crate::watch::Watch;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};

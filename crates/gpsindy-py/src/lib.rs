@@ -12,6 +12,7 @@ mod fleet;
 mod identify;
 mod model;
 mod online;
+mod rollout;
 mod score;
 mod simulator;
 mod smooth;

@@ -2,13 +2,14 @@
 
 use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, vector};
 use crate::dataset::PyDataset;
+use crate::rollout::{self, Arrays, How, NamedArrays, arrays, said, settings};
 use crate::simulator::{Kind, Simulator};
 use crate::watch::Watch;
 
 use gpsindy_core::expression::Tape;
 use gpsindy_core::{
-    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Method, Model, Parameter, Port, Result,
-    Rollout, Run, Simulate, State, StateReader, System,
+    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Model, Parameter, Port, Result, Run,
+    Simulate, State, System,
 };
 use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 use numpy::PyArray2;
@@ -19,15 +20,6 @@ use std::sync::Arc;
 
 /// A table that Python owns.
 type Table<'py> = Bound<'py, PyArray2<f64>>;
-
-/// States and what the logs' columns read of them, of one rollout.
-type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
-
-/// The same of one run, with its name and times before it.
-type NamedArrays<'py> = (String, Vec<f64>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
-
-/// Hold, method, tolerance.
-type How = (String, String, f64);
 
 /// Terms, three tables of one row a state and one column a term (no row where there is none), lambda.
 type Record<'py> =
@@ -363,7 +355,6 @@ impl PyModel {
         how: How,
     ) -> PyResult<Vec<NamedArrays<'py>>> {
         let settings = settings(&how)?;
-        let (start, stop) = span;
         let data = data.get().0.clone();
         let mut model = self.model.clone();
         for (name, value) in &initial {
@@ -376,24 +367,7 @@ impl PyModel {
         let watch = Arc::new(Watch::default());
         let system = self.compiled(py, &model, &watch)?;
         let logs = data.clone();
-        let one = move |run: &Run| -> Result<Rollout> {
-            let excitation = Excitation::of_run(&system, run, logs.channels(), settings.hold)?;
-            let first = start.map_or(0, |start| run.time.partition_point(|t| *t < start));
-            let end = stop.map_or(run.n_samples(), |stop| run.time.partition_point(|t| *t <= stop));
-            if first >= end {
-                let lasts = format!("{} to {} s", run.time[0], run.time[run.n_samples() - 1]);
-                let message =
-                    format!("run `{}`: no sample between `start` and `stop`; it lasts from {lasts}", run.name);
-                return Err(Error::model(message));
-            }
-            let mut state = StateReader::new(&system, run, logs.channels(), &excitation)?.at(first)?;
-            for (name, value) in &initial {
-                if let Some(index) = model.state_index(name) {
-                    state[index] = *value;
-                }
-            }
-            settings.rollout_range(&system, &excitation, &state, first..end)
-        };
+        let one = move |run: &Run| rollout::of_run(&settings, &system, (run, logs.channels()), &initial, span);
         let runs = data.clone();
         let work = move || runs.runs().iter().map(one).collect::<Result<Vec<_>>>();
         let rollouts = self.run(py, &watch, None, work)?;
@@ -449,44 +423,4 @@ impl From<Model> for PyModel {
     fn from(model: Model) -> Self {
         Self { model, simulator: None }
     }
-}
-
-pub(crate) fn hold_of(text: &str) -> PyResult<Hold> {
-    match text {
-        "zero" => Ok(Hold::Zero),
-        "linear" => Ok(Hold::Linear),
-        other => Err(error(Error::range("hold", "\"zero\" or \"linear\"", format!("{other:?}")))),
-    }
-}
-
-/// What a controller says.
-fn said(py: Python<'_>, controller: &Py<PyAny>, time: f64, y: &[f64], u: &mut [f64]) -> PyResult<()> {
-    let answer = controller.bind(py).call1((time, numpy::PyArray1::from_slice(py, y)))?;
-    let values: Vec<f64> =
-        answer.extract().or_else(|_| answer.extract::<f64>().map(|one| vec![one])).map_err(|_| {
-            PyValueError::new_err(format!("controller: expected {} numbers, found {}", u.len(), answer.get_type()))
-        })?;
-    if values.len() != u.len() {
-        return Err(PyValueError::new_err(format!("controller: expected {} numbers, found {}", u.len(), values.len())));
-    }
-    u.copy_from_slice(&values);
-    Ok(())
-}
-
-fn settings((hold, method, tolerance): &How) -> PyResult<Simulate> {
-    let method = match method.as_str() {
-        "auto" => Method::DormandPrince,
-        "rosenbrock" => Method::Rosenbrock,
-        "rk4" => Method::RungeKutta4 { substeps: 1 },
-        "euler" => Method::Euler { substeps: 1 },
-        other => {
-            let known = "\"auto\", \"rosenbrock\", \"rk4\" or \"euler\"";
-            return Err(error(Error::range("method", known, format!("{other:?}"))));
-        }
-    };
-    Ok(Simulate { hold: hold_of(hold)?, method, tolerance: *tolerance, ..Simulate::default() })
-}
-
-fn arrays<'py>(py: Python<'py>, rollout: &Rollout) -> Arrays<'py> {
-    (array2(py, &rollout.states), array2(py, &rollout.outputs))
 }

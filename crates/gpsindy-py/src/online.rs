@@ -2,7 +2,8 @@
 
 use crate::convert::{Matrix, Vector, array1, error, matrix, vector};
 use crate::identify::{choice, constraints, report};
-use crate::model::{PyModel, hold_of};
+use crate::model::PyModel;
+use crate::rollout::hold_of;
 use crate::watch::lock;
 use gpsindy_core::gp::Kernel;
 use gpsindy_core::library::LibrarySettings;

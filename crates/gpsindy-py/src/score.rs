@@ -1,7 +1,8 @@
 //! Errors of a model on logs.
 
 use crate::dataset::PyDataset;
-use crate::model::{PyModel, hold_of};
+use crate::model::PyModel;
+use crate::rollout::hold_of;
 use crate::watch::Watch;
 use gpsindy_core::{Errors, Scoring, Simulate};
 use pyo3::prelude::*;

@@ -16,24 +16,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsindy._gpsindy import NumericalError, __version__
+from gpsindy.catalogue import CustomEffect, Effect, effects, read_effects
 from gpsindy.consequences import Consequence, Loop, Loss, closed_loop, consequence
 from gpsindy.dataset import Dataset, Run, read_csv
-from gpsindy.diagnosis import (
-    Cause,
-    CustomEffect,
-    Diagnosis,
-    Effect,
-    diagnose,
-    effects,
-    read_effects,
-)
+from gpsindy.diagnosing import diagnose
+from gpsindy.diagnosis import Cause, Diagnosis
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.estimator import GPSINDy
 from gpsindy.experiment import Experiment, Parting
 from gpsindy.fleets import Fleet, fleet
 from gpsindy.logs import Inspection, inspect, read_log
-from gpsindy.model import Control, Identification, Model, Parameter, Port, State
+from gpsindy.model import Model
 from gpsindy.online import Estimate, Online
+from gpsindy.parts import Control, Identification, Parameter, Port, State
 from gpsindy.randomizing import Randomization, Range, randomization
 from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score

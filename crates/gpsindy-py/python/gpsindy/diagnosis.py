@@ -1,4 +1,4 @@
-"""The diagnosis of the gap between a simulator and the logs of the machine."""
+"""What a diagnosis of the gap between a simulator and the logs of the machine found."""
 
 from __future__ import annotations
 
@@ -7,93 +7,19 @@ import json
 import os
 import pathlib
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gpsindy import _gpsindy
-from gpsindy._tables import names_of
-from gpsindy.dataset import Path, as_dataset
+from gpsindy.dataset import Path
 from gpsindy.experiment import Experiment, Parting
-from gpsindy.model import Hold, Model, Progress, Simulator, as_model
+from gpsindy.model import Model, Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gpsindy.estimator import GPSINDy
     from gpsindy.randomizing import Randomization
-
-
-@dataclass(frozen=True)
-class Effect:
-    """An effect of the catalogue.
-
-    Attributes
-    ----------
-    id : str
-    form : str
-        What it adds to the right side of the state's equation, or does to the control or the sensor.
-    parameters : str
-        Its parameters in words.
-    signature : str
-        What it looks like in a log.
-    name : str
-        Its name in everyday words.
-    meaning : str
-        What it does, for a reader who meets it first.
-    twins : tuple of (str, str)
-        Ids of the effects that logs may not tell from it, each with the experiment that parts the two.
-    """
-
-    id: str
-    form: str
-    parameters: str
-    signature: str
-    name: str = ""
-    meaning: str = ""
-    twins: tuple[tuple[str, str], ...] = ()
-
-
-@dataclass(frozen=True)
-class CustomEffect:
-    """A custom effect, added to the right side of an equation.
-
-    Attributes
-    ----------
-    id : str
-        Its id in the report.
-    state : str
-        The state in whose equation it acts.
-    form : str
-        What is added, in the names of the model and of its own parameters.
-    parameters : mapping of str to (float, float)
-        Its parameters and their ranges; the first one that is free of sign scales the effect.
-    units : mapping of str to str
-        Units of the parameters, for the report.
-    """
-
-    id: str
-    state: str
-    form: str
-    parameters: Mapping[str, tuple[float, float]]
-    units: Mapping[str, str] = field(default_factory=dict)
-
-    def _entry(self) -> tuple[str, str, str, list[tuple[str, float, float, str]]]:
-        ranges = [(n, float(low), float(high), self.units.get(n, "")) for n, (low, high) in self.parameters.items()]
-        return (self.id, self.state, self.form, ranges)
-
-
-def read_effects(path: Path) -> tuple[CustomEffect, ...]:
-    """Custom effects from the ``[[effect]]`` entries of a TOML file."""
-    found = _gpsindy.read_effects(os.fspath(path))
-    return tuple(
-        CustomEffect(
-            id, state, form, {n: (low, high) for n, low, high, _ in ranges}, {n: unit for n, _, _, unit in ranges if unit}
-        )
-        for id, state, form, ranges in found
-    )
 
 
 @dataclass(frozen=True)
@@ -365,166 +291,8 @@ class Diagnosis:
         return f'<iframe srcdoc="{page}" title="gpsindy diagnosis" width="100%" height="720" style="border:0"></iframe>'
 
 
-def diagnose(
-    model: Model | GPSINDy | Path | Simulator | None,
-    logs: Any,
-    holdout: Any = None,
-    *,
-    simulated: Any = None,
-    states: Sequence[str] | None = None,
-    controls: Sequence[str] = (),
-    kinematic: Mapping[str, str] | None = None,
-    vectorized: bool = False,
-    effects: str | Iterable[str] = (),
-    custom: Iterable[CustomEffect] = (),
-    allow_place: bool = False,
-    all_suspects: bool = False,
-    confidence: float = 0.95,
-    most_effects: int = 6,
-    hold: Hold | None = None,
-    keep_function: bool = False,
-    time_limit: float | None = 600.0,
-    power: bool = False,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> Diagnosis:
-    """Find where a simulator differs from the machine, which effect causes it, and how much a correction helps.
-
-    Parameters
-    ----------
-    model : Model, path of a model file, fitted GPSINDy, callable or None
-        The nominal simulator; a callable ``f(t, x, u)`` needs ``states`` and ``controls``. With ``simulated``: None, or a GPSINDy
-        with the settings for identifying a model from the simulated logs.
-    logs : Dataset, paths of CSV files, frame or list of frames
-        The real logs, with the model's controls and states as columns.
-    holdout : as logs, optional
-        Logs for validation only, never for a fit or a selection. Default: the last quarter of the runs; of a single run, its last quarter
-        in time.
-    simulated : as logs, optional
-        Logs of a simulator that is neither equations nor callable, preferably of the same runs as the real ones; name ``states`` and
-        ``controls``. A model is first identified from them. It must explain 99 % of held-out simulated logs, and its error there
-        does not count as a gap.
-    states, controls, kinematic, vectorized
-        For a callable, as in :meth:`Model.from_callable`.
-    effects : str or sequence of str
-        Ids of the effects to test; ``!`` before an id leaves it out. Default: the whole catalogue, see :func:`effects`.
-    custom : sequence of CustomEffect
-        Suspects of the user's own.
-    allow_place : bool
-        Let effects depend on where the machine is, or which way it faces, although no rate of the model does.
-    all_suspects : bool
-        Suspect every effect everywhere, also where it makes no sense by units or place.
-    confidence : float
-        Confidence level of the intervals, 0.5 to 0.999; no test and no verdict depends on it.
-    most_effects : int
-        Largest number of effects in one explanation, 1 to 6; never more than four in one equation.
-    hold : {"zero", "linear"}, optional
-        How controls behave between samples. Default: estimated.
-    time_limit : float or None, default 600
-        Seconds after which the search stops with the best result so far and says so; ``None``: no limit.
-    keep_function : bool
-        Add the part that no effect explains to the augmented model, as a fitted function.
-    power : bool
-        Also study which effects these logs could reveal, see :attr:`Diagnosis.power`: each is added to simulated copies of the
-        logs. Takes a hundred times as long as the diagnosis.
-    seed : int
-        Seed of the noise in that study.
-    progress : callable, optional
-        Called with (stage, done, total).
-
-    Returns
-    -------
-    Diagnosis
-
-    Raises
-    ------
-    ValueError
-        Logs without a column that the model needs, or a setting out of range.
-    NumericalError
-        A nominal model that diverges from every initial state.
-    """
-    if not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ValueError(f"seed: expected an integer of at least 0, found {seed!r}")
-    chosen = names_of(effects)
-    options = {
-        "effects": [name for name in chosen if not name.startswith("!")],
-        "without": [name[1:] for name in chosen if name.startswith("!")],
-        "custom": [effect._entry() for effect in custom],
-        "allow_place": allow_place,
-        "all_suspects": all_suspects,
-        "confidence": confidence,
-        "most_effects": most_effects,
-        "hold": hold,
-        "keep_function": keep_function,
-        "time_limit": None if time_limit is None else float(time_limit),
-        "power": int(seed) if power else None,
-    }
-    train = as_dataset(logs)._inner
-    held = None if holdout is None else as_dataset(holdout, "holdout")._inner
-    if simulated is not None:
-        identify = _identify_settings(model, states, controls)
-        paired = as_dataset(simulated, "simulated")._inner
-        report, *models, left = _gpsindy.diagnose_paired(paired, identify, train, held, options, progress)
-        return _diagnosis(report, models, left, None)
-    if callable(model):
-        if states is None:
-            raise ValueError("states: a callable needs the names of its states (and of its controls, where it has any)")
-        nominal = Model.from_callable(model, states, controls, kinematic=kinematic, vectorized=vectorized)
-    else:
-        nominal = as_model(model)
-    report, *models, left = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
-    return _diagnosis(report, models, left, nominal._source)
-
-
-def _diagnosis(report: str, models: Sequence[Any], left: _gpsindy.Open, source: Any) -> Diagnosis:
-    inner, augmented, without = models
-    corrected = Model._of(augmented, source)
-    text = _with_file(report, corrected) if augmented.calls_simulator else report
-    return Diagnosis(text, corrected, left, Model._of(inner, source), [Model._of(one, source) for one in without])
-
-
 def _restored(
     report: str, augmented: Model, left_open: str | None, nominal: Model | None, without: Sequence[Model]
 ) -> Diagnosis:
     left = None if left_open is None else _gpsindy.Open.parse(left_open)
     return Diagnosis(report, augmented, left, nominal, without)
-
-
-def _with_file(report: str, augmented: Model) -> str:
-    """The report of a simulator that is no equations: the name of its corrected file, and what changed in it."""
-    told = json.loads(report)
-    told["augmented_model"] = None
-    if augmented._source is not None:
-        try:
-            told["augmented_model"], _, difference = augmented._source._corrected_file(augmented._inner, ".")
-        except ValueError:
-            # Made from what has no file, such as a compiled model.
-            return json.dumps(told)
-        if told.get("figures"):
-            told["figures"]["difference"] = difference
-    return json.dumps(told)
-
-
-def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:
-    from gpsindy._layout import Layout
-    from gpsindy.estimator import GPSINDy
-
-    estimator = GPSINDy() if model is None else model
-    if not isinstance(estimator, GPSINDy):
-        kind = type(model).__name__
-        raise ValueError(f"simulated: in place of the model hand in None or a GPSINDy with settings, found {kind}")
-    if states is None:
-        raise ValueError("states: simulated logs need the names of their states (and of their controls, where they have any)")
-    return estimator._settings(Layout(names_of(states), names_of(controls), []))
-
-
-def effects() -> tuple[Effect, ...]:
-    """The catalogue of effects.
-
-    Examples
-    --------
-    >>> import gpsindy
-    >>> gpsindy.effects()[1].id
-    'bias'
-    """
-    return tuple(Effect(*entry[:6], twins=tuple(entry[6])) for entry in _gpsindy.effects())

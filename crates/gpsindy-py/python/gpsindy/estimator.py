@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import importlib
-import inspect
 import re
 import warnings
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ import numpy as np
 
 from gpsindy import _gpsindy
 from gpsindy._layout import Layout, chosen, lay_out, runs_of
+from gpsindy._settings import Settings, count, number
 from gpsindy._tables import Array, is_list_of_runs, names_of, readonly, tables
 from gpsindy.dataset import Dataset
 from gpsindy.errors import NotFittedError
@@ -30,7 +30,7 @@ Regressor = Literal["subset", "lasso", "sqrt-lasso", "stlsq", "ssr-coefficient",
 _VELOCITY = re.compile(r"\s*\w+\s*'\s*=\s*([A-Za-z]\w*)\s*")
 
 
-class GPSINDy:
+class GPSINDy(Settings):
     """Sparse equations of motion from noisy logs.
 
     Gaussian processes smooth the states, sparse regression over a library of terms picks the equations, and a refinement
@@ -276,7 +276,7 @@ class GPSINDy:
             "states": [*layout.states, *self._unlogged(layout)],
             "controls": layout.controls,
             "derivatives": layout.derivatives,
-            "degree": _count(self.degree, "degree"),
+            "degree": count(self.degree, "degree"),
             "trig": bool(self.trig),
             "products": bool(self.products),
             "terms": names_of(self.terms),
@@ -289,14 +289,14 @@ class GPSINDy:
             "kernel": self.kernel,
             "derivative_method": self.derivative_method,
             "regressor": self.regressor,
-            "lambda_": None if isinstance(self.lam, str) and self.lam == "auto" else _number(self.lam, "lam"),
+            "lambda_": None if isinstance(self.lam, str) and self.lam == "auto" else number(self.lam, "lam"),
             "select": self.select,
             "delays": delays,
-            "max_delay": None if self.max_delay is None else _number(self.max_delay, "max_delay"),
+            "max_delay": None if self.max_delay is None else number(self.max_delay, "max_delay"),
             "hold": self.hold,
             "standardize": bool(self.standardize),
             "train_fraction": float(self.train_fraction),
-            "ensemble": _count(self.ensemble, "ensemble"),
+            "ensemble": count(self.ensemble, "ensemble"),
             "refine": bool(self.refine),
             "window": None if self.window is None else float(self.window),
             "consensus": bool(self.consensus),
@@ -409,24 +409,6 @@ class GPSINDy:
             raise ValueError(f"u: expected {len(states)} runs as in x, found {len(inputs)}")
         return states, list(inputs)
 
-    @classmethod
-    def _parameter_names(cls) -> list[str]:
-        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Settings by name."""
-        return {name: getattr(self, name) for name in self._parameter_names()}
-
-    def set_params(self, **params: Any) -> GPSINDy:
-        """Changes settings by name; returns the estimator itself."""
-        known = self._parameter_names()
-        for name in params:
-            if name not in known:
-                raise ValueError(f"invalid parameter {name!r}; valid parameters are: {', '.join(known)}")
-        for name, value in params.items():
-            setattr(self, name, value)
-        return self
-
     def _check_fitted(self, what: str) -> None:
         if not hasattr(self, "model_"):
             raise NotFittedError(f"{what} needs a fitted estimator; call fit first")
@@ -447,25 +429,3 @@ class GPSINDy:
     def _repr_latex_(self) -> str | None:
         """The equations, once fitted."""
         return self.model_._repr_latex_() if hasattr(self, "model_") else None
-
-    def __repr__(self) -> str:
-        defaults = inspect.signature(type(self).__init__).parameters
-        changed = [f"{n}={v!r}" for n, v in self.get_params().items() if not _same(v, defaults[n].default)]
-        return f"GPSINDy({', '.join(changed)})"
-
-
-def _count(value: Any, name: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
-        raise ValueError(f"{name}: expected an integer of at least 0, found {value!r}")
-    return int(value)
-
-
-def _number(value: Any, name: str) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a number or 'auto', found {value!r}") from None
-
-
-def _same(one: Any, other: Any) -> bool:
-    return type(one) is type(other) and bool(np.all(one == other))

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsindy import _gpsindy
+from gpsindy._settings import count, number
 from gpsindy._tables import Array, contiguous, floats, names_of
 from gpsindy.errors import NotFittedError
-from gpsindy.estimator import _count, _number
 from gpsindy.model import Hold, Model, rounded
 
 
@@ -104,7 +104,7 @@ class Online:
                 "states": self._states,
                 "controls": self._controls,
                 "angles": names_of(angles),
-                "degree": _count(degree, "degree"),
+                "degree": count(degree, "degree"),
                 "trig": bool(trig),
                 "products": bool(products),
                 "terms": names_of(terms),
@@ -114,12 +114,12 @@ class Online:
                 "sign": names_of(sign),
                 "kernel": kernel,
                 "regressor": regressor,
-                "lambda_": None if isinstance(lam, str) and lam == "auto" else _number(lam, "lam"),
+                "lambda_": None if isinstance(lam, str) and lam == "auto" else number(lam, "lam"),
                 "select": select,
                 "delays": [(name, float(value)) for name, value in dict(delays or {}).items()],
                 "hold": hold,
                 "memory": None if memory is None else float(memory),
-                "window": _count(window, "window"),
+                "window": count(window, "window"),
             }
         )
 

@@ -11,58 +11,18 @@ import os
 import pathlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from gpsindy import _gpsindy, mjcf
 from gpsindy._tables import Array
 from gpsindy.dataset import Path
 from gpsindy.model import Model
+from gpsindy.mujoco._engine import mujoco
+from gpsindy.mujoco.copies import WORTH_THREADS, Copies
+from gpsindy.mujoco.settings import Setting, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
-try:
-    import mujoco
-    from mujoco import batch as _batch
-except ImportError as missing:
-    raise ImportError("gpsindy.mujoco needs the package mujoco, 4 or newer: pip install 'gpsindy[mujoco]'") from missing
-
-
-#: Copies from which on the engine's work is shared among threads.
-_WORTH_THREADS = 256
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A number of the engine's model that the logs may correct.
-
-    Attributes
-    ----------
-    name : str
-        ``JOINT.frictionloss``, ``JOINT.damping``, ``JOINT.armature``, ``JOINT.stiffness``, ``ACTUATOR.kp``,
-        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion).
-    value : float
-        In the nominal model.
-    unit : str
-    element : str
-        Name of the joint, actuator or body.
-    attribute : str
-        What comes after the dot.
-    index : int
-        Of the element in the engine's arrays.
-    scale : float or None
-        A change that matters, where the value itself tells none.
-    """
-
-    name: str
-    value: float
-    unit: str
-    element: str
-    attribute: str
-    index: int
-    scale: float | None
-
+__all__ = ["Setting", "Simulator"]
 
 class Simulator:
     """A MuJoCo model in place of equations.
@@ -113,12 +73,12 @@ class Simulator:
         self._check()
         self._mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._threads = threads
-        self._batches: dict[int, _Copies] = {}
-        self._joints = [_name(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(self._mj.njnt)]
-        self._actuators = [_name(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
+        self._batches: dict[int, Copies] = {}
+        self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(self._mj.njnt)]
+        self._actuators = [name_of(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
         self._positions, self._velocities = self._columns(joints or {})
         self._commands = self._command_columns(actuators or {})
-        self._settings = _settings(self._mj, self._joints, self._actuators)
+        self._settings = settings_of(self._mj, self._joints, self._actuators)
         self._period = float(self._mj.opt.timestep)
         #: Force, inertia and unit by the column of a joint's velocity.
         self._inertia = self._inertias()
@@ -168,7 +128,7 @@ class Simulator:
         for j in range(m.njnt):
             kind = kinds.get(int(m.jnt_type[j]))
             if kind is not None:
-                name = _name(m, mujoco.mjtObj.mjOBJ_JOINT, j)
+                name = name_of(m, mujoco.mjtObj.mjOBJ_JOINT, j)
                 raise ValueError(
                     f"joint {name!r} is a {kind} joint, which has no position of one number; weld the body or "
                     "replace the joint by hinges and slides"
@@ -177,7 +137,7 @@ class Simulator:
             raise ValueError("the model has no joint, so nothing moves")
         for a in range(m.nu):
             if m.actuator_actnum[a] > 0:
-                name = _name(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a)
+                name = name_of(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a)
                 raise ValueError(
                     f"actuator {name!r} has an activation, a state that no log carries; give it dyntype=\"none\" and let the "
                     "diagnosis find the lag"
@@ -247,8 +207,8 @@ class Simulator:
         size = max(16, 1 << (len(x) - 1).bit_length())
         if size not in self._batches:
             # A thread that waits for few rows costs more than it does.
-            threads = self._threads if size >= _WORTH_THREADS else 1
-            self._batches[size] = _Copies(self._mj, self._settings, size, threads)
+            threads = self._threads if size >= WORTH_THREADS else 1
+            self._batches[size] = Copies(self._mj, self._settings, size, threads)
         return self._batches[size].step(x, u, force, parameters, dt)
 
     def corrected(self, model: Model) -> str:
@@ -376,143 +336,11 @@ class Simulator:
         raise TypeError("a MuJoCo simulator can't be pickled; make it anew from its file")
 
 
-class _Copies:
-    """A number of copies of one model, each with parameters of its own."""
-
-    def __init__(self, model: Any, settings: Sequence[Setting], size: int, threads: int) -> None:
-        self.batch = _batch.Batch(model, size, nthread=threads)
-        self.settings = settings
-        self.size = size
-        self.position = model.jnt_qposadr.copy()
-        self.velocity = model.jnt_dofadr.copy()
-        bind = self.batch.bind
-        self.qpos, self.qvel, self.force = bind("qpos"), bind("qvel"), bind("qfrc_applied")
-        self.ctrl = bind("ctrl") if model.nu else np.zeros((size, 0))
-        self.timestep = self.batch.expand("opt.timestep")
-        self.dt = float(model.opt.timestep)
-        self.parameters = np.tile([s.value for s in settings], (size, 1))
-        self.nominal = {s.name: s.value for s in settings}
-        self.fields: dict[str, Any] = {}
-        self.mass, self.inertia = model.body_mass.copy(), model.body_inertia.copy()
-
-    def step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
-        rows, joints = len(x), len(self.position)
-        if not np.array_equal(parameters, self.parameters[:rows]):
-            self._set(parameters)
-        if dt != self.dt:
-            self.timestep[:] = dt
-            self.dt = dt
-        self.qpos[:rows, self.position] = x[:, :joints]
-        self.qvel[:rows, self.velocity] = x[:, joints:]
-        self.force[:rows, self.velocity] = force
-        self.ctrl[:rows] = u
-        failed: Any = ()
-        try:
-            self.batch.step(ids=np.arange(rows, dtype=np.int32))
-        except _batch.SimulationError as error:
-            failed = np.asarray(error.ids)
-        found = np.empty_like(x)
-        found[:, :joints] = self.qpos[:rows, self.position]
-        found[:, joints:] = self.qvel[:rows, self.velocity]
-        if len(failed):
-            found[failed] = np.nan
-        return found
-
-    def _set(self, parameters: Array) -> None:
-        rows = len(parameters)
-        constants = False
-        for column, setting in enumerate(self.settings):
-            values = parameters[:, column]
-            if np.array_equal(values, self.parameters[:rows, column]):
-                continue
-            self.parameters[:rows, column] = values
-            constants |= self._write(setting, values)
-        if constants:
-            self.batch.set_const()
-
-    def _field(self, name: str) -> Any:
-        if name not in self.fields:
-            self.fields[name] = self.batch.expand(name)
-        return self.fields[name]
-
-    def _write(self, setting: Setting, values: Array) -> bool:
-        """Sets one number of every copy; whether constants of the model depend on it."""
-        rows, i, attribute = len(values), setting.index, setting.attribute
-        if attribute in _OF_A_DOF:
-            _first(self._field(f"dof_{attribute}"))[:rows, self.velocity[i]] = values
-            return attribute == "armature"
-        if attribute == "stiffness":
-            _first(self._field("jnt_stiffness"))[:rows, i] = values
-            return False
-        if attribute == "mass":
-            share = values / self.mass[i]
-            self._field("body_mass")[:rows, i] = values
-            self._field("body_inertia")[:rows, i, :] = share[:, None] * self.inertia[i]
-            return True
-        place = 1 if attribute == "kp" else 2
-        if setting.scale is None:
-            self._field("actuator_gainprm")[:rows, i, 0] = values
-        self._field("actuator_biasprm")[:rows, i, place] = -values
-        return False
-
-
-_OF_A_DOF = ("frictionloss", "damping", "armature")
-
-
-def _first(field: Any) -> Any:
-    """The leading coefficient, where a field is a polynomial."""
-    return field if field.ndim == 2 else field[..., 0]
-
-
-def _settings(m: Any, joints: Sequence[str], actuators: Sequence[str]) -> list[Setting]:
-    data = mujoco.MjData(m)
-    mujoco.mj_forward(m, data)
-    inertia = np.zeros((m.nv, m.nv))
-    mujoco.mj_fullM(m, data, inertia)
-    found = []
-    for j, joint in enumerate(joints):
-        dof = m.jnt_dofadr[j]
-        hinge = m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
-        force = "N m" if hinge else "N"
-        scale = float(inertia[dof, dof])
-
-        def of(attribute: str, value: float, unit: str, scale: float | None) -> None:
-            found.append(Setting(f"{joint}.{attribute}", value, unit, joint, attribute, j, scale or None))
-
-        of("frictionloss", float(m.dof_frictionloss[dof]), force, scale)
-        of("damping", float(_first(m.dof_damping[None])[0, dof]), f"{force} s" if hinge else "N s/m", scale)
-        of("armature", float(m.dof_armature[dof]), "kg m^2" if hinge else "kg", scale)
-        if float(m.qpos_spring[m.jnt_qposadr[j]]) == 0.0:
-            of("stiffness", float(_first(m.jnt_stiffness[None])[0, j]), force if hinge else "N/m", scale)
-    for a, actuator in enumerate(actuators):
-        gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
-        affine = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
-        servo = affine and bias[1] != 0 and bias[1] == -gain[0]
-        if servo:
-            found.append(Setting(f"{actuator}.kp", float(gain[0]), "", actuator, "kp", a, None))
-        if affine and bias[2] != 0:
-            # A velocity servo's gain is its damping; a position servo's damping stands by itself.
-            own = None if bias[1] == 0 and bias[2] == -gain[0] else abs(float(bias[2]))
-            found.append(Setting(f"{actuator}.kv", float(-bias[2]), "", actuator, "kv", a, own))
-    for b in range(1, m.nbody):
-        # Only what a joint can move, and only what weighs something.
-        if m.body_weldid[b] != 0 and m.body_mass[b] > 0:
-            body = _name(m, mujoco.mjtObj.mjOBJ_BODY, b)
-            found.append(Setting(f"{body}.mass", float(m.body_mass[b]), "kg", body, "mass", b, None))
-    return found
-
-
 def _as_mjcf(path: pathlib.Path) -> str:
     """A URDF file in MuJoCo's own language."""
     spec = mujoco.MjSpec.from_file(os.fspath(path))
     spec.compile()
     return str(spec.to_xml())
-
-
-def _name(m: Any, kind: Any, index: int) -> str:
-    """Name of an element; a made-up one where it has none."""
-    words = {mujoco.mjtObj.mjOBJ_JOINT: "joint", mujoco.mjtObj.mjOBJ_ACTUATOR: "actuator", mujoco.mjtObj.mjOBJ_BODY: "body"}
-    return mujoco.mj_id2name(m, kind, index) or f"{words[kind]}_{index}"
 
 
 def _plain(name: str) -> str:

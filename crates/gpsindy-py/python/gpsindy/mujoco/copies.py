@@ -1,0 +1,95 @@
+"""Copies of one MuJoCo model that are stepped together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsindy._tables import Array
+from gpsindy.mujoco._engine import batch
+from gpsindy.mujoco.settings import OF_A_DOF, Setting, first
+
+#: Copies from which on the engine's work is shared among threads.
+WORTH_THREADS = 256
+
+
+class Copies:
+    """A number of copies of one model, each with parameters of its own."""
+
+    def __init__(self, model: Any, settings: Sequence[Setting], size: int, threads: int) -> None:
+        self.batch = batch.Batch(model, size, nthread=threads)
+        self.settings = settings
+        self.size = size
+        self.position = model.jnt_qposadr.copy()
+        self.velocity = model.jnt_dofadr.copy()
+        bind = self.batch.bind
+        self.qpos, self.qvel, self.force = bind("qpos"), bind("qvel"), bind("qfrc_applied")
+        self.ctrl = bind("ctrl") if model.nu else np.zeros((size, 0))
+        self.timestep = self.batch.expand("opt.timestep")
+        self.dt = float(model.opt.timestep)
+        self.parameters = np.tile([s.value for s in settings], (size, 1))
+        self.nominal = {s.name: s.value for s in settings}
+        self.fields: dict[str, Any] = {}
+        self.mass, self.inertia = model.body_mass.copy(), model.body_inertia.copy()
+
+    def step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
+        rows, joints = len(x), len(self.position)
+        if not np.array_equal(parameters, self.parameters[:rows]):
+            self._set(parameters)
+        if dt != self.dt:
+            self.timestep[:] = dt
+            self.dt = dt
+        self.qpos[:rows, self.position] = x[:, :joints]
+        self.qvel[:rows, self.velocity] = x[:, joints:]
+        self.force[:rows, self.velocity] = force
+        self.ctrl[:rows] = u
+        failed: Any = ()
+        try:
+            self.batch.step(ids=np.arange(rows, dtype=np.int32))
+        except batch.SimulationError as error:
+            failed = np.asarray(error.ids)
+        found = np.empty_like(x)
+        found[:, :joints] = self.qpos[:rows, self.position]
+        found[:, joints:] = self.qvel[:rows, self.velocity]
+        if len(failed):
+            found[failed] = np.nan
+        return found
+
+    def _set(self, parameters: Array) -> None:
+        rows = len(parameters)
+        constants = False
+        for column, setting in enumerate(self.settings):
+            values = parameters[:, column]
+            if np.array_equal(values, self.parameters[:rows, column]):
+                continue
+            self.parameters[:rows, column] = values
+            constants |= self._write(setting, values)
+        if constants:
+            self.batch.set_const()
+
+    def _field(self, name: str) -> Any:
+        if name not in self.fields:
+            self.fields[name] = self.batch.expand(name)
+        return self.fields[name]
+
+    def _write(self, setting: Setting, values: Array) -> bool:
+        """Sets one number of every copy; whether constants of the model depend on it."""
+        rows, i, attribute = len(values), setting.index, setting.attribute
+        if attribute in OF_A_DOF:
+            first(self._field(f"dof_{attribute}"))[:rows, self.velocity[i]] = values
+            return attribute == "armature"
+        if attribute == "stiffness":
+            first(self._field("jnt_stiffness"))[:rows, i] = values
+            return False
+        if attribute == "mass":
+            share = values / self.mass[i]
+            self._field("body_mass")[:rows, i] = values
+            self._field("body_inertia")[:rows, i, :] = share[:, None] * self.inertia[i]
+            return True
+        place = 1 if attribute == "kp" else 2
+        if setting.scale is None:
+            self._field("actuator_gainprm")[:rows, i, 0] = values
+        self._field("actuator_biasprm")[:rows, i, place] = -values
+        return False

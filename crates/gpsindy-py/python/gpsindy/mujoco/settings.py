@@ -1,0 +1,95 @@
+"""Numbers of a MuJoCo model that the logs may correct."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gpsindy.mujoco._engine import mujoco
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A number of the engine's model that the logs may correct.
+
+    Attributes
+    ----------
+    name : str
+        ``JOINT.frictionloss``, ``JOINT.damping``, ``JOINT.armature``, ``JOINT.stiffness``, ``ACTUATOR.kp``,
+        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion).
+    value : float
+        In the nominal model.
+    unit : str
+    element : str
+        Name of the joint, actuator or body.
+    attribute : str
+        What comes after the dot.
+    index : int
+        Of the element in the engine's arrays.
+    scale : float or None
+        A change that matters, where the value itself tells none.
+    """
+
+    name: str
+    value: float
+    unit: str
+    element: str
+    attribute: str
+    index: int
+    scale: float | None
+
+
+def name_of(m: Any, kind: Any, index: int) -> str:
+    """Name of an element; a made-up one where it has none."""
+    words = {mujoco.mjtObj.mjOBJ_JOINT: "joint", mujoco.mjtObj.mjOBJ_ACTUATOR: "actuator", mujoco.mjtObj.mjOBJ_BODY: "body"}
+    return mujoco.mj_id2name(m, kind, index) or f"{words[kind]}_{index}"
+
+
+def first(field: Any) -> Any:
+    """The leading coefficient, where a field is a polynomial."""
+    return field if field.ndim == 2 else field[..., 0]
+
+
+#: Numbers that stand at a degree of freedom.
+OF_A_DOF = ("frictionloss", "damping", "armature")
+
+
+def settings_of(m: Any, joints: Sequence[str], actuators: Sequence[str]) -> list[Setting]:
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    inertia = np.zeros((m.nv, m.nv))
+    mujoco.mj_fullM(m, data, inertia)
+    found = []
+    for j, joint in enumerate(joints):
+        dof = m.jnt_dofadr[j]
+        hinge = m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+        force = "N m" if hinge else "N"
+        scale = float(inertia[dof, dof])
+
+        def of(attribute: str, value: float, unit: str, scale: float | None) -> None:
+            found.append(Setting(f"{joint}.{attribute}", value, unit, joint, attribute, j, scale or None))
+
+        of("frictionloss", float(m.dof_frictionloss[dof]), force, scale)
+        of("damping", float(first(m.dof_damping[None])[0, dof]), f"{force} s" if hinge else "N s/m", scale)
+        of("armature", float(m.dof_armature[dof]), "kg m^2" if hinge else "kg", scale)
+        if float(m.qpos_spring[m.jnt_qposadr[j]]) == 0.0:
+            of("stiffness", float(first(m.jnt_stiffness[None])[0, j]), force if hinge else "N/m", scale)
+    for a, actuator in enumerate(actuators):
+        gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+        affine = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
+        servo = affine and bias[1] != 0 and bias[1] == -gain[0]
+        if servo:
+            found.append(Setting(f"{actuator}.kp", float(gain[0]), "", actuator, "kp", a, None))
+        if affine and bias[2] != 0:
+            # A velocity servo's gain is its damping; a position servo's damping stands by itself.
+            own = None if bias[1] == 0 and bias[2] == -gain[0] else abs(float(bias[2]))
+            found.append(Setting(f"{actuator}.kv", float(-bias[2]), "", actuator, "kv", a, own))
+    for b in range(1, m.nbody):
+        # Only what a joint can move, and only what weighs something.
+        if m.body_weldid[b] != 0 and m.body_mass[b] > 0:
+            body = name_of(m, mujoco.mjtObj.mjOBJ_BODY, b)
+            found.append(Setting(f"{body}.mass", float(m.body_mass[b]), "kg", body, "mass", b, None))
+    return found
