@@ -17,7 +17,7 @@ fn a_table_is_shown_with_its_clock_its_columns_and_its_faults() {
         "5 samples, 100 Hz",
         "time `Time`: 1700000000 s to 1700000000.500 s",
         "1 gap",
-        "u: is 5 throughout",
+        "u: is always 5",
         "mode",
     ] {
         assert!(shown.contains(expected), "{expected} is not in\n{shown}");
@@ -35,7 +35,7 @@ fn a_table_is_shown_with_its_clock_its_columns_and_its_faults() {
 fn stamps_that_stand_still_are_inspected_and_refused_by_the_methods() {
     let folder = Folder::new();
     folder.write("log.csv", "t,x\n0,1\n0.1,2\n0.1,3\n0.2,4\n");
-    assert!(folder.run("inspect log.csv").done().stdout.contains("1 stamps repeat the one before them"));
+    assert!(folder.run("inspect log.csv").done().stdout.contains("1 stamp is the same as the one before"));
     let refused = folder.run("smooth log.csv");
     assert!(refused.refused().contains("time stands still"), "{refused:?}");
 }

@@ -28,7 +28,7 @@ pub struct Inspection {
     pub format: String,
     /// Its topics; a table is one without a name.
     pub topics: Vec<TopicReport>,
-    /// What spoils an identification, in the order of the topics.
+    /// What would harm an identification, in the order of the topics.
     pub findings: Vec<Finding>,
     /// What the reading itself has to say: a break, stamps that were made again.
     pub notes: Vec<String>,

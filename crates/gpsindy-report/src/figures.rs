@@ -114,11 +114,10 @@ pub(crate) fn rollout(figure: &RolloutFigure, charts: &mut Charts<'_>) -> Markup
     let ended = diverged(&figure.before, &figure.time)
         .map(|t| format!(" The nominal rollout diverges at t = {t:.2} {}.", charts.time_unit))
         .unwrap_or_default();
+    let solid = if figure.after.is_empty() { "" } else { " Solid: of the augmented one." };
     let chart = Chart {
         title: format!("{} in held-out run {}", figure.column, figure.run),
-        description: format!(
-            "Dots: the log. Dashed: rollout of the nominal model. Solid: of the augmented one.{ended}"
-        ),
+        description: format!("Dots: the log. Dashed: rollout of the nominal model.{solid}{ended}"),
         x_label: charts.time_label(),
         y_label: axis(&figure.column, &figure.unit),
         marks,

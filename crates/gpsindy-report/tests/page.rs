@@ -76,6 +76,14 @@ fn every_figure_has_a_title_and_a_description_of_its_own() {
 }
 
 #[test]
+fn a_page_without_a_cause_speaks_of_no_curve_of_an_augmented_model() {
+    for (name, report) in fixtures::all() {
+        let drawn = report.figures.iter().flat_map(|f| &f.rollouts).any(|figure| !figure.after.is_empty());
+        assert_eq!(render(&report).contains("Solid: of the augmented one"), drawn, "{name}");
+    }
+}
+
+#[test]
 fn no_number_on_a_page_is_infinite_or_not_a_number() {
     for (name, report) in fixtures::all() {
         let page = render(&report);

@@ -66,12 +66,20 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
         }
         if report.constant {
             let value = report.min.unwrap_or(f64::NAN);
-            told.column(name, "constant", format!("is {value} throughout: it tells nothing and can't be a state"));
+            told.column(
+                name,
+                "constant",
+                format!("is always {value}; it carries no information and cannot be a state"),
+            );
             continue;
         }
         if let Some(turn) = report.turn {
-            let unit = if turn > 100.0 { "degrees; convert it to rad" } else { "rad; unwrap it with --angle" };
-            told.column(name, "wrapped", format!("jumps by a full turn, {} times: an angle in {unit}", report.wraps));
+            let unit = if turn > 100.0 { "degrees: convert it to rad" } else { "rad: unwrap it with --angle" };
+            told.column(
+                name,
+                "wrapped",
+                format!("jumps by a full turn {} times; it is an angle in {unit}", report.wraps),
+            );
         }
         let changes = column.changes();
         // A ramp moves by a level every time; a coarse sensor also stands still.
@@ -80,17 +88,17 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
         if let Some(step) = coarse {
             let share = 100.0 * changes.small;
             let text = format!(
-                "stands on levels {} apart, and {share:.0} % of its changes are one level or none",
+                "has a resolution of {}, and {share:.0} % of its changes are one such step or none",
                 short(step)
             );
             told.column(name, "quantised", text);
         } else if changes.same > HELD && changes.held > 1 {
             let rate = report_rate(sheet) / changes.held as f64;
             let how = if changes.regular > 0.7 {
-                format!("repeats each value for {} samples: a signal of {} Hz, held", changes.held, short(rate))
+                format!("repeats each value for {} samples; its own rate is {} Hz", changes.held, short(rate))
             } else {
                 format!(
-                    "stands still in {:.0} % of its samples: a signal of its own, slower clock, or a command",
+                    "does not change in {:.0} % of its samples; it is a command, or its sensor is slower than the log",
                     100.0 * changes.same
                 )
             };
@@ -100,7 +108,7 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
     for made in difference::find(sheet) {
         let of = &sheet.columns[made.of].name;
         let how = match made.how {
-            How::Difference(1) => format!("is the difference of `{of}` from sample to sample"),
+            How::Difference(1) => format!("is the difference of `{of}` from one sample to the next"),
             How::Difference(k) => {
                 format!("is the difference of `{of}` over {k} samples, late by {:.1} samples", k as f64 / 2.0)
             }
@@ -109,7 +117,7 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
                 format!("is the difference of `{of}` through a low pass of {:.1} samples", -1.0 / past.ln())
             }
         };
-        let text = format!("{how}: no measurement of its own; leave it out or name it by --derivative");
+        let text = format!("{how}, not a measurement; leave it out or name it with --derivative");
         told.column(&sheet.columns[made.column].name, "difference", text);
     }
 }
@@ -118,18 +126,30 @@ fn clock(report: &TopicReport, told: &mut Told<'_>) {
     let clock = &report.clock;
     let (Some(period), Some(jitter)) = (clock.period, clock.jitter) else { return };
     if clock.backward > 0 {
-        told.stamps("backward_stamps", format!("{} stamps lie before the one before them", clock.backward));
+        told.stamps("backward_stamps", format!("{} earlier than the one before", stamps_are(clock.backward)));
     }
     if clock.repeated > 0 {
-        told.stamps("repeated_stamps", format!("{} stamps repeat the one before them", clock.repeated));
+        told.stamps("repeated_stamps", format!("{} the same as the one before", stamps_are(clock.repeated)));
     }
     if jitter > JITTER {
-        let what = if clock.clock == "log" { ", the time of recording: that of sampling would be better" } else { "" };
-        told.stamps("jitter", format!("steps vary by \u{b1}{:.0} % around {} s{what}", 100.0 * jitter, short(period)));
+        let what = if clock.clock == "log" {
+            "; these are times of recording, and times of sampling would be better"
+        } else {
+            ""
+        };
+        told.stamps(
+            "jitter",
+            format!("the step varies by \u{b1}{:.0} % around {} s{what}", 100.0 * jitter, short(period)),
+        );
     }
     if clock.gaps > 0 {
+        let gaps = if clock.gaps == 1 {
+            "1 gap; it begins".into()
+        } else {
+            format!("{} gaps; the longest begins", clock.gaps)
+        };
         let (longest, at) = (clock.longest.unwrap_or(0.0), clock.longest_at.unwrap_or(0.0));
-        told.stamps("gaps", format!("{} gaps; the longest lasts {} s from {at:.3} s on", clock.gaps, short(longest)));
+        told.stamps("gaps", format!("{gaps} at {at:.3} s and lasts {} s", short(longest)));
     }
     if let Some(resolution) = clock.resolution.filter(|r| *r > COARSE_STAMPS * period) {
         let share = 100.0 * resolution / period;
@@ -140,7 +160,7 @@ fn clock(report: &TopicReport, told: &mut Told<'_>) {
     }
     if let Some(drift) = clock.drift {
         let text = format!(
-            "the clock of the headers and that of the recorder run apart by {:.0} ppm: do not mix topics with and without a header",
+            "the clock of the headers and that of the recorder drift apart by {:.0} ppm; do not mix topics with and without headers",
             1e6 * drift
         );
         told.stamps("clock_drift", text);
@@ -165,9 +185,13 @@ pub(crate) fn between(sheets: &[Sheet], found: &mut Vec<Finding>) {
             topic: alone.0.topic.clone(),
             column: None,
             kind: "clock_drift".into(),
-            text: format!("its stamps have no time in common with those of {}; try --stamp log", right.0.topic),
+            text: format!("its stamps do not overlap with those of {}; try --stamp log", right.0.topic),
         });
     }
+}
+
+fn stamps_are(count: usize) -> String {
+    if count == 1 { "1 stamp is".into() } else { format!("{count} stamps are") }
 }
 
 /// Samples a second, NaN where there are too few.

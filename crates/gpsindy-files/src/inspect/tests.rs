@@ -49,7 +49,7 @@ fn a_clean_log_has_no_findings() {
     let clock = &found.topics[0].clock;
     assert!((clock.rate.unwrap() - 100.0).abs() < 1e-6 && clock.jitter.unwrap() < 1e-6 && clock.gaps == 0);
     assert_eq!((found.topics[0].count, found.topics[0].columns[0].unit.as_str()), (400, "m"));
-    assert!(found.text(100).contains("nothing found that spoils an identification"));
+    assert!(found.text(100).contains("no flaw found that would harm an identification"));
 }
 
 #[test]

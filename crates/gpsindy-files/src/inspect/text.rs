@@ -90,9 +90,9 @@ fn row(column: &ColumnReport, topic: &TopicReport) -> Vec<String> {
 
 fn findings(inspection: &Inspection, width: usize) -> String {
     if inspection.findings.is_empty() {
-        return "nothing found that spoils an identification\n".into();
+        return "no flaw found that would harm an identification\n".into();
     }
-    let mut text = String::from("what spoils an identification:\n");
+    let mut text = String::from("flaws that would harm an identification:\n");
     for finding in inspection.findings.iter().take(FINDINGS) {
         let place = match (&finding.topic, &finding.column) {
             (topic, None) if topic.is_empty() => "stamps".to_string(),

@@ -31,7 +31,7 @@ class Inspection:
     topics : list of dict
         Topics with their clock and their columns; a table is one topic without a name.
     findings : list of dict
-        What spoils an identification: ``topic``, ``column``, ``kind`` and ``text``.
+        What would harm an identification: ``topic``, ``column``, ``kind`` and ``text``.
     notes : list of str
         What the reading itself has to say.
     """
@@ -53,7 +53,7 @@ class Inspection:
 def inspect(
     path: Path, *, time: str | None = None, run: str | None = None, stamp: str | None = None, width: int = 100
 ) -> Inspection:
-    """What a log of any format holds, and what in it spoils an identification.
+    """What a log of any format holds, and which of its flaws would harm an identification.
 
     Parameters
     ----------
