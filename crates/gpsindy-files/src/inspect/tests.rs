@@ -71,7 +71,7 @@ fn each_fault_is_named() {
     assert!(kinds(&single).contains(&"float32_stamps"), "{single:?}");
     let made = table("made.csv", even, &[x, ("v", &|i| if i == 0 { 0.0 } else { (smooth(i) - smooth(i - 1)) / 0.01 })]);
     assert_eq!(kinds(&made), ["difference"]);
-    assert!(made.findings[0].text.contains("difference of `x` from sample to sample"), "{made:?}");
+    assert!(made.findings[0].text.contains("difference of `x` from one sample to the next"), "{made:?}");
 }
 
 #[test]
