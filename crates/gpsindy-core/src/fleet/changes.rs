@@ -31,7 +31,7 @@ struct Candidate {
 
 /// Histories of the units of one quantity that are long enough.
 pub(super) fn series(table: &Table, odd: &[usize]) -> Vec<Series> {
-    let Some(fit) = table.fit(|i| !odd.contains(&i)) else { return Vec::new() };
+    let Some(fit) = table.without(odd).fit(None) else { return Vec::new() };
     let one = |group: &Group| {
         let rows: Vec<_> = group.rows.iter().filter_map(|row| row.since.map(|t| (t, row))).collect();
         // What the covariates say is taken off; the level itself stays.

@@ -17,5 +17,12 @@ pub(super) const SIZES: [f64; 4] = [0.5, 1.5, 4.5, 13.5];
 /// needs clear evidence, a large one says by itself how often its units change.
 pub(super) const PRIOR_CHANGE: (f64, f64) = (0.02, 20.0);
 
-/// Grid of a variance's logarithm, as powers of ten of the values' own variance: below, a spread is nothing; above, it would exceed them.
-pub(super) const DECADES: (f64, f64) = (-6.0, 1.0);
+/// The lowest decade of a variance, of the values' own variance: below it a spread is nothing.
+pub(super) const LOWEST_DECADE: f64 = -6.0;
+
+/// Steps in which a variance is looked at, in the finest rungs, each a seventh of the one before: the first covers seven decades in
+/// half-decades, so that the last is 0.05 % of the variance.
+pub(super) const LADDER: [i32; 5] = [2401, 343, 49, 7, 1];
+
+/// Decades of the finest rung.
+pub(super) const FINEST: f64 = 0.5 / 2401.0;

@@ -43,8 +43,9 @@ fn surprises(table: &Table, odd: &[usize]) -> Vec<Surprise> {
     if count < FEWEST_UNITS {
         return Vec::new();
     }
+    let others = table.without(odd);
     let one = |place: usize| {
-        let fit = table.fit(|i| i != place && !odd.contains(&i))?;
+        let fit = others.fit(Some(place))?;
         let Level { residual, own, mean } = table.level(place, &fit);
         let t = residual / (fit.between + own + mean).sqrt();
         let tail = StudentsT::new(0.0, 1.0, fit.freedom as f64).ok()?.sf(t.abs());

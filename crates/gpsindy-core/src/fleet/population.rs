@@ -5,11 +5,14 @@
 //!
 //! Source: Harville 1977, Maximum likelihood approaches to variance component estimation, equation 5.5.
 
-use super::limits::DECADES;
+use super::limits::{FINEST, LADDER, LOWEST_DECADE};
 use super::report::{Population, Shrunk, Slope};
 use super::{Observation, Quantity};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// One period of a unit.
 pub(super) struct Row {
@@ -75,12 +78,13 @@ impl Table {
             ),
         };
         let mut groups: Vec<Group> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
         for observation in all {
-            let row = row(observation);
-            match groups.iter_mut().find(|g| g.unit == observation.unit) {
-                Some(group) => group.rows.push(row),
-                None => groups.push(Group { unit: observation.unit.clone(), rows: vec![row] }),
+            let place = *places.entry(&observation.unit).or_insert(groups.len());
+            if place == groups.len() {
+                groups.push(Group { unit: observation.unit.clone(), rows: Vec::new() });
             }
+            groups[place].rows.push(row(observation));
         }
         let at = |row: &Row| row.since.unwrap_or(f64::NEG_INFINITY);
         groups.iter_mut().for_each(|g| g.rows.sort_by(|a, b| at(a).total_cmp(&at(b))));
@@ -88,56 +92,39 @@ impl Table {
         Self { groups, n_columns: 1 + moving.len(), has_history }
     }
 
-    /// The population of the units for which `keep` holds; none where there are too few to tell a spread.
-    pub(super) fn fit(&self, keep: impl Fn(usize) -> bool) -> Option<Fit> {
-        let kept: Vec<&Group> = self.groups.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, g)| g).collect();
-        let freedom = kept.len().checked_sub(self.n_columns).filter(|f| *f > 0)?;
-        let values: Vec<f64> = kept.iter().flat_map(|g| g.rows.iter().map(|r| r.value)).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let size = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
-        let solve = |between: f64, within: f64| self.solve(&kept, between, within);
-        let likelihood = |between: f64, within: f64| solve(between, within).map_or(f64::NEG_INFINITY, |s| s.1);
-        let (mut between, mut within) = (0.1 * size, 0.0);
-        // One variance at a time: two of them, nearly orthogonal, settle in a few rounds.
-        for _ in 0..if self.has_history { 4 } else { 1 } {
-            between = best_variance(size, |v| likelihood(v, within));
-            if self.has_history {
-                within = best_variance(size, |v| likelihood(between, v));
-            }
-        }
-        let (information, _, beta) = solve(between, within)?;
-        Some(Fit { between, within, covariance: information.try_inverse()?, beta, freedom })
+    /// The units but the odd ones, from which populations are fitted.
+    pub(super) fn without(&self, odd: &[usize]) -> Kept<'_> {
+        let mut kept = vec![true; self.groups.len()];
+        odd.iter().for_each(|&i| kept[i] = false);
+        let values = || self.groups.iter().zip(&kept).filter(|(_, k)| **k).flat_map(|(g, _)| &g.rows).map(|r| r.value);
+        let count = values().count().max(1) as f64;
+        let mean = values().sum::<f64>() / count;
+        let size = values().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+        Kept { table: self, kept, size, sums: RefCell::default() }
     }
 
-    /// Information, restricted log likelihood and coefficients at given variances.
-    fn solve(&self, kept: &[&Group], between: f64, within: f64) -> Option<(DMatrix<f64>, f64, DVector<f64>)> {
-        let k = self.n_columns;
-        let (mut xx, mut xy, mut yy, mut log_det) = (DMatrix::zeros(k, k), DVector::zeros(k), 0.0, 0.0);
-        for group in kept {
-            let (mut weight, mut x, mut y) = (0.0, DVector::zeros(k), 0.0);
-            for row in &group.rows {
-                let variance = row.variance + within;
-                let w = 1.0 / variance;
-                xx.ger(w, &row.design, &row.design, 1.0);
-                xy.axpy(w * row.value, &row.design, 1.0);
-                yy += w * row.value * row.value;
-                weight += w;
-                x.axpy(w, &row.design, 1.0);
-                y += w * row.value;
-                log_det += variance.ln();
-            }
-            // Woodbury: the unit's common part.
-            let common = between / (1.0 + between * weight);
-            xx.ger(-common, &x, &x, 1.0);
-            xy.axpy(-common * y, &x, 1.0);
-            yy -= common * y * y;
-            log_det += (between * weight).ln_1p();
+    /// What one unit adds to the sums of the likelihood.
+    fn sums(&self, group: &Group, between: f64, within: f64) -> Sums {
+        let mut sums = Sums::zero(self.n_columns);
+        let (mut weight, mut x, mut y) = (0.0, DVector::zeros(self.n_columns), 0.0);
+        for row in &group.rows {
+            let variance = row.variance + within;
+            let w = 1.0 / variance;
+            sums.xx.ger(w, &row.design, &row.design, 1.0);
+            sums.xy.axpy(w * row.value, &row.design, 1.0);
+            sums.yy += w * row.value * row.value;
+            weight += w;
+            x.axpy(w, &row.design, 1.0);
+            y += w * row.value;
+            sums.log_det += variance.ln();
         }
-        let factor = xx.clone().cholesky()?;
-        let beta = factor.solve(&xy);
-        let log_information = 2.0 * factor.l_dirty().diagonal().iter().map(|v| v.ln()).sum::<f64>();
-        let likelihood = -0.5 * (log_det + log_information + yy - beta.dot(&xy));
-        Some((xx, likelihood, beta))
+        // Woodbury: the unit's common part.
+        let common = between / (1.0 + between * weight);
+        sums.xx.ger(-common, &x, &x, 1.0);
+        sums.xy.axpy(-common * y, &x, 1.0);
+        sums.yy -= common * y * y;
+        sums.log_det += (between * weight).ln_1p();
+        sums
     }
 
     /// The level of unit `i` beside `fit`.
@@ -155,7 +142,8 @@ impl Table {
 
     pub(super) fn report(&self, quantity: &Quantity, odd: &[usize]) -> Population {
         let is_odd = |i: usize| odd.contains(&i);
-        let fit = self.fit(|i| !is_odd(i));
+        let others = self.without(odd);
+        let fit = others.fit(None);
         let mut estimates = Vec::new();
         for (i, group) in self.groups.iter().enumerate() {
             let (value, variance) = match &fit {
@@ -172,7 +160,7 @@ impl Table {
             };
             estimates.push(Shrunk { unit: group.unit.clone(), value, deviation: variance.sqrt() });
         }
-        let spread_p_value = self.fit_alike(is_odd).unwrap_or(1.0);
+        let spread_p_value = fit.as_ref().and_then(|fit| others.alike(fit.within)).unwrap_or(1.0);
         let (mean, spread) = match &fit {
             Some(fit) => (fit.beta[0], fit.between.sqrt()),
             None => (estimates.iter().map(|e| e.value).sum::<f64>() / estimates.len().max(1) as f64, 0.0),
@@ -202,38 +190,129 @@ impl Table {
             estimates,
         }
     }
+}
+
+/// What the likelihood needs of some units at given variances; units add up.
+#[derive(Debug, Clone)]
+struct Sums {
+    xx: DMatrix<f64>,
+    xy: DVector<f64>,
+    yy: f64,
+    log_det: f64,
+}
+
+impl Sums {
+    fn zero(k: usize) -> Self {
+        Self { xx: DMatrix::zeros(k, k), xy: DVector::zeros(k), yy: 0.0, log_det: 0.0 }
+    }
+
+    fn add(&mut self, other: &Self, sign: f64) {
+        self.xx += &other.xx * sign;
+        self.xy.axpy(sign, &other.xy, 1.0);
+        self.yy += sign * other.yy;
+        self.log_det += sign * other.log_det;
+    }
+
+    /// Restricted log likelihood and coefficients.
+    fn solve(&self) -> Option<(f64, DVector<f64>)> {
+        let factor = self.xx.clone().cholesky()?;
+        let beta = factor.solve(&self.xy);
+        let log_information = 2.0 * factor.l_dirty().diagonal().iter().map(|v| v.ln()).sum::<f64>();
+        Some((-0.5 * (self.log_det + log_information + self.yy - beta.dot(&self.xy)), beta))
+    }
+}
+
+/// A variance as a rung of a ladder of its logarithm; none is zero. Rungs are whole numbers, so that fits that differ by one unit ask
+/// for the same sums.
+type Rung = Option<i32>;
+
+/// Units of a table from which populations are fitted, all of them or all but one.
+///
+/// Leaving one unit out takes its share off the sums of all, so that the fits without each unit in turn cost little more than one fit.
+pub(super) struct Kept<'a> {
+    table: &'a Table,
+    kept: Vec<bool>,
+    /// Variance of the values, the scale of the ladder.
+    size: f64,
+    sums: RefCell<HashMap<(Rung, Rung), Rc<Sums>>>,
+}
+
+impl Kept<'_> {
+    /// The population of these units, but the one at a place; none where there are too few to tell a spread.
+    pub(super) fn fit(&self, but: Option<usize>) -> Option<Fit> {
+        let but = but.filter(|&i| self.kept[i]);
+        let count = self.kept.iter().filter(|k| **k).count() - usize::from(but.is_some());
+        let freedom = count.checked_sub(self.table.n_columns).filter(|f| *f > 0)?;
+        let likelihood = |b: Rung, w: Rung| self.at(b, w, but).solve().map_or(f64::NEG_INFINITY, |s| s.0);
+        let (mut between, mut within) = (None, None);
+        // One variance at a time: two of them, nearly orthogonal, settle in a few rounds.
+        for _ in 0..if self.table.has_history { 4 } else { 1 } {
+            between = best_rung(|rung| likelihood(rung, within));
+            if self.table.has_history {
+                within = best_rung(|rung| likelihood(between, rung));
+            }
+        }
+        let sums = self.at(between, within, but);
+        let (_, beta) = sums.solve()?;
+        let (between, within) = (self.variance(between), self.variance(within));
+        Some(Fit { between, within, covariance: sums.xx.try_inverse()?, beta, freedom })
+    }
+
+    fn variance(&self, rung: Rung) -> f64 {
+        rung.map_or(0.0, |m| self.size * 10f64.powf(LOWEST_DECADE + f64::from(m) * FINEST))
+    }
+
+    /// The sums at two rungs, less those of one unit.
+    fn at(&self, between: Rung, within: Rung, but: Option<usize>) -> Sums {
+        let (b, w) = (self.variance(between), self.variance(within));
+        let known = self.sums.borrow().get(&(between, within)).cloned();
+        let all = known.unwrap_or_else(|| {
+            let all = Rc::new(self.total(b, w));
+            self.sums.borrow_mut().insert((between, within), all.clone());
+            all
+        });
+        let mut sums = (*all).clone();
+        if let Some(i) = but {
+            sums.add(&self.table.sums(&self.table.groups[i], b, w), -1.0);
+        }
+        sums
+    }
+
+    fn total(&self, between: f64, within: f64) -> Sums {
+        let mut total = Sums::zero(self.table.n_columns);
+        for (group, _) in self.table.groups.iter().zip(&self.kept).filter(|(_, kept)| **kept) {
+            total.add(&self.table.sums(group, between, within), 1.0);
+        }
+        total
+    }
 
     /// Chance of so much scatter between the units if they were alike (Cochran's Q).
-    fn fit_alike(&self, is_odd: impl Fn(usize) -> bool) -> Option<f64> {
-        let within = self.fit(|i| !is_odd(i))?.within;
-        let kept: Vec<&Group> = self.groups.iter().enumerate().filter(|(i, _)| !is_odd(*i)).map(|(_, g)| g).collect();
-        let (information, _, beta) = self.solve(&kept, 0.0, within)?;
-        let alike = Fit { between: 0.0, within, covariance: information.try_inverse()?, beta, freedom: 0 };
-        let places = (0..self.groups.len()).filter(|i| !is_odd(*i));
+    fn alike(&self, within: f64) -> Option<f64> {
+        let sums = self.total(0.0, within);
+        let (_, beta) = sums.solve()?;
+        let alike = Fit { between: 0.0, within, covariance: sums.xx.try_inverse()?, beta, freedom: 0 };
+        let places = (0..self.kept.len()).filter(|&i| self.kept[i]);
+        let freedom = places.clone().count().checked_sub(self.table.n_columns).filter(|f| *f > 0)?;
         let squares = places.map(|i| {
-            let level = self.level(i, &alike);
+            let level = self.table.level(i, &alike);
             level.residual * level.residual / level.own
         });
-        let freedom = kept.len().checked_sub(self.n_columns).filter(|f| *f > 0)?;
         Some(ChiSquared::new(freedom as f64).ok()?.sf(squares.sum()))
     }
 }
 
-/// The variance of the largest likelihood: 0, or the best of a grid of its logarithm, looked at finer and finer.
-fn best_variance(size: f64, likelihood: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = DECADES;
-    let at = |decade: f64| size * 10f64.powf(decade);
-    let mut best = (f64::NEG_INFINITY, low);
-    for _ in 0..5 {
-        let step = (high - low) / 14.0;
+/// The rung of the largest likelihood: zero, or the best of the ladder, looked at finer and finer.
+fn best_rung(likelihood: impl Fn(Rung) -> f64) -> Rung {
+    let mut best = (f64::NEG_INFINITY, 0);
+    let mut low = 0;
+    for step in LADDER {
         for k in 0..=14 {
-            let decade = low + step * f64::from(k);
-            let value = likelihood(at(decade));
+            let value = likelihood(Some(low + step * k));
             if value > best.0 {
-                best = (value, decade);
+                best = (value, low + step * k);
             }
         }
-        (low, high) = (best.1 - step, best.1 + step);
+        low = best.1 - step;
     }
-    if likelihood(0.0) >= best.0 { 0.0 } else { at(best.1) }
+    if likelihood(None) >= best.0 { None } else { Some(best.1) }
 }
