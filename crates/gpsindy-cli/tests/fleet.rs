@@ -84,3 +84,107 @@ fn a_bad_manifest_is_one_line_and_writes_nothing() {
     assert_eq!(shard.status, 2);
     assert!(shard.stderr.contains("expected K/N"), "{shard:?}");
 }
+
+/// The program while it watches a folder; killed with the test.
+#[cfg(unix)]
+struct Watching(std::process::Child);
+
+#[cfg(unix)]
+impl Watching {
+    fn start(folder: &Folder, arguments: &str) -> Self {
+        let child = std::process::Command::new(env!("CARGO_BIN_EXE_gpsindy"))
+            .args(arguments.split(' '))
+            .current_dir(folder.path())
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        Self(child)
+    }
+
+    /// Sends Ctrl-C and returns the exit status and stderr.
+    fn interrupt(mut self) -> (Option<i32>, String) {
+        let id = self.0.id().to_string();
+        assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let mut text = String::new();
+        std::io::Read::read_to_string(self.0.stderr.as_mut().unwrap(), &mut text).unwrap();
+        (self.0.wait().unwrap().code(), text)
+    }
+}
+
+#[cfg(unix)]
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Waits until the comparison has so many reports.
+#[cfg(unix)]
+fn wait_for_units(folder: &Folder, file: &str, count: usize) -> serde_json::Value {
+    for _ in 0..1200 {
+        let text = std::fs::read_to_string(folder.path().join(file)).unwrap_or_default();
+        if let Ok(report) = serde_json::from_str::<serde_json::Value>(&text)
+            && report["units"].as_array().unwrap().len() == count
+        {
+            return report;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    panic!("{file} never had {count} units");
+}
+
+#[test]
+#[cfg(unix)]
+fn a_watched_folder_takes_new_logs_once_they_are_whole_and_ends_on_an_interrupt() {
+    let folder = Folder::new();
+    let log = |unit: &str, day: u32, text: &str| {
+        std::fs::create_dir_all(folder.path().join(format!("logs/{unit}"))).unwrap();
+        folder.write(&format!("logs/{unit}/run_2026-01-{day:02}.csv"), text);
+    };
+    std::fs::create_dir(folder.path().join("logs")).unwrap();
+    folder.write("logs/model.toml", SLIDER);
+    log("a", 5, &coast(2.5, 0.3));
+    log("b", 5, &coast(2.6, 0.3));
+    let line = "fleet watch logs --every 0.2 --effects quadratic_drag,bias";
+    let watching = Watching::start(&folder, line);
+    let report = wait_for_units(&folder, "logs/result/fleet.json", 2);
+    assert_eq!(report["units"][0]["since"], "2026-01-05");
+    // A log that grows between the looks is not taken until it is whole.
+    let whole = coast(2.4, 0.31);
+    for rows in [10, 20, 30] {
+        log("a", 6, &whole.lines().take(rows).map(|line| format!("{line}\n")).collect::<String>());
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    log("a", 6, &whole);
+    folder.write("logs/b/run_2026-01-06.csv.part", "t [s],v");
+    let report = wait_for_units(&folder, "logs/result/fleet.json", 3);
+    assert!(report["failed"].as_array().unwrap().is_empty(), "{report}");
+    let reports = std::fs::read_dir(folder.path().join("logs/result/tasks")).unwrap().count();
+    assert_eq!(reports, 3, "a part of a log was diagnosed");
+    let (status, stderr) = watching.interrupt();
+    assert_eq!(status, Some(0), "{stderr}");
+    assert!(stderr.contains("a since 2026-01-06: tasks/") && stderr.contains("stopped"), "{stderr}");
+    // The next start finds what was done.
+    let again = folder.run(&format!("{line} --idle 0.5")).done();
+    assert!(again.stdout.contains("3 reports, 0 failed") && !again.stderr.contains("tasks/"), "{again:?}");
+}
+
+#[test]
+fn a_watched_manifest_may_be_wrong_for_a_while() {
+    let folder = fleet();
+    std::fs::create_dir(folder.path().join("watched")).unwrap();
+    folder.write("watched/fleet.toml", "[[unit]]\nunit = \"a\"\nlogs = \"../unit_0_run_*.csv\"\n");
+    let ran = folder.run("fleet watch watched --out result --every 0.1 --idle 0.3").done();
+    assert!(ran.stderr.contains("lacks `model`; looking again"), "{ran:?}");
+    let entry = "model = \"../slider.toml\"\n[[unit]]\nunit = \"a\"\nlogs = \"../unit_0_run_*.csv\"\n";
+    folder.write("watched/fleet.toml", entry);
+    let ran =
+        folder.run("fleet watch watched --out result --every 0.1 --idle 0.3 --effects quadratic_drag,bias").done();
+    assert!(ran.stdout.contains("1 reports, 0 failed"), "{ran:?}");
+    let refused = folder.run("fleet watch nowhere");
+    assert!(refused.refused().contains("nowhere: not a folder"));
+    assert!(folder.run("fleet watch watched --every 0").refused().contains("--every must be above 0"));
+    assert!(folder.run("fleet fleet.toml --out s3://bucket/x").refused().contains("takes a folder"));
+}

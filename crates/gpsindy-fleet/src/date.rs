@@ -1,7 +1,9 @@
 //! Days: an ISO date, a date with time, or a plain number.
 
-use jiff::Unit;
 use jiff::civil::{Date, DateTime};
+use jiff::tz::TimeZone;
+use jiff::{Timestamp, Unit};
+use std::time::SystemTime;
 
 /// The day that all dates are counted from; which one does not matter.
 fn origin() -> DateTime {
@@ -31,6 +33,30 @@ pub(crate) fn is_date(text: &str) -> bool {
     text.parse::<f64>().is_err() && days(text).is_some()
 }
 
+/// The first date in a file's name, with the time of day where one follows: `run_2026-01-31T14-05.csv` is 2026-01-31T14:05.
+pub(crate) fn within(name: &str) -> Option<String> {
+    let starts = name.char_indices().map(|(at, _)| at);
+    let (at, day) = starts.filter_map(|at| Some((at, name.get(at..at + 10)?.parse::<Date>().ok()?))).next()?;
+    let mut rest = name[at + 10..].chars();
+    if !matches!(rest.next(), Some('T' | '_' | ' ')) {
+        return Some(day.to_string());
+    }
+    let digits: String =
+        rest.take_while(|c| c.is_ascii_digit() || matches!(c, '-' | ':' | '.')).filter(char::is_ascii_digit).collect();
+    let pair = |k: usize| digits.get(k..k + 2).and_then(|two| two.parse::<i8>().ok());
+    let time = pair(0).zip(pair(2)).and_then(|(hour, minute)| {
+        jiff::civil::Time::new(hour, minute, pair(4).filter(|s| *s < 60).unwrap_or(0), 0).ok()
+    });
+    Some(time.map_or_else(|| day.to_string(), |time| day.to_datetime(time).to_string()))
+}
+
+/// A moment as the date and time in UTC, to the second.
+pub(crate) fn of(time: SystemTime) -> Option<String> {
+    let seconds = Timestamp::try_from(time).ok()?.as_second();
+    let moment = Timestamp::from_second(seconds).ok()?.to_zoned(TimeZone::UTC);
+    Some(moment.datetime().to_string())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,5 +72,17 @@ mod tests {
         assert_eq!(days("nan"), None);
         assert_eq!(date(366.7).as_deref(), Some("2001-01-01"));
         assert!(is_date("2001-01-01") && !is_date("3"));
+    }
+
+    #[test]
+    fn a_name_says_its_date_and_perhaps_the_time_of_day() {
+        let of = |name| within(name).unwrap_or_default();
+        assert_eq!(of("2026-01-31"), "2026-01-31");
+        assert_eq!(of("run_2026-01-31T14-05-09"), "2026-01-31T14:05:09");
+        assert_eq!(of("arm 2026-01-31_1405"), "2026-01-31T14:05:00");
+        assert_eq!(of("2026-01-31_1"), "2026-01-31");
+        assert_eq!(of("2026-01-31-after-repair"), "2026-01-31");
+        assert_eq!(of("größe-2026-13-31"), "");
+        assert_eq!(super::of(SystemTime::UNIX_EPOCH).as_deref(), Some("1970-01-01T00:00:00"));
     }
 }

@@ -2,14 +2,14 @@
 
 use crate::date;
 use crate::manifest::Manifest;
-use crate::run::Fleet;
-use crate::task::Task;
+use crate::run::Attempt;
+use crate::store::Store;
+use crate::task::{self, Task};
 use gpsindy_core::diagnose::report::{Cause, Diagnosis};
 use gpsindy_core::fleet::report::{Failed, FleetReport, Unit, UnitCause};
 use gpsindy_core::fleet::{Compare, Observation, Quantity};
-use gpsindy_files::{Error, Result, write_whole};
-use std::collections::BTreeMap;
-use std::path::Path;
+use gpsindy_files::Result;
+use std::collections::{BTreeMap, HashSet};
 
 /// Standard deviations from one end of a 95 % interval to the other.
 const INTERVAL: f64 = 2.0 * 1.96;
@@ -25,31 +25,41 @@ type Name = (String, String, String);
 struct Sizes {
     units: BTreeMap<Name, String>,
     found: BTreeMap<Name, Vec<Observation>>,
-    /// Effect and state, observation of a size of 0.
-    absent: Vec<(String, String, Observation)>,
+    /// Effect and state, observations of a size of 0.
+    absent: BTreeMap<(String, String), Vec<Observation>>,
 }
 
-/// Reads the reports below `out`, compares the units, and writes `fleet.json` and `fleet.html` there.
+/// Reads the reports of a fleet, compares the units, and writes `fleet.json` and `fleet.html` beside them.
+///
+/// `attempts` says what became of every task of the manifest; those that are missing are left out.
 ///
 /// # Errors
-/// A report that can't be read, a file that can't be written.
-pub fn compare(manifest: &Manifest, fleet: &Fleet, out: &Path) -> Result<FleetReport> {
+/// A report that can't be read, a file that can't be written, another number of attempts than of tasks.
+pub fn compare(manifest: &Manifest, attempts: &[Attempt], store: &dyn Store) -> Result<FleetReport> {
+    if attempts.len() != manifest.tasks.len() {
+        let what = format!("{} attempts at {} tasks", attempts.len(), manifest.tasks.len());
+        return Err(gpsindy_core::Error::file(what).into());
+    }
     let mut report = FleetReport::new();
     let mut sizes = Sizes::default();
-    for task in &manifest.tasks {
-        if let Some(error) = task.failed(out) {
-            report.failed.push(Failed { unit: task.unit.clone(), since: task.since.clone(), error });
-            continue;
-        }
-        let folder = fleet.folder(task, out)?;
-        let path = folder.join("report.json");
-        let file = path.display().to_string();
-        let text = std::fs::read_to_string(&path).map_err(|source| Error::Read { file: file.clone(), source })?;
-        let diagnosis: Diagnosis = serde_json::from_str(&text)
-            .map_err(|e| gpsindy_core::Error::file(format!("{file}: {e}; remove the folder to have it made again")))?;
+    for (task, attempt) in manifest.tasks.iter().zip(attempts) {
+        let key = match attempt {
+            Attempt::Done(key) | Attempt::Found(key) => key,
+            Attempt::Missing => continue,
+            Attempt::Failed(error) => {
+                let (unit, since) = (task.unit.clone(), task.since.clone());
+                report.failed.push(Failed { unit, since, error: error.clone() });
+                continue;
+            }
+        };
+        let name = task::report(key);
+        let unreadable = |what: String| {
+            gpsindy_core::Error::file(format!("{}: {what}; remove it to have it made again", store.place(&name)))
+        };
+        let text = store.read(&name)?.ok_or_else(|| unreadable("it is gone".into()))?;
+        let diagnosis: Diagnosis = serde_json::from_slice(&text).map_err(|e| unreadable(e.to_string()))?;
         sizes.add(task, &diagnosis, &manifest.covariates);
-        let key = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        report.units.push(unit(task, &diagnosis, key));
+        report.units.push(unit(task, &diagnosis, key.clone()));
     }
     let quantities = sizes.quantities(&manifest.covariates);
     let found = Compare::default().run(&quantities)?;
@@ -63,8 +73,8 @@ pub fn compare(manifest: &Manifest, fleet: &Fleet, out: &Path) -> Result<FleetRe
         report.notes.push("no effect was found in two units or periods: there is nothing to compare".into());
     }
     let json = serde_json::to_string_pretty(&report).map_err(|e| gpsindy_core::Error::file(e.to_string()))? + "\n";
-    write_whole(&out.join("fleet.html"), gpsindy_report::fleet::render(&report).as_bytes())?;
-    write_whole(&out.join("fleet.json"), json.as_bytes())?;
+    store.write("fleet.html", gpsindy_report::fleet::render(&report).as_bytes())?;
+    store.write("fleet.json", json.as_bytes())?;
     Ok(report)
 }
 
@@ -114,7 +124,8 @@ impl Sizes {
         for excluded in &diagnosis.excluded {
             let deviation = excluded.above / EXCLUSION;
             if deviation > 0.0 {
-                self.absent.push((excluded.effect.clone(), excluded.state.clone(), observation(0.0, deviation)));
+                let place = (excluded.effect.clone(), excluded.state.clone());
+                self.absent.entry(place).or_default().push(observation(0.0, deviation));
             }
         }
     }
@@ -127,10 +138,10 @@ impl Sizes {
             let (effect, state, parameter) = name.clone();
             // Only the size that scales an effect is zero where the effect is absent.
             let scales = matches!(parameter.as_str(), "c" | "tau");
-            let is_there =
-                |o: &Observation, all: &[Observation]| all.iter().any(|f| f.unit == o.unit && f.since == o.since);
-            let zeros = absent.iter().filter(|(e, s, _)| scales && (e, s) == (&effect, &state)).map(|(_, _, o)| o);
-            let zeros: Vec<Observation> = zeros.filter(|o| !is_there(o, &observations)).cloned().collect();
+            let period = |o: &Observation| (o.unit.clone(), o.since.map(f64::to_bits));
+            let there: HashSet<_> = observations.iter().map(period).collect();
+            let zeros = absent.get(&(effect.clone(), state.clone())).into_iter().flatten().filter(|_| scales);
+            let zeros: Vec<Observation> = zeros.filter(|o| !there.contains(&period(o))).cloned().collect();
             observations.extend(zeros);
             let unit = units.get(&name).cloned().unwrap_or_default();
             Quantity { effect, state, parameter, unit, covariates: covariates.to_vec(), observations }

@@ -20,7 +20,7 @@ pub struct Manifest {
 }
 
 /// One entry as text: keys and values.
-type Entry = BTreeMap<String, Vec<String>>;
+pub(crate) type Entry = BTreeMap<String, Vec<String>>;
 
 /// One entry's covariates by name.
 type Values = BTreeMap<String, f64>;
@@ -45,7 +45,7 @@ impl Manifest {
         Self::new(&entries, folder).map_err(named)
     }
 
-    fn new(entries: &[Entry], folder: &Path) -> CoreResult<Self> {
+    pub(crate) fn new(entries: &[Entry], folder: &Path) -> CoreResult<Self> {
         if entries.is_empty() {
             return Err(CoreError::file("no unit; each needs `unit`, `logs` and `model`"));
         }
@@ -72,11 +72,10 @@ impl Manifest {
                 covariates,
             });
         }
-        for (k, task) in tasks.iter().enumerate() {
-            if tasks[..k].iter().any(|other| (&other.unit, &other.since) == (&task.unit, &task.since)) {
-                let what = format!("unit `{}` stands twice; give each period a `since`", task.unit);
-                return Err(CoreError::file(what));
-            }
+        let mut seen = BTreeSet::new();
+        if let Some(twice) = tasks.iter().find(|task: &&Task| !seen.insert((&task.unit, &task.since))) {
+            let what = format!("unit `{}` stands twice; give each period a `since`", twice.unit);
+            return Err(CoreError::file(what));
         }
         Ok(Self { tasks, covariates })
     }

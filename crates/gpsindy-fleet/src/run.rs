@@ -1,12 +1,12 @@
-//! Computes the missing tasks below a folder: those without a report.
+//! Computes the missing tasks of a fleet: those without a report.
 
 use crate::manifest::Manifest;
-use crate::task::Task;
+use crate::store::Store;
+use crate::task::{Task, report};
 use gpsindy_core::diagnose::Diagnose;
 use gpsindy_core::{Error as CoreError, Progress};
 use gpsindy_files::{LogOptions, Result};
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -48,101 +48,119 @@ pub struct Fleet {
 /// What became of one task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Attempt {
-    /// It was done now.
-    Done,
-    /// Its report was there.
-    Found,
+    /// It was done now; the key of its report.
+    Done(String),
+    /// Its report was there; its key.
+    Found(String),
     /// It failed, and why.
     Failed(String),
+    /// It belongs to another part, which has not come to it yet.
+    Missing,
 }
 
-/// What a run of a fleet did.
+/// What a run of a fleet did: what became of every task of the manifest, in its order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summary {
+    /// One entry a task.
+    pub attempts: Vec<Attempt>,
+}
+
+impl Summary {
     /// Tasks that were done now.
-    pub done: usize,
+    pub fn done(&self) -> usize {
+        self.count(|a| matches!(a, Attempt::Done(_)))
+    }
+
     /// Tasks whose report was there already.
-    pub found: usize,
-    /// Tasks that other shards do.
-    pub elsewhere: usize,
-    /// Unit, period and reason of the tasks that failed.
-    pub failed: Vec<(Task, String)>,
+    pub fn found(&self) -> usize {
+        self.count(|a| matches!(a, Attempt::Found(_)))
+    }
+
+    /// Tasks that failed.
+    pub fn failed(&self) -> usize {
+        self.count(|a| matches!(a, Attempt::Failed(_)))
+    }
+
+    /// Tasks of other parts that are still at work.
+    pub fn missing(&self) -> usize {
+        self.count(|a| matches!(a, Attempt::Missing))
+    }
+
+    fn count(&self, is: impl Fn(&Attempt) -> bool) -> usize {
+        self.attempts.iter().filter(|a| is(a)).count()
+    }
 }
 
 impl Fleet {
-    /// The folder of a task below the fleet's.
+    /// Diagnoses every unit and period whose report is not in the store yet. A task that fails is told and does not end the others. The tasks
+    /// of other parts are only looked at.
     ///
     /// # Errors
-    /// A file of the task that can't be read.
-    pub fn folder(&self, task: &Task, out: &Path) -> Result<PathBuf> {
-        Ok(out.join("tasks").join(task.key(&self.diagnose, &self.options)?))
-    }
-
-    /// Tasks that are neither done nor known to have failed: those of other parts that are still at work.
-    pub fn missing(&self, manifest: &Manifest, out: &Path) -> usize {
-        let is_there = |task: &Task| self.folder(task, out).is_ok_and(|folder| folder.join("report.json").is_file());
-        manifest.tasks.iter().filter(|task| task.failed(out).is_none() && !is_there(task)).count()
-    }
-
-    /// Diagnoses every unit and period whose report is not below `out` yet. A task that fails is told and does not end the others.
-    ///
-    /// # Errors
-    /// A request to stop, or threads that can't be had.
-    pub fn run(&self, manifest: &Manifest, out: &Path, progress: &dyn Progress) -> Result<Summary> {
+    /// A request to stop, threads that can't be had, or a store that does not answer.
+    pub fn run(&self, manifest: &Manifest, store: &dyn Store, progress: &dyn Progress) -> Result<Summary> {
         let is_own = |k: usize| self.shard.is_none_or(|s| k % s.parts == s.part - 1);
-        let own: Vec<&Task> = manifest.tasks.iter().enumerate().filter(|(k, _)| is_own(*k)).map(|(_, t)| t).collect();
-        let whole = Whole { progress, finished: AtomicUsize::new(0), total: own.len() };
-        let one = |task: &&Task| {
+        let total = (0..manifest.tasks.len()).filter(|&k| is_own(k)).count();
+        let whole = Whole { progress, finished: AtomicUsize::new(0), total };
+        let one = |(k, task): (usize, &Task)| {
+            if !is_own(k) {
+                return Ok(Attempt::Missing);
+            }
             let attempt =
-                if whole.go_on() { self.attempt(task, out, &whole) } else { Err(CoreError::Cancelled.into()) };
+                if whole.go_on() { self.attempt(task, store, &whole) } else { Err(CoreError::Cancelled.into()) };
             whole.finished.fetch_add(1, Ordering::Relaxed);
             whole.go_on();
             attempt
         };
-        let work = || own.par_iter().map(one).collect::<Result<Vec<Attempt>>>();
-        let attempts = match self.jobs {
+        let work = || manifest.tasks.par_iter().enumerate().map(one).collect::<Result<Vec<Attempt>>>();
+        let mut attempts = match self.jobs {
             None => work(),
             Some(jobs) => {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
                 pool.map_err(|e| CoreError::file(format!("{jobs} jobs: {e}")))?.install(work)
             }
         }?;
-        let mut summary = Summary { elsewhere: manifest.tasks.len() - own.len(), ..Summary::default() };
-        for (task, attempt) in own.into_iter().zip(attempts) {
-            match attempt {
-                Attempt::Done => summary.done += 1,
-                Attempt::Found => summary.found += 1,
-                Attempt::Failed(error) => summary.failed.push((task.clone(), error)),
-            }
+        // Looked at last: the other parts were at work meanwhile.
+        for (attempt, task) in attempts.iter_mut().zip(&manifest.tasks).filter(|(a, _)| **a == Attempt::Missing) {
+            *attempt = self.look(task, store)?;
         }
-        Ok(summary)
+        Ok(Summary { attempts })
     }
 
-    /// Does one task unless its report is there; a failure is told below `out` and is no error here.
+    /// Does one task unless its report is there; a failure is told in the store and is no error here.
     ///
     /// # Errors
-    /// A request to stop, or a folder that can't be written.
-    pub fn attempt(&self, task: &Task, out: &Path, progress: &dyn Progress) -> Result<Attempt> {
-        match self.one(task, out, progress) {
+    /// A request to stop, or a store that does not answer.
+    pub fn attempt(&self, task: &Task, store: &dyn Store, progress: &dyn Progress) -> Result<Attempt> {
+        match self.one(task, store, progress) {
             Ok(attempt) => {
-                task.tell(out, None)?;
+                task.tell(store, None)?;
                 Ok(attempt)
             }
             Err(gpsindy_files::Error::Core(CoreError::Cancelled)) => Err(CoreError::Cancelled.into()),
             Err(error) => {
-                task.tell(out, Some(&error.to_string()))?;
+                task.tell(store, Some(&error.to_string()))?;
                 Ok(Attempt::Failed(error.to_string()))
             }
         }
     }
 
-    fn one(&self, task: &Task, out: &Path, progress: &dyn Progress) -> Result<Attempt> {
-        let folder = self.folder(task, out)?;
-        if folder.join("report.json").is_file() {
-            return Ok(Attempt::Found);
+    fn one(&self, task: &Task, store: &dyn Store, progress: &dyn Progress) -> Result<Attempt> {
+        let key = task.key(&self.diagnose, &self.options)?;
+        if store.has(&report(&key))? {
+            return Ok(Attempt::Found(key));
         }
-        task.run(&self.diagnose, &self.options, &folder, progress)?;
-        Ok(Attempt::Done)
+        task.run(&self.diagnose, &self.options, (store, &key), progress)?;
+        Ok(Attempt::Done(key))
+    }
+
+    /// What is in the store of a task.
+    fn look(&self, task: &Task, store: &dyn Store) -> Result<Attempt> {
+        if let Some(error) = task.failed(store)? {
+            return Ok(Attempt::Failed(error));
+        }
+        // A file that can't be read here may be there where the task is done.
+        let Ok(key) = task.key(&self.diagnose, &self.options) else { return Ok(Attempt::Missing) };
+        Ok(if store.has(&report(&key))? { Attempt::Found(key) } else { Attempt::Missing })
     }
 }
 

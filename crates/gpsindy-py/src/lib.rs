@@ -41,7 +41,7 @@ mod _gpsindy {
         augmented_toml, diagnose, diagnose_paired, effects, read_effects, render, report_json, summary, write_whole,
     };
     #[pymodule_export]
-    use super::fleet::{fleet_compare, fleet_task, fleet_tasks};
+    use super::fleet::{FleetManifest, fleet_task};
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

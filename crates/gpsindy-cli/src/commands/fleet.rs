@@ -4,11 +4,13 @@ use crate::args::Columns;
 use crate::commands::diagnose::Options;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use clap::Args;
+use clap::{Args, Subcommand};
 use gpsindy_core::fleet::FleetReport;
-use gpsindy_fleet::{Fleet as Run, Manifest, Shard, compare};
+use gpsindy_fleet::{Attempt, Fleet as Run, Folder, Manifest, Shard, compare};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+mod watch;
 
 /// Diagnose every machine of a fleet and compare them
 ///
@@ -17,12 +19,16 @@ use std::path::PathBuf;
 /// computes only what is missing.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy fleet fleet.toml --out fleet")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Fleet {
+    #[command(subcommand)]
+    action: Option<Action>,
     /// The manifest (TOML or CSV); paths in it are relative to its folder
-    manifest: PathBuf,
+    #[arg(required = true)]
+    manifest: Option<PathBuf>,
     /// Folder for the reports and the comparison; created if it does not exist
-    #[arg(long, short, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, short, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
     /// Compute only part K of N of the tasks, for schedulers; the comparison is written once all parts are complete
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
@@ -35,42 +41,69 @@ pub(crate) struct Fleet {
     columns: Columns,
 }
 
+#[derive(Debug, Subcommand)]
+enum Action {
+    Watch(watch::Watch),
+}
+
 pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
-    let manifest = Manifest::read(&command.manifest)?;
+    if let Some(Action::Watch(watch)) = &command.action {
+        return watch::run(watch, screen);
+    }
+    // The parser has asked for both.
+    let (Some(path), Some(out)) = (&command.manifest, &command.out) else {
+        return Err(Failure::input("fleet needs a manifest and --out"));
+    };
+    let manifest = Manifest::read(path)?;
     let fleet = Run {
         diagnose: command.options.settings()?,
         options: command.columns.options()?,
         jobs: command.jobs.map(usize::from),
         shard: command.shard,
     };
-    std::fs::create_dir_all(&command.out)
-        .map_err(|e| Failure::input(format!("--out: {}: {e}", command.out.display())))?;
+    let store = folder(out)?;
     let progress = screen.progress();
-    let done = fleet.run(&manifest, &command.out, &progress)?;
+    let done = fleet.run(&manifest, &store, &progress)?;
     drop(progress);
-    for (task, error) in &done.failed {
-        screen.warn(&format!("unit {}: no diagnosis: {error}", task.unit));
+    for (task, attempt) in manifest.tasks.iter().zip(&done.attempts) {
+        if let Attempt::Failed(error) = attempt {
+            screen.warn(&format!("unit {}: no diagnosis: {error}", task.unit));
+        }
     }
-    screen.note(&format!("{} done, {} done before, {} failed", done.done, done.found, done.failed.len()));
-    let missing = fleet.missing(&manifest, &command.out);
-    if missing > 0 {
+    screen.note(&format!("{} done, {} done before, {} failed", done.done(), done.found(), done.failed()));
+    if done.missing() > 0 {
         screen.note(&format!(
-            "{missing} tasks of other parts are missing; the last part to finish writes the comparison"
+            "{} tasks of other parts are missing; the last part to finish writes the comparison",
+            done.missing()
         ));
         return Ok(());
     }
-    let report = compare(&manifest, &fleet, &command.out)?;
-    if screen.json() {
-        let json = serde_json::to_string_pretty(&report).map_err(|e| Failure::Work(format!("fleet.json: {e}")))?;
-        screen.out(&(json + "\n"))?;
-    } else {
-        screen.out(&text(&report))?;
-        screen.out(&format!("\ncomparison: {}\n", command.out.join("fleet.html").display()))?;
-    }
+    let report = compare(&manifest, &done.attempts, &store)?;
+    tell(&report, out, screen)?;
     if report.units.is_empty() {
         return Err(Failure::Work("no unit has a diagnosis".into()));
     }
     Ok(())
+}
+
+/// The folder of the results, made if it is not there.
+fn folder(out: &Path) -> Outcome<Folder> {
+    if out.to_string_lossy().contains("://") {
+        let what = format!("--out takes a folder, found {}; gpsindy.fleet in Python writes to a URL", out.display());
+        return Err(Failure::input(what));
+    }
+    std::fs::create_dir_all(out).map_err(|e| Failure::input(format!("--out: {}: {e}", out.display())))?;
+    Ok(Folder::new(out))
+}
+
+/// The comparison on the screen.
+fn tell(report: &FleetReport, out: &Path, screen: &Screen) -> Outcome {
+    if screen.json() {
+        let json = serde_json::to_string_pretty(report).map_err(|e| Failure::Work(format!("fleet.json: {e}")))?;
+        return screen.out(&(json + "\n"));
+    }
+    screen.out(&text(report))?;
+    screen.out(&format!("\ncomparison: {}\n", out.join("fleet.html").display()))
 }
 
 /// What a terminal shows.

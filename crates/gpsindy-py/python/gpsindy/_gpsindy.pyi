@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Dataset",
+    "FleetManifest",
     "LogOptions",
     "Model",
     "NumericalError",
@@ -18,9 +19,7 @@ __all__ = [
     "design",
     "diagnose",
     "diagnose_paired",
-    "fleet_compare",
     "fleet_task",
-    "fleet_tasks",
     "effects",
     "identify",
     "inspect",
@@ -221,10 +220,13 @@ def summary(report: str, width: int, colour: bool) -> str: ...
 def effects() -> list[tuple[str, str, str, str, str, str, list[tuple[str, str]]]]: ...
 
 def inspect(path: str, options: LogOptions, width: int) -> tuple[str, str]: ...
-def fleet_tasks(manifest: str) -> list[tuple[str, str | None]]: ...
-def fleet_task(
-    manifest: str, out: str, index: int, options: dict[str, Any], time: str | None, run: str | None
-) -> tuple[bool, str | None]: ...
-def fleet_compare(manifest: str, out: str, options: dict[str, Any], time: str | None, run: str | None) -> str: ...
+@final
+class FleetManifest:
+    def __new__(cls, path: str) -> FleetManifest: ...
+    def tasks(self) -> list[str]: ...
+    def compare(self, results: list[tuple[str | None, str | None]], place: Any) -> str: ...
 
+def fleet_task(
+    task: str, place: Any, options: dict[str, Any], time: str | None, run: str | None, threads: int | None
+) -> tuple[str | None, str | None]: ...
 def command(line: Sequence[str]) -> int: ...

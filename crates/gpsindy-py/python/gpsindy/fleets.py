@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 from collections.abc import Callable, Iterable
-from concurrent.futures import CancelledError, Executor, Future, as_completed
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from itertools import islice
+from queue import SimpleQueue
 from typing import Any
 
 from gpsindy import _gpsindy
+from gpsindy._stores import Remote, store, where
 from gpsindy.dataset import Path
 from gpsindy.model import Hold
 
-#: Times a task is tried again after its worker was lost.
+#: Rounds in a row in which every task left lost its worker, after which a fleet is given up.
 _TRIES = 5
+
+#: Tasks that are submitted at a time: more than the workers of any cluster, and few enough to keep in memory.
+_FLIGHT = 10_000
 
 
 class Fleet:
@@ -23,7 +29,7 @@ class Fleet:
     Attributes
     ----------
     out : str
-        The folder with ``fleet.html``, ``fleet.json`` and the units' reports.
+        The folder or URL with ``fleet.html``, ``fleet.json`` and the units' reports.
     """
 
     __slots__ = ("_report", "out")
@@ -66,10 +72,19 @@ class Fleet:
         return f"Fleet({', '.join(f'{name}={len(entries)}' for name, entries in parts)}, out={self.out!r})"
 
 
-def _task(manifest: str, out: str, index: int, options: dict[str, Any], time: str | None, run: str | None) -> int:
-    """One task in a worker. A failure of its own is written below ``out`` and is no exception."""
-    _gpsindy.fleet_task(manifest, out, index, options, time, run)
-    return index
+def _task(
+    task: str,
+    place: str | Remote,
+    options: dict[str, Any],
+    columns: tuple[str | None, str | None],
+    threads: int | None = None,
+    _turn: str = "",
+) -> tuple[str | None, str | None]:
+    """One task in a worker: the key of its report, or why there is none.
+
+    ``_turn`` differs from one try to the next: dask gives an equal call its earlier result or error.
+    """
+    return _gpsindy.fleet_task(task, place, options, *columns, threads)
 
 
 def fleet(
@@ -94,11 +109,13 @@ def fleet(
     ----------
     manifest : path
         TOML or CSV: ``unit``, ``logs``, ``model``, and where wanted ``holdout`` and ``since``; other keys are covariates.
-    out : path
-        Folder of the reports and of the comparison.
+    out : path or str
+        Folder of the reports and of the comparison, or a URL that fsspec knows (``s3://bucket/fleet``; needs ``gpsindy[fsspec]``).
+        Every worker reads the logs and writes the reports itself, so both must be within its reach.
     executor : concurrent.futures.Executor or callable, default None
         Any executor: a process pool, dask's ``Client.get_executor()``, MPI's. A callable makes one, and makes another when that one
-        broke because a worker died. ``None`` works one task after the other here, each on all cores.
+        broke because a worker died. A process pool breaks as a whole when one of its workers dies: hand in a callable to go on.
+        Dask, Ray and MPI have workers of their own that go on. ``None`` works one task after the other here, each on all cores.
     effects, without : iterables of str
         Only these suspects; not these.
     confidence : float, default 0.95
@@ -119,9 +136,11 @@ def fleet(
     ValueError
         A manifest that can't be read.
     RuntimeError
-        The executor broke, and none could be made in its place. What was done is kept.
+        The executor broke and is no callable that makes another, or tasks lost their worker again and again. What was done is kept.
+    OSError
+        A result that can't be written.
     """
-    path, folder = os.path.abspath(os.fspath(manifest)), os.path.abspath(os.fspath(out))
+    place = store(out)
     options: dict[str, Any] = {
         "effects": list(effects),
         "without": list(without),
@@ -135,74 +154,113 @@ def fleet(
         "time_limit": None,
         "power": None,
     }
-    count = len(_gpsindy.fleet_tasks(path))
-    os.makedirs(folder, exist_ok=True)
-    tasks = [(path, folder, index, options, time, run) for index in range(count)]
+    entries = _gpsindy.FleetManifest(os.path.abspath(os.fspath(manifest)))
+    tasks = [(task, place, options, (time, run)) for task in entries.tasks()]
     if executor is None:
-        for done, task in enumerate(tasks, 1):
-            _task(*task)
+        results = []
+        for task in tasks:
+            results.append(_task(*task))
             if progress is not None:
-                progress(done, count)
+                progress(len(results), len(tasks))
     else:
-        _spread(tasks, executor, progress)
-    return Fleet(_gpsindy.fleet_compare(path, folder, options, time, run), folder)
+        results = _spread(tasks, executor, progress)
+    return Fleet(entries.compare(results, place), where(place))
 
 
 def _spread(
     tasks: list[tuple[Any, ...]],
     executor: Executor | Callable[[], Executor],
     progress: Callable[[int, int], object] | None,
-) -> None:
+) -> list[tuple[str | None, str | None]]:
     """Every task on the executor; those of lost workers again."""
-    open_tasks = dict(enumerate(tasks))
-    given = executor if isinstance(executor, Executor) else None
-    for _ in range(_TRIES + len(tasks)):
-        pool = given if given is not None else executor()  # type: ignore[operator]
-        before = len(open_tasks)
-        broke = _round(pool, open_tasks, len(tasks), progress)
-        if given is None:
-            pool.shutdown(wait=False, cancel_futures=True)
-        if not open_tasks:
-            return
-        if broke is not None and given is not None and before == len(open_tasks):
+    results: dict[int, tuple[str | None, str | None]] = {}
+    fruitless = 0
+    while len(results) < len(tasks):
+        before = len(results)
+        pool = executor if isinstance(executor, Executor) else executor()
+        try:
+            lost = _round(pool, tasks, results, progress)
+        finally:
+            if not isinstance(executor, Executor):
+                pool.shutdown(wait=False)
+        if lost is None:
+            continue
+        fruitless = fruitless + 1 if len(results) == before else 0
+        left = len(tasks) - len(results)
+        if isinstance(executor, Executor) and isinstance(lost, BrokenExecutor):
             raise RuntimeError(
-                f"the executor broke with {len(open_tasks)} tasks left; call again to do the rest, or hand in a function that makes "
-                "an executor"
-            ) from broke
-    raise RuntimeError(f"{len(open_tasks)} tasks lost their worker every time; what was done is kept")
+                f"the executor broke with {left} tasks left; what was done is kept: call again to do the rest, or hand in a function "
+                "that makes an executor"
+            ) from lost
+        if fruitless == _TRIES:
+            raise RuntimeError(
+                f"{left} tasks lost their worker {_TRIES} times in a row; what was done is kept: call again to do the rest"
+            ) from lost
+    return [results[index] for index in range(len(tasks))]
 
 
 def _round(
     pool: Executor,
-    open_tasks: dict[int, tuple[Any, ...]],
-    total: int,
+    tasks: list[tuple[Any, ...]],
+    results: dict[int, tuple[str | None, str | None]],
     progress: Callable[[int, int], object] | None,
 ) -> BaseException | None:
-    """Submits what is open and takes out what is done; the first loss of a worker, if there was one."""
+    """Submits what has no result and collects results; the last loss of a worker, if there was one."""
     lost: BaseException | None = None
-    futures: dict[Future[int], int] = {}
+    turn = secrets.token_hex(8)
+    missing = iter([index for index in range(len(tasks)) if index not in results])
+    waiting: dict[Future[tuple[str | None, str | None]], int] = {}
+    done: SimpleQueue[Future[tuple[str | None, str | None]]] = SimpleQueue()
+
+    def submit(count: int) -> None:
+        nonlocal lost
+        for index in islice(missing, count):
+            try:
+                # Workers are the parallel part: each task keeps to one core.
+                future = pool.submit(_task, *tasks[index], 1, turn)
+            except BrokenExecutor as failure:
+                lost = failure
+                return
+            waiting[future] = index
+            future.add_done_callback(done.put)
+
+    submit(_FLIGHT)
     try:
-        for index, task in open_tasks.items():
-            futures[pool.submit(_task, *task)] = index
-    except (BrokenExecutor, RuntimeError) as failure:
-        lost = failure
-    for future in as_completed(list(futures)):
-        try:
-            future.result()
-        except (BrokenExecutor, CancelledError) as failure:
-            lost = failure
-            continue
-        except Exception as failure:
-            # Engines have words of their own for a worker that died; the input was checked before.
-            if type(failure).__name__ not in _LOST:
-                raise
-            lost = failure
-            continue
-        del open_tasks[futures[future]]
-        if progress is not None:
-            progress(total - len(open_tasks), total)
+        while waiting:
+            future = done.get()
+            # A future that is kept keeps its result, on a cluster in the memory of a worker.
+            index = waiting.pop(future)
+            try:
+                results[index] = future.result()
+            except Exception as failure:
+                if not _is_loss(failure):
+                    raise
+                lost = failure
+            else:
+                if progress is not None:
+                    progress(len(results), len(tasks))
+            if not isinstance(lost, BrokenExecutor):
+                submit(1)
+    finally:
+        for future in waiting:
+            future.cancel()
     return lost
 
 
+def _is_loss(failure: BaseException) -> bool:
+    """Whether a worker was lost, and not a fault of the task. Engines have words of their own for that."""
+    return isinstance(failure, (BrokenExecutor, CancelledError)) or type(failure).__name__ in _LOST
+
+
 #: What dask, Ray and loky call a worker that died.
-_LOST = {"KilledWorker", "WorkerCrashedError", "RayTaskError", "TerminatedWorkerError", "CommClosedError"}
+_LOST = {
+    "CommClosedError",
+    "FutureCancelledError",
+    "KilledWorker",
+    "NodeDiedError",
+    "OwnerDiedError",
+    "RayActorError",
+    "ActorDiedError",
+    "TerminatedWorkerError",
+    "WorkerCrashedError",
+}
