@@ -4,10 +4,18 @@ use crate::chart::{Chart, Mark};
 use crate::metadata::metadata;
 use crate::words::{effect_name, number, percent, with_unit};
 use gpsindy_core::fleet::report::{Change, FleetReport, Odd, Population, Shape, Unit};
-use maud::{DOCTYPE, Markup, html};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use std::collections::HashSet;
 
 /// Charts of one kind on the page; more are left to the JSON.
 const CHARTS: usize = 24;
+
+/// Reports that the page lists; a browser stays quick with so many rows.
+const LISTED: usize = 2000;
+
+/// What this page needs beside the style of all pages: the marks of odd units, and on a narrow screen no labels without a value.
+const STYLE: &str = "svg .odd { stroke: var(--bad); stroke-width: 6; stroke-linecap: round; }
+@media (max-width: 36rem) { .stack td:empty { display: none !important; } }";
 
 /// The whole page as text. Links lead to `tasks/KEY/report.html` beside it.
 ///
@@ -21,6 +29,7 @@ pub fn render(report: &FleetReport) -> String {
         html lang="en" {
             (metadata("Fleet comparison (gpsindy)"))
             body {
+                style { (PreEscaped(STYLE)) }
                 (head(report))
                 main {
                     (odd(report))
@@ -63,6 +72,7 @@ fn name(effect: &str, state: &str, parameter: &str) -> String {
     format!("{}{place}: {parameter}", effect_name(effect))
 }
 
+/// The unit's name, linked to its latest report.
 fn link(report: &FleetReport, unit: &str) -> Markup {
     let last = report.units.iter().rev().find(|u| u.unit == unit);
     html! { @match last { Some(found) => a href=(format!("tasks/{}/report.html", found.key)) { (unit) }, None => (unit) } }
@@ -134,19 +144,42 @@ fn changes(report: &FleetReport) -> Markup {
     }
 }
 
-/// One unit's estimates over its periods.
+/// One unit's estimates over its periods, and what changed of them.
 fn history(report: &FleetReport, change: &Change, id: usize) -> Markup {
     let own = report.units.iter().filter(|u| u.unit == change.unit);
-    let values: Vec<f64> = own.filter_map(|u| size_of(u, &change.effect, &change.state, &change.parameter)).collect();
-    let places: Vec<f64> = (1..=values.len()).map(|k| k as f64).collect();
+    let size = |u: &Unit| size_of(u, &change.effect, &change.state, &change.parameter);
+    let mut periods: Vec<(&str, f64)> = own.filter_map(|u| Some((u.since.as_deref()?, size(u)?))).collect();
+    periods.sort_by(|a, b| match (a.0.parse::<f64>(), b.0.parse::<f64>()) {
+        (Ok(a), Ok(b)) => a.total_cmp(&b),
+        _ => a.0.cmp(b.0),
+    });
+    // Dates of one form are in the order of their letters.
+    let is_before = |since: &str| match since.parse::<f64>() {
+        Ok(day) => day <= change.since,
+        Err(_) => since <= change.date.as_str(),
+    };
+    let before = periods.iter().filter(|(since, _)| is_before(since)).count();
+    let (count, first) = (periods.len(), before as f64 + 0.5);
+    let (places, path): (Vec<f64>, Vec<f64>) = match change.shape {
+        Shape::Step => (vec![1.0, first, first, count as f64], vec![change.from, change.from, change.to, change.to]),
+        _ => (vec![1.0, first, count as f64], vec![change.from, change.from, change.to]),
+    };
+    let at: Vec<f64> = (1..=count).map(|k| k as f64).collect();
     let title = format!("{}: {}", change.unit, name(&change.effect, &change.state, &change.parameter));
+    let x_label = match (periods.first(), periods.last()) {
+        (Some(first), Some(last)) => format!("period, {} to {}", first.0, last.0),
+        _ => "period".into(),
+    };
     let chart = Chart {
         title: title.clone(),
-        description: "One dot per period, in the order of time.".into(),
-        x_label: "period".into(),
+        description: "One dot per period, as estimated. Line: the change, with the covariates held.".into(),
+        x_label,
         y_label: with_unit(&change.parameter, unit_of(report, &change.effect, &change.state, &change.parameter)),
-        y_range: range(values.iter().copied().chain([change.from, change.to])),
-        marks: vec![Mark::Dots("measured", &places, values.iter().map(|v| Some(*v)).collect())],
+        y_range: range(periods.iter().map(|(_, v)| *v).chain([change.from, change.to])),
+        marks: vec![
+            Mark::Dots("log", &at, periods.iter().map(|(_, v)| Some(*v)).collect()),
+            Mark::Line("after", &places, path.into_iter().map(Some).collect()),
+        ],
         shades: Vec::new(),
     };
     html! { figure { figcaption { (title) } (chart.draw(1000 + id)) } }
@@ -185,44 +218,73 @@ fn populations(report: &FleetReport) -> Markup {
                         th scope="col" { "in the simulator" } th scope="col" { "per unit of a covariate" } } }
                     tbody { @for one in &report.population { (row(one)) } }
                 } }
-                div.figures { @for (k, one) in report.population.iter().take(CHARTS).enumerate() { (ranked(one, k)) } }
+                div.figures { @for (k, one) in report.population.iter().take(CHARTS).enumerate() { (ranked(report, one, k)) } }
             }
         }
     }
 }
 
-/// The units in the order of their size.
-fn ranked(population: &Population, id: usize) -> Markup {
-    let mut sorted: Vec<(f64, f64)> = population.estimates.iter().map(|e| (e.value, e.deviation)).collect();
+/// The units in the order of their size, the odd ones marked.
+fn ranked(report: &FleetReport, population: &Population, id: usize) -> Markup {
+    let is_odd = |unit: &str| {
+        let same = |o: &&Odd| {
+            (&o.effect, &o.state, &o.parameter) == (&population.effect, &population.state, &population.parameter)
+        };
+        report.odd.iter().filter(same).any(|o| o.unit == unit)
+    };
+    let mut sorted: Vec<(f64, f64, bool)> =
+        population.estimates.iter().map(|e| (e.value, e.deviation, is_odd(&e.unit))).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let places: Vec<f64> = (1..=sorted.len()).map(|k| k as f64).collect();
-    let band: Vec<(f64, f64)> = sorted.iter().map(|(v, d)| (v - 1.96 * d, v + 1.96 * d)).collect();
+    let band: Vec<(f64, f64)> = sorted.iter().map(|(v, d, _)| (v - 1.96 * d, v + 1.96 * d)).collect();
+    let dots = |odd: bool| sorted.iter().map(|(v, _, is)| (*is == odd).then_some(*v)).collect();
     let title = name(&population.effect, &population.state, &population.parameter);
     let chart = Chart {
         title: title.clone(),
-        description: "One dot per unit, from the smallest to the largest. Band: 95 % interval.".into(),
-        x_label: "rank".into(),
+        description:
+            "One dot per unit, from the smallest to the largest; odd units are large and coloured. Band: 95 % interval."
+                .into(),
+        x_label: format!("rank among {} units", population.estimates.len()),
         y_label: with_unit(&population.parameter, &population.unit),
         y_range: range(band.iter().flat_map(|(low, high)| [*low, *high])),
         marks: vec![
             Mark::Band("band", &places, band.clone()),
-            Mark::Dots("measured", &places, sorted.iter().map(|(v, _)| Some(*v)).collect()),
+            Mark::Dots("measured", &places, dots(false)),
+            Mark::Dots("odd", &places, dots(true)),
         ],
         shades: Vec::new(),
     };
     html! { figure { figcaption { (title) } (chart.draw(id)) } }
 }
 
+/// How much a report asks to be read: 0 for a unit that stands out, then by verdict.
+fn urgency(unit: &Unit, named: &HashSet<&str>) -> u8 {
+    match unit.verdict.as_str() {
+        _ if named.contains(unit.unit.as_str()) => 0,
+        "unexplained" => 1,
+        "partly_explained" => 2,
+        "explained" => 3,
+        _ => 4,
+    }
+}
+
 fn units(report: &FleetReport) -> Markup {
+    let odd = report.odd.iter().map(|o| o.unit.as_str());
+    let named: HashSet<&str> = odd.chain(report.changes.iter().map(|c| c.unit.as_str())).collect();
+    let mut listed: Vec<&Unit> = report.units.iter().collect();
+    listed.sort_by_key(|unit| urgency(unit, &named));
+    let has_history = report.units.iter().any(|u| u.since.is_some());
     html! {
         section {
             h2 { "Every report" }
+            p { "Units that stand out come first, then those whose gap is not explained." }
+            @if listed.len() > LISTED { p { "The first " (LISTED) " of " (listed.len()) "; all of them are in fleet.json." } }
             div.wide { table.stack {
-                thead { tr { th scope="col" { "unit" } th scope="col" { "since" } th scope="col" { "verdict" } th scope="col" { "causes" }
-                    th.n scope="col" { "gap closed" } } }
-                tbody { @for unit in &report.units { tr {
+                thead { tr { th scope="col" { "unit" } @if has_history { th scope="col" { "since" } } th scope="col" { "verdict" }
+                    th scope="col" { "causes" } th.n scope="col" { "gap closed" } } }
+                tbody { @for unit in listed.iter().take(LISTED) { tr {
                     th scope="row" { a href=(format!("tasks/{}/report.html", unit.key)) { (unit.unit) } }
-                    td data-label="since" { (unit.since.as_deref().unwrap_or("")) }
+                    @if has_history { td data-label="since" { (unit.since.as_deref().unwrap_or("")) } }
                     td data-label="verdict" { (unit.verdict.replace('_', " ")) }
                     td data-label="causes" { @for cause in &unit.causes { (effect_name(&cause.effect)) " in " (cause.state) br; } }
                     td.n data-label="gap closed" { @if let Some(closed) = unit.closure { (percent(closed)) } }
@@ -230,8 +292,52 @@ fn units(report: &FleetReport) -> Markup {
             } }
             @if !report.failed.is_empty() {
                 h3 { "Without a report" }
-                ul { @for failed in &report.failed { li { (failed.unit) " " (failed.since.as_deref().unwrap_or("")) ": " (failed.error) } } }
+                ul { @for failed in report.failed.iter().take(LISTED) {
+                    li { (failed.unit) " " (failed.since.as_deref().unwrap_or("")) ": " (failed.error) }
+                } }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn unit(name: &str, verdict: &str) -> Unit {
+        Unit {
+            unit: name.into(),
+            since: None,
+            verdict: verdict.into(),
+            causes: Vec::new(),
+            closure: None,
+            key: format!("key-{name}"),
+            covariates: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn units_that_stand_out_come_first_and_an_empty_column_is_left_out() {
+        let mut report = FleetReport::new();
+        report.units = vec![unit("calm", "explained"), unit("open", "unexplained"), unit("off", "explained")];
+        report.odd = vec![Odd {
+            unit: "off".into(),
+            effect: "bias".into(),
+            state: "v".into(),
+            parameter: "c".into(),
+            value: 2.0,
+            population: 1.0,
+            spread: 0.1,
+            false_discovery_rate: 0.01,
+        }];
+        let page = render(&report);
+        let list = page.split("Every report").nth(1).unwrap();
+        let places = ["key-off", "key-open", "key-calm"].map(|key| list.find(key).unwrap());
+        assert!(places.is_sorted(), "{places:?}");
+        assert!(!list.contains("since"));
+        report.units = (0..LISTED + 5).map(|k| unit(&format!("u{k}"), "no_gap")).collect();
+        let page = render(&report);
+        assert!(page.contains("The first 2000 of 2005") && !page.contains("key-u2000"));
     }
 }
