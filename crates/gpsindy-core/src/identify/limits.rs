@@ -7,6 +7,13 @@
 
 use crate::refine::Refine;
 
+/// Most samples that an identification learns from. Coefficients then stand at hundreds of their standard errors at a noise as large as
+/// the motion; more samples change no term, only the time and the memory. Convention.
+pub(crate) const MOST_SAMPLES: usize = 50_000;
+
+/// Samples of a window of longer logs: so many that a sampling a thousand times faster than the motion still shows some of it. Convention.
+pub(crate) const WINDOW: usize = 5_000;
+
 /// Evidence, 2 ln odds, by which the explanation with interpolated controls must lead the one with held controls, and the other
 /// way round once it does. 2 ln 20 = 6: a computer that steers holds what it has sent, so the odds must be clear. Argument.
 pub(crate) const INTERPOLATED: f64 = 6.0;

@@ -7,6 +7,7 @@ mod algorithm1;
 mod author;
 mod equations;
 mod evidence;
+mod excerpt;
 mod limits;
 mod names;
 mod notes;
@@ -33,6 +34,7 @@ use algorithm1::regress::{inclusion, regress};
 use algorithm1::rows::rows;
 use algorithm1::smooth::smooth;
 use algorithm1::timing::time;
+use excerpt::excerpt;
 use prepare::prepare;
 use report::report;
 use support::scope::Scope;
@@ -42,9 +44,19 @@ impl Identify {
     ///
     /// A state that the data lack is allowed where an equation that is given, `x' = v`, says whose velocity it is.
     ///
+    /// Of logs longer than an identification needs, the most exciting windows are learnt from; a note tells which share.
+    ///
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
+        let Some((part, note)) = excerpt(self, data)? else { return self.fit_all(data, progress) };
+        let mut found = Self { train_fraction: 1.0, ..self.clone() }.fit_all(&part, progress)?;
+        found.notes.insert(0, note);
+        Ok(found)
+    }
+
+    /// Learns from all samples.
+    fn fit_all(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
         let logs = prepare(self, data, progress)?;
         let motion = smooth(self, &logs, progress)?;
         let timings = time(self, &logs, &motion, progress)?;

@@ -9,6 +9,17 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Note {
+    /// The logs are longer than an identification needs.
+    Excerpt {
+        /// Samples of the training part.
+        samples: usize,
+        /// Samples that were learnt from.
+        used: usize,
+        /// Windows that were learnt from.
+        windows: usize,
+        /// Windows of the same length in the training part.
+        of: usize,
+    },
     /// The smoothing of a column is weak.
     WeakSmoothing {
         /// The column.
@@ -64,6 +75,10 @@ pub enum Note {
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Excerpt { samples, used, windows, of } => write!(
+                f,
+                "of {samples} samples, {used} were learnt from: {windows} of {of} windows, half of them spread over the logs, half the most exciting ones"
+            ),
             Self::WeakSmoothing { column, reasons } => {
                 let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
                 write!(f, "smoothing of `{column}`: {}", reasons.join("; "))
