@@ -21,14 +21,16 @@ pub enum Note {
         /// Every how many samples one was used.
         stride: usize,
     },
-    /// Of long logs only stretches were used.
+    /// Of long logs only the most exciting windows were used.
     Thinned {
         /// Samples of the logs.
         samples: usize,
-        /// Length of a stretch, s.
+        /// Length of a window, s.
         length: f64,
-        /// One in how many samples was seen.
-        one_in: usize,
+        /// Windows that the search used.
+        windows: usize,
+        /// Windows of the logs.
+        of: usize,
     },
     /// Effects that would depend on a place, or a heading, that no rate of the model depends on: they are no suspects.
     PlaceRuledOut {
@@ -101,9 +103,9 @@ impl std::fmt::Display for Note {
             Self::Decimated { stride } => {
                 write!(f, "the sampling is far faster than the motion; the search used one sample in {stride}")
             }
-            Self::Thinned { samples, length, one_in } => write!(
+            Self::Thinned { samples, length, windows, of } => write!(
                 f,
-                "the logs hold {samples} samples; the search used windows of {length:.3} s that cover one sample in {one_in}"
+                "the logs hold {samples} samples; the search used {windows} of {of} windows of {length:.3} s, half of them spread over the logs, half the most exciting ones"
             ),
             Self::PlaceRuledOut { place, effects } => write!(
                 f,
@@ -207,7 +209,7 @@ mod tests {
     fn no_note_names_an_option_of_a_surface() {
         let all = [
             Note::Unwrapped { column: "phi".into() },
-            Note::Thinned { samples: 9, length: 1.0, one_in: 2 },
+            Note::Thinned { samples: 9, length: 1.0, windows: 1, of: 2 },
             Note::Restarted { length: 1.0 },
             Note::StillHoldout,
             Note::HoldoutRestarted { length: 1.0 },

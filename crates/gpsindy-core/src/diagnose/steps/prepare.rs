@@ -12,8 +12,9 @@ use crate::diagnose::steps::check;
 use crate::diagnose::steps::noise::{noise_levels, remove_outliers};
 use crate::diagnose::steps::windows::{Purpose, choose_windows, halvings, whole_runs};
 use crate::error::Result;
+use crate::excitation::{choose, excitation, variance};
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Hold, Log, guess_initial};
+use crate::refine::{Experiment, Hold, Log, Window, guess_initial};
 
 /// What is known beforehand.
 pub(crate) struct Known<'a> {
@@ -113,7 +114,7 @@ fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
     Ok(data)
 }
 
-/// Keeps evenly spread windows where the logs are longer than a contest needs.
+/// Keeps the most exciting windows, and some of every part, where the logs are longer than a contest needs.
 fn thin(experiment: Experiment, notes: &Notes) -> Experiment {
     let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     if total <= MOST_SAMPLES {
@@ -127,9 +128,27 @@ fn thin(experiment: Experiment, notes: &Notes) -> Experiment {
     let length = length.fold(0.0, f64::max).min(seconds * MOST_SAMPLES as f64 / total as f64 / STRETCHES * 2.0);
     let mut experiment = experiment.with_windows_of(length);
     let keep_every = total.div_ceil(MOST_SAMPLES);
-    experiment.windows = experiment.windows.into_iter().step_by(keep_every).collect();
-    notes.say(Note::Thinned { samples: total, length, one_in: keep_every });
+    let count = experiment.windows.len();
+    let kept = choose(&excitations(&experiment), count.div_ceil(keep_every));
+    experiment.windows = kept.iter().map(|&i| experiment.windows[i]).collect();
+    notes.say(Note::Thinned { samples: total, length, windows: kept.len(), of: count });
     experiment
+}
+
+/// How much controls and columns move within each window.
+fn excitations(experiment: &Experiment) -> Vec<f64> {
+    let all = |log: &Log| log.controls.iter().chain(&log.measured).map(|v| variance(v)).collect::<Vec<f64>>();
+    let each: Vec<Vec<f64>> = experiment.logs.iter().map(all).collect();
+    let count = each.len() as f64;
+    let spreads: Vec<f64> = (0..each.first().map_or(0, Vec::len))
+        .map(|c| (each.iter().map(|variances| variances[c]).sum::<f64>() / count).sqrt())
+        .collect();
+    let of = |window: &Window| {
+        let log = &experiment.logs[window.log];
+        let columns = log.controls.iter().chain(&log.measured);
+        excitation(columns.zip(&spreads).map(|(values, &spread)| (&values[window.first..=window.last], spread)))
+    };
+    experiment.windows.iter().map(of).collect()
 }
 
 /// Takes every k-th sample of logs that are far denser than their motion, with the mean of the controls between.
