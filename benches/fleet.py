@@ -5,6 +5,8 @@
     target/venv/bin/python benches/fleet.py speed         # one process beside two, in turns
     target/venv/bin/python benches/fleet.py collect       # memory and time of the comparison of 10,000 reports
     target/venv/bin/python benches/fleet.py table         # rows and units against time and memory
+    target/venv/bin/python benches/fleet.py odd           # odd units found from logs, by how far off they are
+    target/venv/bin/python benches/fleet.py wear          # wear dated from logs of a year, and alarms without wear
 
 `loss` runs the fleet in one process, on dask with four worker processes, on a process pool of four, each with a worker killed by signal 9
 every five seconds, and once more after its coordinator was killed half-way. It fails unless every report is byte for byte that of the
@@ -18,7 +20,7 @@ environment of `cargo xtask python` has.
 from __future__ import annotations
 
 import argparse
-import json
+import datetime
 import os
 import pathlib
 import resource
@@ -54,25 +56,94 @@ value = 0.2
 SUSPECTS = ["quadratic_drag", "bias", "viscous_friction", "coulomb_friction"]
 
 
+def log(path: pathlib.Path, drag: float, size: int, random: np.random.Generator, noise: float = 0.004) -> None:
+    """Four runs of a slider with a drag that the model lacks."""
+    t = np.linspace(0, 3, size)
+    decay = np.exp(-0.2 * t)
+    table = []
+    for run, start in enumerate((1.5, 2.5, 3.0, 2.0)):
+        v = start * decay / (1 + start * drag / 0.2 * (1 - decay)) + noise * random.standard_normal(size)
+        table.append(np.column_stack([np.full(size, run), t, v]))
+    np.savetxt(path, np.concatenate(table), delimiter=",", header="run,t,v", comments="", fmt=["%d", "%.5f", "%.5f"])
+
+
 def draw(folder: pathlib.Path, units: int, size: int) -> pathlib.Path:
-    """Sliders with a drag of 0.3 +- 0.03 that the model lacks, four runs each; every fortieth has twice as much."""
+    """Sliders with a drag of 0.3 +- 0.03; every fortieth has twice as much."""
     folder.mkdir(parents=True)
     (folder / "slider.toml").write_text(SLIDER)
-    t = np.linspace(0, 3, size)
     rows = ["unit,logs,model"]
     for unit in range(units):
         random = np.random.default_rng([16, unit])
         drag = 0.6 if unit % 40 == 39 else 0.3 + 0.03 * random.standard_normal()
-        table = []
-        for run, start in enumerate((1.5, 2.5, 3.0, 2.0)):
-            decay = np.exp(-0.2 * t)
-            v = start * decay / (1 + start * drag / 0.2 * (1 - decay)) + 0.004 * random.standard_normal(size)
-            table.append(np.column_stack([np.full(size, run), t, v]))
-        text = np.concatenate(table)
-        np.savetxt(folder / f"unit_{unit:06}.csv", text, delimiter=",", header="run,t,v", comments="", fmt=["%d", "%.5f", "%.5f"])
+        log(folder / f"unit_{unit:06}.csv", drag, size, random)
         rows.append(f"s{unit},unit_{unit:06}.csv,slider.toml")
     (folder / "fleet.csv").write_text("\n".join(rows) + "\n")
     return folder / "fleet.csv"
+
+
+def draw_odd(folder: pathlib.Path, seed: int, off: float) -> pathlib.Path:
+    """200 sliders of spread 0.03, of which the first five are off by so many spreads."""
+    folder.mkdir(parents=True)
+    (folder / "slider.toml").write_text(SLIDER)
+    random = np.random.default_rng([17, seed])
+    rows = ["unit,logs,model"]
+    for unit in range(200):
+        drag = 0.3 + 0.03 * (off if unit < 5 else random.standard_normal())
+        log(folder / f"unit_{unit:06}.csv", drag, 61, random)
+        rows.append(f"s{unit},unit_{unit:06}.csv,slider.toml")
+    (folder / "fleet.csv").write_text("\n".join(rows) + "\n")
+    return folder / "fleet.csv"
+
+
+def draw_year(folder: pathlib.Path, seed: int, units: int, wear: float) -> pathlib.Path:
+    """A year of fortnights: the drag follows temperature and load; that of the first unit rises by a share of itself at mid-year."""
+    folder.mkdir(parents=True)
+    (folder / "slider.toml").write_text(SLIDER)
+    random = np.random.default_rng([18, seed])
+    rows = ["unit,logs,model,since,temperature,load"]
+    for unit in range(units):
+        own, phase = 0.3 + 0.015 * random.standard_normal(), random.uniform()
+        for k in range(26):
+            day = 14 * k
+            temperature = 20 + 8 * np.sin(2 * np.pi * (day / 365 + 0.1 * phase)) + random.standard_normal()
+            load = 1 + 2 * random.uniform()
+            worn = own * wear if unit == 0 and day >= 180 else 0.0
+            drag = own + worn - 0.006 * (temperature - 20) + 0.03 * (load - 2) + 0.006 * random.standard_normal()
+            name = f"unit_{unit:03}_{k:02}.csv"
+            log(folder / name, drag, 61, random)
+            date = datetime.date(2026, 1, 5) + datetime.timedelta(days=day)
+            rows.append(f"s{unit},{name},slider.toml,{date},{temperature:.2f},{load:.2f}")
+    (folder / "fleet.csv").write_text("\n".join(rows) + "\n")
+    return folder / "fleet.csv"
+
+
+def odd(root: pathlib.Path, fleets: int) -> None:
+    print("| off by, spreads | found | false | fleets with a false one |\n| --- | --- | --- | --- |")
+    for off in (1, 2, 3, 4, 5, 6):
+        found = wrong = alarms = 0
+        for seed in range(fleets):
+            folder = root / f"{off}_{seed}"
+            names = [entry["unit"] for entry in diagnose(draw_odd(folder, seed, off), folder / "out").odd]
+            right = len({f"s{unit}" for unit in range(5)}.intersection(names))
+            found, wrong, alarms = found + right, wrong + len(names) - right, alarms + (len(names) > right)
+            shutil.rmtree(folder)
+        print(f"| {off} | {found} of {5 * fleets} | {wrong} | {alarms} of {fleets} |", flush=True)
+
+
+def wear(root: pathlib.Path, fleets: int, units: int = 20) -> None:
+    begun = (datetime.date(2026, 1, 5) + datetime.timedelta(days=180)).toordinal()
+    dated = named = alarms = 0
+    for seed in range(fleets):
+        folder = root / f"wear_{seed}"
+        changes = diagnose(draw_year(folder, seed, units, 0.2), folder / "out").changes
+        shutil.rmtree(folder)
+        own = [change for change in changes if change["unit"] == "s0" and change["effect"] == "quadratic_drag"]
+        named += bool(own)
+        dated += bool(own) and abs(datetime.date.fromisoformat(own[0]["date"]).toordinal() - begun) <= 30
+        folder = root / f"none_{seed}"
+        alarms += bool(diagnose(draw_year(folder, 1000 + seed, units, 0.0), folder / "out").changes)
+        shutil.rmtree(folder)
+        print(f"{seed + 1} fleets of {units}: wear named {named}, within 30 days {dated}; alarms without wear {alarms}", flush=True)
 
 
 def diagnose(manifest: pathlib.Path, out: pathlib.Path, executor: Executor | Callable[[], Executor] | None = None) -> gpsindy.Fleet:
@@ -183,10 +254,8 @@ def speed(root: pathlib.Path, units: int, size: int, repeats: int) -> None:
         print(f"one worker {one[0]:6.1f} s ({one[1]:.1f} s of processor), two {two[0]:6.1f} s ({two[1]:.1f} s): {ratios[-1]:.2f}, load {load()}")
     print(f"speed-up on two workers: median {statistics.median(ratios):.2f}, best {max(ratios):.2f}")
     for name, workers in (("one process", 0), ("a pool of two", 2)):
-        empty = once(manifest, root / "nothing", workers)[0] if workers else None
         elapsed = once(manifest, root / "1_0", workers)[0]
-        print(f"second run on {name}: {1e3 * elapsed / units:.1f} ms a task, start of Python and of the pool included")
-        del empty
+        print(f"second run, {name}: {1e3 * elapsed / units:.1f} ms a task, with the start of Python and of the workers")
 
 
 def collect(root: pathlib.Path, count: int) -> None:
@@ -230,13 +299,14 @@ def table(root: pathlib.Path) -> None:
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("what", choices=["loss", "speed", "collect", "table", "run", "compare"])
+    options.add_argument("what", choices=["loss", "speed", "collect", "table", "odd", "wear", "run", "compare"])
     options.add_argument("places", nargs="*", help=argparse.SUPPRESS)
     options.add_argument("--units", type=int, default=200)
     options.add_argument("--size", type=int, default=61)
     options.add_argument("--every", type=float, default=5.0, help="seconds between two workers killed")
     options.add_argument("--repeats", type=int, default=5)
     options.add_argument("--reports", type=int, default=10_000)
+    options.add_argument("--fleets", type=int, default=20)
     options.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
     found = options.parse_args()
     if found.what == "run":
@@ -262,6 +332,10 @@ def main() -> None:
                 collect(root, found.reports)
             case "table":
                 table(root)
+            case "odd":
+                odd(root, found.fleets)
+            case "wear":
+                wear(root, found.fleets)
 
 
 if __name__ == "__main__":

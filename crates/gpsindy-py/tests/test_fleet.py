@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -87,25 +86,16 @@ def test_every_report_is_there_although_workers_are_killed(tmp_path: Path) -> No
         pools.append(pool())
         return pools[-1]
 
-    over, killed = threading.Event(), []
+    killed: list[int] = []
 
-    def kill() -> None:
-        while not over.wait(1.5):
+    def lose(done: int, _: int) -> None:
+        if done >= 3 and not killed:
             # The newest pool's workers are processes that this test started.
-            for worker in list(getattr(pools[-1], "_processes", None) or {}) if pools else []:
-                os.kill(worker, signal.SIGKILL)
-                killed.append(worker)
-                break
-            if len(killed) >= 2:
-                return
+            killed.append(next(iter(pools[-1]._processes)))
+            os.kill(killed[0], signal.SIGKILL)
 
-    killer = threading.Thread(target=kill)
-    killer.start()
-    try:
-        found = gpsindy.fleet(manifest, out=tmp_path / "out", effects=SUSPECTS, executor=fresh)
-    finally:
-        over.set()
-        killer.join()
+    found = gpsindy.fleet(manifest, out=tmp_path / "out", effects=SUSPECTS, executor=fresh, progress=lose)
+    assert killed
     assert len(found.units) == 12
     serial = gpsindy.fleet(manifest, out=tmp_path / "serial", effects=SUSPECTS)
     assert reports(tmp_path / "out") == reports(tmp_path / "serial")

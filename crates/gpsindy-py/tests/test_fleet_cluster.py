@@ -1,12 +1,12 @@
 """A fleet on clusters: dask, also with workers of their own that are killed, Ray and MPI where they are installed."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -77,8 +77,38 @@ def test_a_local_cluster_gives_the_same_reports(tmp_path: Path) -> None:
 
 
 def test_mpi_gives_the_same_reports(tmp_path: Path) -> None:
-    futures = pytest.importorskip("mpi4py.futures")
+    pytest.importorskip("mpi4py")
+    start = next((p for p in (Path(sys.executable).with_name("mpiexec"), shutil.which("mpiexec")) if p and Path(p).exists()), None)
+    if start is None:
+        pytest.skip("needs mpiexec")
     manifest = make(tmp_path, 4)
-    with futures.MPIPoolExecutor(2) as executor:
-        gpsindy.fleet(manifest, out=tmp_path / "out", effects=SUSPECTS, executor=executor)
+    script = tmp_path / "run.py"
+    script.write_text(
+        "import sys\nimport gpsindy\nfrom mpi4py.futures import MPIPoolExecutor\n"
+        "if __name__ == '__main__':\n"
+        "    with MPIPoolExecutor() as executor:\n"
+        f"        gpsindy.fleet(sys.argv[1], out=sys.argv[2], effects={SUSPECTS!r}, executor=executor)\n"
+    )
+    line = [str(start), "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script), str(manifest), str(tmp_path / "out")]
+    subprocess.run(line, check=True, timeout=120)
+    assert reports(tmp_path / "out") == serial(manifest, tmp_path)
+
+
+class OnRay(Executor):
+    """The executor that docs/formats.md describes."""
+
+    def submit(self, task, /, *arguments):  # type: ignore[no-untyped-def]
+        import ray
+
+        return ray.remote(task).remote(*arguments).future()
+
+
+def test_ray_gives_the_same_reports(tmp_path: Path) -> None:
+    ray = pytest.importorskip("ray")
+    manifest = make(tmp_path, 4)
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        gpsindy.fleet(manifest, out=tmp_path / "out", effects=SUSPECTS, executor=OnRay())
+    finally:
+        ray.shutdown()
     assert reports(tmp_path / "out") == serial(manifest, tmp_path)

@@ -215,9 +215,10 @@ def _round(
     def submit(count: int) -> None:
         nonlocal lost
         for index in islice(missing, count):
+            # Workers are the parallel part: each task keeps to one core.
+            arguments: tuple[Any, ...] = (*tasks[index], 1, turn)
             try:
-                # Workers are the parallel part: each task keeps to one core.
-                future = pool.submit(_task, *tasks[index], 1, turn)
+                future = pool.submit(_task, *arguments)
             except BrokenExecutor as failure:
                 lost = failure
                 return
