@@ -118,6 +118,9 @@ pub(crate) const MOST_SUBSTEPS: usize = 32;
 /// samples change no answer, only the time.
 pub(crate) const MOST_SAMPLES: usize = 12_000;
 
+/// Samples beyond which the choice of windows would itself cost more than the search after it: each halving fits all of them.
+pub(crate) const VERY_LONG: usize = 1_000_000;
+
 /// Misses of this many spreads of a column on the shortest rollouts are no gap to explain but another model's logs.
 pub(crate) const ASTRAY: f64 = 1e3;
 

@@ -5,7 +5,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::substeps::choose_substeps;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{Budget, DENSE_NOISE, DENSE_SPREAD, MOST_SAMPLES, ROUNDING, STRETCHES};
+use crate::diagnose::limits::{Budget, DENSE_NOISE, DENSE_SPREAD, MOST_SAMPLES, ROUNDING, STRETCHES, VERY_LONG};
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::check;
@@ -154,10 +154,12 @@ fn excitations(experiment: &Experiment) -> Vec<f64> {
 /// Takes every k-th sample of logs that are far denser than their motion, with the mean of the controls between.
 fn decimate(experiment: Experiment, notes: &Notes) -> Experiment {
     let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
-    let stride = total.div_ceil(MOST_SAMPLES);
-    if stride < 2 || !is_dense(&experiment, stride) {
+    let wanted = total.div_ceil(MOST_SAMPLES);
+    // Of very long logs whatever stride is dense saves time and memory before windows are chosen.
+    let mut strides = std::iter::successors(Some(wanted), |s| (total > VERY_LONG).then_some(s / 2));
+    let Some(stride) = strides.find(|&s| s < 2 || is_dense(&experiment, s)).filter(|s| *s > 1) else {
         return experiment;
-    }
+    };
     let logs: Vec<Log> = experiment
         .logs
         .iter()
