@@ -14,7 +14,8 @@ const CHARTS: usize = 24;
 const LISTED: usize = 2000;
 
 /// What this page needs beside the style of all pages: the marks of odd units, and on a narrow screen no labels without a value.
-const STYLE: &str = "svg .odd { stroke: var(--bad); stroke-width: 6; stroke-linecap: round; }
+const STYLE: &str = "svg .period { stroke: var(--measured); stroke-width: 5; stroke-linecap: round; opacity: .6; }
+svg .odd { stroke: var(--bad); stroke-width: 6; stroke-linecap: round; }
 @media (max-width: 36rem) { .stack td:empty { display: none !important; } }";
 
 /// The whole page as text. Links lead to `tasks/KEY/report.html` beside it.
@@ -104,10 +105,20 @@ fn odd(report: &FleetReport) -> Markup {
     }
 }
 
-fn unit_of<'a>(report: &'a FleetReport, effect: &str, state: &str, parameter: &str) -> &'a str {
+fn population_of<'a>(report: &'a FleetReport, effect: &str, state: &str, parameter: &str) -> Option<&'a Population> {
     let same =
         |p: &&Population| (p.effect.as_str(), p.state.as_str(), p.parameter.as_str()) == (effect, state, parameter);
-    report.population.iter().find(same).map_or("", |p| p.unit.as_str())
+    report.population.iter().find(same)
+}
+
+fn unit_of<'a>(report: &'a FleetReport, effect: &str, state: &str, parameter: &str) -> &'a str {
+    population_of(report, effect, state, parameter).map_or("", |p| p.unit.as_str())
+}
+
+/// Mean of a covariate over the reports.
+fn mean_of(report: &FleetReport, covariate: &str) -> f64 {
+    let values: Vec<f64> = report.units.iter().filter_map(|u| u.covariates.get(covariate).copied()).collect();
+    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// The size of an effect in one unit and period, where it was found.
@@ -147,8 +158,18 @@ fn changes(report: &FleetReport) -> Markup {
 /// One unit's estimates over its periods, and what changed of them.
 fn history(report: &FleetReport, change: &Change, id: usize) -> Markup {
     let own = report.units.iter().filter(|u| u.unit == change.unit);
-    let size = |u: &Unit| size_of(u, &change.effect, &change.state, &change.parameter);
-    let mut periods: Vec<(&str, f64)> = own.filter_map(|u| Some((u.since.as_deref()?, size(u)?))).collect();
+    let population = population_of(report, &change.effect, &change.state, &change.parameter);
+    let slopes: Vec<(&str, f64, f64)> = population
+        .iter()
+        .flat_map(|p| &p.covariates)
+        .map(|slope| (slope.covariate.as_str(), slope.value, mean_of(report, &slope.covariate)))
+        .collect();
+    // As it would be at the fleet's mean covariates.
+    let held = |u: &Unit| {
+        let moved = slopes.iter().map(|(name, slope, mean)| slope * (u.covariates.get(*name).unwrap_or(mean) - mean));
+        size_of(u, &change.effect, &change.state, &change.parameter).map(|size| size - moved.sum::<f64>())
+    };
+    let mut periods: Vec<(&str, f64)> = own.filter_map(|u| Some((u.since.as_deref()?, held(u)?))).collect();
     periods.sort_by(|a, b| match (a.0.parse::<f64>(), b.0.parse::<f64>()) {
         (Ok(a), Ok(b)) => a.total_cmp(&b),
         _ => a.0.cmp(b.0),
@@ -172,12 +193,12 @@ fn history(report: &FleetReport, change: &Change, id: usize) -> Markup {
     };
     let chart = Chart {
         title: title.clone(),
-        description: "One dot per period, as estimated. Line: the change, with the covariates held.".into(),
+        description: "One dot per period. Line: the change. Both at the mean covariates of the fleet.".into(),
         x_label,
         y_label: with_unit(&change.parameter, unit_of(report, &change.effect, &change.state, &change.parameter)),
         y_range: range(periods.iter().map(|(_, v)| *v).chain([change.from, change.to])),
         marks: vec![
-            Mark::Dots("log", &at, periods.iter().map(|(_, v)| Some(*v)).collect()),
+            Mark::Dots("period", &at, periods.iter().map(|(_, v)| Some(*v)).collect()),
             Mark::Line("after", &places, path.into_iter().map(Some).collect()),
         ],
         shades: Vec::new(),
@@ -249,7 +270,7 @@ fn ranked(report: &FleetReport, population: &Population, id: usize) -> Markup {
         y_range: range(band.iter().flat_map(|(low, high)| [*low, *high])),
         marks: vec![
             Mark::Band("band", &places, band.clone()),
-            Mark::Dots("measured", &places, dots(false)),
+            Mark::Dots(if sorted.len() > 60 { "measured" } else { "period" }, &places, dots(false)),
             Mark::Dots("odd", &places, dots(true)),
         ],
         shades: Vec::new(),
