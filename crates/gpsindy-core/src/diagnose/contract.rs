@@ -17,6 +17,11 @@ fn place(effect: Effect, benches: &[Bench]) -> (&Bench, Hypothesis) {
     found.unwrap_or_else(|| panic!("{} is a suspect on no bench", effect.id()))
 }
 
+/// The effects that rollouts can follow; what is random has its test beside the filter.
+fn rolled() -> impl Iterator<Item = Effect> {
+    Effect::ALL.iter().copied().filter(|effect| !effect.is_random())
+}
+
 fn suspects(bench: &Bench) -> Vec<Hypothesis> {
     let logged: Vec<usize> = (0..bench.model.states.len()).collect();
     enumerate(&bench.model, &bench.scene(), &logged, &[]).unwrap()
@@ -57,7 +62,8 @@ fn each(check: impl Fn(Effect, &Bench, &Hypothesis) -> Result<(), String> + Sync
         let (bench, hypothesis) = place(effect, &benches);
         check(effect, bench, &hypothesis).err().map(|why| format!("{}: {why}", effect.id()))
     };
-    let failed: Vec<String> = Effect::ALL.par_iter().filter_map(one).collect();
+    let all: Vec<Effect> = rolled().collect();
+    let failed: Vec<String> = all.par_iter().filter_map(one).collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 
@@ -107,7 +113,7 @@ fn twins_know_each_other_and_the_experiment() {
 #[test]
 fn a_written_effect_compiles_and_starts_within_its_bounds() {
     let benches = benches();
-    for &effect in Effect::ALL {
+    for effect in rolled() {
         let (bench, hypothesis) = place(effect, &benches);
         let scene = bench.scene();
         let applied = hypothesis.apply(&bench.model, &scene).unwrap();

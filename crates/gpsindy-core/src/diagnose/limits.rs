@@ -305,6 +305,23 @@ pub(crate) mod localise {
     pub(crate) const MOST_ROWS: usize = 12;
 }
 
+/// Random forces.
+pub(crate) mod forcing {
+    /// Correlation times and standard deviations that are tried first: factors of about four between neighbours, which the
+    /// likelihood, a hill as wide as that in both, does not fall between.
+    pub(crate) const DURATIONS: usize = 6;
+    pub(crate) const LEVELS: usize = 6;
+
+    /// Steps from the best of them to the top: some twenty bring three digits.
+    pub(crate) const STEPS: u64 = 40;
+
+    /// Longest correlation time, in durations of the longest log: what lasts longer is a constant there.
+    pub(crate) const LONGEST: f64 = 2.0;
+
+    /// Share of a row's typical rate below which a random force is not looked for.
+    pub(crate) const UNSEEN: f64 = 1e-3;
+}
+
 /// Curves of the report.
 pub(crate) mod curves {
     /// Runs of either kind whose columns are drawn: all of them would make a page of many megabytes.

@@ -45,6 +45,7 @@ use steps::augment::{augment, without};
 use steps::contest::Contest;
 use steps::detect::detect;
 use steps::findings::Judged;
+use steps::forcing::forced;
 use steps::hold::reconsider_hold;
 use steps::prepare::{Known, Prepared, prepare};
 use steps::suspects::{Choice, suspects};
@@ -239,10 +240,16 @@ impl Diagnose {
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let judged = attribute(&contest, suspected)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
+        let verify = |judged: &Judged| {
+            let (nominal, best) = (&judged.nominal, &judged.outcome.best);
+            verify::closure(nominal, best, &prepared.holdout, self.confidence, &run.notes)
+        };
+        let missed = verify(&judged)?.missed();
+        let judged = forced(&contest, judged, missed)?;
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         run.say_if_cut();
-        let (nominal, best) = (&judged.nominal, &judged.outcome.best);
-        let verified = verify::closure(nominal, best, &prepared.holdout, self.confidence, &run.notes)?;
+        let verified = verify(&judged)?;
+        let best = &judged.outcome.best;
         let gap = localise::gap(&contest, &judged, &verified.resting);
         let augmented = augment(best);
         let logs = (&prepared.train, &prepared.holdout);

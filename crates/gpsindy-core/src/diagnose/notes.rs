@@ -88,6 +88,17 @@ pub enum Note {
         /// The columns.
         columns: Vec<String>,
     },
+    /// A random force in a row is all that is left.
+    RandomForce {
+        /// State in whose equation it acts.
+        state: String,
+        /// Its standard deviation, in `unit`.
+        deviation: f64,
+        /// Unit of the state's rate.
+        unit: String,
+        /// Its correlation time, s.
+        time: f64,
+    },
     /// The search ended before it was through, because time was up.
     TimeUp {
         /// The limit, s.
@@ -135,6 +146,10 @@ impl std::fmt::Display for Note {
             Self::HoldoutRestarted { length } => write!(
                 f,
                 "held-out rollouts are {length:.3} s long; longer ones amplify any error of the initial state"
+            ),
+            Self::RandomForce { state, deviation, unit, time } => write!(
+                f,
+                "the equation of {state} is driven at random (rms {deviation:.3e} {unit}, correlation time {time:.3} s); rollouts can't follow that, and no function of states, controls or time explains it"
             ),
             Self::TimeUp { seconds } => write!(
                 f,

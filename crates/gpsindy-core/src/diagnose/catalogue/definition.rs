@@ -12,6 +12,9 @@ use crate::model::Model;
 /// What sets an effect apart where the search or the report treats effects alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Traits {
+    /// Effects that it becomes where one of its parameters does nothing: they have fewer parameters, the first (and the last)
+    /// of its own, and stand in its place wherever they fit as well.
+    pub(crate) contains: &'static [Effect],
     /// Number of states that it adds to the model.
     pub(crate) added_states: usize,
     /// Reads a state before the log begins, so what the machine did then matters.
@@ -31,6 +34,7 @@ pub(crate) struct Traits {
 impl Traits {
     /// Nothing of note.
     pub(crate) const PLAIN: Self = Self {
+        contains: &[],
         added_states: 0,
         reads_the_past: false,
         imitated_by_hold: false,

@@ -75,6 +75,11 @@ impl Effect {
         self.definition().traits.only_if_asked
     }
 
+    /// Whether it is random, so that no rollout can follow it.
+    pub fn is_random(self) -> bool {
+        self.acts_at(Place::Random)
+    }
+
     /// Whether the effect acts on a control.
     pub fn acts_on_input(self) -> bool {
         [Place::Control, Place::DriveAndSpeed, Place::Supply].into_iter().any(|place| self.acts_at(place))
@@ -92,6 +97,11 @@ impl Effect {
 
     pub(crate) fn acts_at(self, place: Place) -> bool {
         self.definition().places.contains(&place)
+    }
+
+    /// Effects that it becomes where one of its parameters does nothing.
+    pub(crate) fn contains(self) -> &'static [Self] {
+        self.definition().traits.contains
     }
 
     /// How many states it adds to a model.

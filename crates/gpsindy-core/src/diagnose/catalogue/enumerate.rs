@@ -158,7 +158,7 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
             let loads = position.into_iter().chain(controls()).filter(|n| equation.contains(n));
             loads.map(|load| vec![own, load]).collect()
         }
-        Place::Parameter | Place::Control | Place::Sensor => Vec::new(),
+        Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
         Place::DriveAndSpeed | Place::Supply | Place::Rate | Place::Heated | Place::Gap => Vec::new(),
     }
 }
@@ -192,7 +192,7 @@ fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec
         }
         Place::Gap => gaps(model),
         Place::Row | Place::Own | Place::Position | Place::Other | Place::Pair | Place::Time => Vec::new(),
-        Place::Load | Place::Parameter | Place::Control | Place::Sensor => Vec::new(),
+        Place::Load | Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
     }
 }
 

@@ -43,6 +43,7 @@ macro_rules! for_every_effect {
             SaturatingRate saturating_rate,
             Thermal thermal,
             Slip slip,
+            ProcessNoise process_noise,
             SensorFilter sensor_filter,
             Clock clock,
         }

@@ -59,6 +59,8 @@ pub(crate) enum Place {
     Heated,
     /// The difference of two places of the model.
     Gap,
+    /// In an equation, at random: no place for a search by rollouts.
+    Random,
 }
 
 impl Place {
@@ -93,6 +95,7 @@ impl Place {
             Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
             Self::Heated => "every equation that contains a parameter, as a function of a control of the same equation",
             Self::Gap => "every equation that contains the difference of two positions",
+            Self::Random => "any dynamic equation, at random",
         }
     }
 }

@@ -69,7 +69,25 @@ pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<R
     all
 }
 
+/// Functions of each logged state, and of time, on what its column reads.
+pub(crate) fn of_columns(model: &Model, scene: &Scene, columns: &[usize]) -> Vec<Rival> {
+    let mut all = Vec::new();
+    for &j in columns.iter().filter(|&&j| scene.states[j].range() > 0.0) {
+        let (name, excursion) = (&model.states[j].name, &scene.states[j]);
+        let own = hats(&Expression::variable(name.clone()), excursion.low, excursion.high, 8);
+        all.push(Rival { state: j, variables: vec![name.clone()], basis: own });
+        let time = hats(&Expression::Time, scene.times.0, scene.times.1, 16);
+        all.push(Rival { state: j, variables: vec!["t".into()], basis: time });
+    }
+    all
+}
+
 impl Rival {
+    /// The functions of the family.
+    pub(crate) fn members(&self) -> &[Expression] {
+        &self.basis
+    }
+
     /// Writes the family into a model, every member with an amplitude of its own.
     pub(crate) fn apply(&self, model: &Model, scene: &Scene) -> Applied {
         let mut model = model.clone();

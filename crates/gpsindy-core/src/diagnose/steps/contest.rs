@@ -22,6 +22,8 @@ pub(crate) struct Contest<'a> {
     /// Functions without a name.
     pub(crate) rivals: Vec<Rival>,
     pub(crate) scene: Scene,
+    /// Whether random forces are suspects.
+    pub(crate) random: bool,
     /// Largest number of effects together.
     pub(crate) most: usize,
     pub(crate) fitter: Fitter,
@@ -30,8 +32,8 @@ pub(crate) struct Contest<'a> {
 impl<'a> Contest<'a> {
     /// A contest of so many suspects together at `most`.
     pub(crate) fn new(run: &'a Run<'a>, fitter: Fitter, suspects: Suspects, most: usize) -> Self {
-        let Suspects { hypotheses, joint, rivals, scene } = suspects;
-        Self { run, hypotheses, joint, rivals, scene, most, fitter }
+        let Suspects { hypotheses, joint, rivals, scene, random } = suspects;
+        Self { run, hypotheses, joint, rivals, scene, random, most, fitter }
     }
 
     /// Log prior odds: families alike, members alike within their family.
@@ -44,9 +46,14 @@ impl<'a> Contest<'a> {
         -((families.len().max(1) * members) as f64).ln()
     }
 
+    /// Log prior odds of a contestant's effects.
+    pub(crate) fn prior(&self, fitted: &Contestant) -> f64 {
+        fitted.hypotheses.iter().map(|h| self.log_prior(h)).sum()
+    }
+
     /// Score with prior odds.
     pub(crate) fn score(&self, fitted: &Contestant) -> f64 {
-        fitted.evidence.score() + fitted.hypotheses.iter().map(|h| self.log_prior(h)).sum::<f64>()
+        fitted.evidence.score() + self.prior(fitted)
     }
 
     /// The best first.

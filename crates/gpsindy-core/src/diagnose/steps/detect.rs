@@ -30,7 +30,7 @@ impl Suspected {
             left: None,
             screened: self.first.screened,
         };
-        Judged { nominal: self.nominal, detected: self.detected, nameless: self.nameless, outcome }
+        Judged { nominal: self.nominal, detected: self.detected, nameless: self.nameless, outcome, forcing: None }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::TWINS;
+use crate::diagnose::steps::forcing::Forcing;
 use crate::diagnose::steps::screen::Summary;
 
 /// Whether there is a gap.
@@ -54,6 +55,8 @@ pub(crate) struct Judged {
     /// Gain and degrees of freedom of every function without a name at the nominal model.
     pub(crate) nameless: Vec<(f64, usize)>,
     pub(crate) outcome: Outcome,
+    /// Random forces that are all that the winner leaves.
+    pub(crate) forcing: Option<Forcing>,
 }
 
 /// Mean squared residual (noise units) that the nominal model leaves beyond noise.

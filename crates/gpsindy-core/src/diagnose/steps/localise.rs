@@ -31,7 +31,7 @@ pub(crate) struct Located {
 }
 
 pub(crate) fn gap(contest: &Contest<'_>, judged: &Judged, resting: &[usize]) -> Located {
-    let (Judged { nominal, detected, outcome, nameless: gains }, rivals) = (judged, &contest.rivals);
+    let (Judged { nominal, detected, outcome, nameless: gains, .. }, rivals) = (judged, &contest.rivals);
     let empty = |gap: Gap| Located { gap, figures: Vec::new() };
     let bare = Gap {
         detected: detected.gap,

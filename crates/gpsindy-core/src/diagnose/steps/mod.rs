@@ -9,6 +9,7 @@ pub(crate) mod curves;
 pub(crate) mod detect;
 pub(crate) mod findings;
 pub(crate) mod floor;
+pub(crate) mod forcing;
 pub(crate) mod hold;
 pub(crate) mod lengthen;
 pub(crate) mod localise;

@@ -116,7 +116,7 @@ mod tests {
         let scene = scene_of(&nominal);
         let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
         let run = Run::new(&Silent, None);
-        let suspects = Suspects { hypotheses, joint: Vec::new(), rivals: Vec::new(), scene };
+        let suspects = Suspects { hypotheses, joint: Vec::new(), rivals: Vec::new(), scene, random: false };
         let contest = Contest::new(&run, fitter, suspects, 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
         let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];

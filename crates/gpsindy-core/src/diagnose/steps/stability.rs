@@ -36,7 +36,9 @@ struct Part {
 }
 
 /// Stability of the effect at `place` of the winner; `None` where no part tells a size of its own.
-pub(crate) fn of(best: &Contestant, place: usize) -> Option<Stability> {
+///
+/// `nominal` tells the sizes of wrong parameters: they are what the values changed by.
+pub(crate) fn of(nominal: &Model, best: &Contestant, place: usize) -> Option<Stability> {
     let own: Vec<usize> = best.added[place]
         .iter()
         .filter_map(|(index, _)| best.free.iter().position(|f| f.parameter == *index))
@@ -46,17 +48,19 @@ pub(crate) fn of(best: &Contestant, place: usize) -> Option<Stability> {
     }
     let gated = Gated::new(best, place);
     let products = Products::new(best, &gated, &own)?;
+    let first = best.free[own[0]].parameter;
+    let size = best.refined.parameters[first] - nominal.parameters.get(first).map_or(0.0, |p| p.value);
     let questions = questions(best, &gated, &own, products.runs);
     let mut found = Stability { parts: 0, agree: 0, p_value: 1.0, disagree: Vec::new() };
     let mut asked = 0;
     for question in questions {
         let all: Vec<usize> = question.parts.iter().flat_map(|p| p.columns.iter().copied()).collect();
-        let Some(p_value) = products.disagreement(best, &own, &all) else { continue };
+        let Some(p_value) = products.disagreement(best, (&own, size), &all) else { continue };
         asked += 1;
         found.p_value = found.p_value.min(p_value);
         let halves = question.parts.len() == 1;
         for part in &question.parts {
-            let alone = if halves { Some(p_value) } else { products.disagreement(best, &own, &part.columns) };
+            let alone = if halves { Some(p_value) } else { products.disagreement(best, (&own, size), &part.columns) };
             let Some(alone) = alone else { continue };
             found.parts += 1;
             if p_value < DISAGREES && alone * question.parts.len() as f64 <= DISAGREES {
@@ -266,7 +270,9 @@ impl Products {
     }
 
     /// Chance that sizes of their own in `extra` gain as much by noise and the rest; `None` where nothing is told of them.
-    fn disagreement(&self, best: &Contestant, own: &[usize], extra: &[usize]) -> Option<f64> {
+    ///
+    /// `own`: the effect's parameters among the free ones, and how far the first of them, its size, is from doing nothing.
+    fn disagreement(&self, best: &Contestant, (own, size): (&[usize], f64), extra: &[usize]) -> Option<f64> {
         // What stands at its bound can't give way, and would look as if it wanted to.
         let is_inside = |i: &usize| {
             let free = &best.free[*i];
@@ -275,19 +281,15 @@ impl Products {
         };
         let mut gram = self.gram.clone();
         let mut slope = self.slope.clone();
-        for i in (0..self.free).filter(is_inside) {
+        let is_own = |i: &usize| own.contains(i);
+        for i in (0..self.free).filter(is_inside).filter(|i| !is_own(i)) {
             eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
         }
-        let sizes: Vec<f64> = extra
-            .iter()
-            .enumerate()
-            .map(|(k, _)| best.refined.parameters[best.free[own[k % own.len()]].parameter])
-            .collect();
-        // By how much the effect itself moves the outputs there, with a size that differs by a little.
-        let moved: f64 = (0..extra.len())
-            .filter(|k| k % own.len() == 0)
-            .map(|k| gram[(extra[k], extra[k])].max(0.0) * (ALIKE * sizes[k]).powi(2))
-            .sum();
+        // By how much the effect as a whole moves the outputs beyond what the others can, with a size that differs by a little.
+        let moved = gram[(own[0], own[0])].max(0.0) * (ALIKE * size).powi(2);
+        for &i in own.iter().filter(|i| is_inside(i)) {
+            eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
+        }
         let (mut gain, mut degrees) = (0.0, 0);
         for &i in extra {
             let left = gram[(i, i)];
@@ -343,7 +345,7 @@ mod tests {
         let friction = hypotheses.iter().find(|h| h.id() == "viscous_friction").unwrap();
         let applied = friction.apply(&model, &scene).unwrap();
         let best = fitter.with(&nominal, &[unsearched(friction)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
-        of(&best, 0).unwrap()
+        of(&model, &best, 0).unwrap()
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::invariance;
 use crate::diagnose::catalogue::joint;
+use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::rival::{self, Rival};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::scene_of;
@@ -21,6 +22,8 @@ pub(crate) struct Suspects {
     /// Functions without a name.
     pub(crate) rivals: Vec<Rival>,
     pub(crate) scene: Scene,
+    /// Whether random forces are suspects.
+    pub(crate) random: bool,
 }
 
 /// Which effects are suspects.
@@ -46,13 +49,15 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
     let model = nominal.system.model();
     let scene = scene_of(nominal);
     let mut all = everything(model, &scene, &nominal.experiment.columns, choice.custom)?;
-    all.retain(|h| {
+    let is_suspect = |id: &str, is_only_if_asked: bool| {
         let is_chosen = match choice.chosen.is_empty() {
-            true => !h.is_only_if_asked(),
-            false => choice.chosen.iter().any(|e| e == h.id()),
+            true => !is_only_if_asked,
+            false => choice.chosen.iter().any(|e| e == id),
         };
-        is_chosen && !choice.without.iter().any(|e| e == h.id())
-    });
+        is_chosen && !choice.without.iter().any(|e| e == id)
+    };
+    all.retain(|h| is_suspect(h.id(), h.is_only_if_asked()));
+    let random = is_suspect(Effect::ProcessNoise.id(), Effect::ProcessNoise.is_only_if_asked());
     // The equations of a simulator that is no text don't say what they depend on.
     let known = nominal.system.simulator().is_none();
     let places = if known && !choice.places && !choice.senseless { invariance::places(model) } else { Vec::new() };
@@ -73,12 +78,12 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
             Rule::Sense(needs) => Note::RuledOut { needs: needs.into(), effects },
         });
     }
-    if hypotheses.is_empty() {
+    if hypotheses.is_empty() && !random {
         return Err(Error::settings("no effect of the chosen ones can act in this model; choose others"));
     }
     let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
     let rivals = rival::enumerate(model, &scene, model.states.len());
-    Ok(Suspects { hypotheses, joint, rivals, scene })
+    Ok(Suspects { hypotheses, joint, rivals, scene, random })
 }
 
 /// Why an effect is no suspect at a place.

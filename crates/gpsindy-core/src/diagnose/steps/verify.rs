@@ -29,6 +29,11 @@ pub(crate) struct Verification {
 }
 
 impl Verification {
+    /// Probability that the corrected model misses a column; columns share what is wrong, so the surest speaks for all.
+    pub(crate) fn missed(&self) -> f64 {
+        self.missed.iter().map(|m| m.probability).fold(0.0, f64::max)
+    }
+
     /// The same where no cause is included: after is before, and nothing is closed.
     pub(crate) fn without_causes(mut self) -> Self {
         let closure = &mut self.closure;

@@ -3,6 +3,7 @@
 use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
@@ -17,11 +18,12 @@ use crate::diagnose::steps::augment::equations;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome};
+use crate::diagnose::steps::forcing::Told;
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, Stability};
 use crate::diagnose::steps::verify::Verification;
-use crate::model::Model;
+use crate::model::{Model, unit};
 use std::cmp::Ordering;
 
 pub(crate) fn report(
@@ -33,13 +35,18 @@ pub(crate) fn report(
     (train, holdout): (&Dataset, &Dataset),
     augmented: Model,
 ) -> (Diagnosis, Model) {
-    let findings::Judged { nominal, detected, outcome, .. } = found;
+    let findings::Judged { nominal, detected, outcome, forcing, .. } = found;
     let hypotheses = &outcome.best.hypotheses;
     let has_function = hypotheses.iter().any(is_nameless);
+    let model = nominal.system.model();
     let stability =
-        |place: usize| (!is_nameless(&hypotheses[place])).then(|| stability::of(&outcome.best, place)).flatten();
+        |place: usize| (!is_nameless(&hypotheses[place])).then(|| stability::of(model, &outcome.best, place)).flatten();
     let stabilities: Vec<Option<Stability>> = (0..hypotheses.len()).map(stability).collect();
-    let unexplained = unexplained(nominal, outcome, detected, &verification);
+    let unexplained = match forcing {
+        // What is random is no structure, and rollouts miss the held-out runs by it.
+        Some(forcing) => Unexplained { probability: 1.0 - forcing.probability(), share: 0.0, depends_on: Vec::new() },
+        None => unexplained(nominal, outcome, detected, &verification),
+    };
     let gap = gap_energy(nominal, outcome);
     let named = hypotheses.len() - usize::from(has_function);
     let credible = |place: usize| {
@@ -60,7 +67,14 @@ pub(crate) fn report(
     };
     let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, credible: &credible, keep };
-    let causes = if detected.gap { judged.causes() } else { Vec::new() };
+    let mut causes = if detected.gap { judged.causes() } else { Vec::new() };
+    if let Some(forcing) = forcing {
+        let first = causes.iter().position(|c| !c.included).unwrap_or(causes.len());
+        // What is left is random only if the causes beside it are right.
+        let probability = forcing.probability() * judged.credible.iter().product::<f64>();
+        let told = forcing.told.iter().map(|told| random_force(confidence, model, probability, told));
+        causes.splice(first..first, told);
+    }
     let augmented = if keep { augmented } else { nominal.system.model().clone() };
     if detected.gap && outcome.best.hypotheses.is_empty() {
         contest.run.notes.say(Note::NothingExplains);
@@ -156,8 +170,7 @@ fn unexplained(
     if !detected.gap {
         return nothing;
     }
-    // Columns share what is wrong, so the surest of them speaks for all.
-    let missed = verification.missed.iter().map(|m| m.probability).fold(0.0, f64::max);
+    let missed = verification.missed();
     let Some(left) = &outcome.left else { return Unexplained { probability: missed, ..nothing } };
     if outcome.best.hypotheses.is_empty() {
         return Unexplained { probability: 1.0, share: 1.0, depends_on: left.depends_on.clone() };
@@ -367,6 +380,37 @@ fn cause(
         parameters,
         equivalent,
         next_experiment,
+        stability: None,
+    }
+}
+
+/// A random force as a cause: its intensity is the spectral density at low frequency, `2 deviation^2 tau`.
+fn random_force(confidence: f64, model: &Model, probability: f64, told: &Told) -> Cause {
+    let effect = Effect::ProcessNoise;
+    let (state, z) = (&model.states[told.force.row], normal_quantile(0.5 + 0.5 * confidence));
+    let rate = state.rate_unit();
+    let (force, [[a, b], [_, c]]) = (told.force, told.covariance);
+    // Each is a product of powers of the two, and its logarithm is nearly normal.
+    let one = |name: &str, value: f64, variance: f64, unit: String| {
+        let factor = (z * variance.sqrt()).exp();
+        Parameter { name: name.into(), value, low: finite(value / factor), high: finite(value * factor), unit }
+    };
+    let intensity = 2.0 * force.deviation.powi(2) * force.time;
+    Cause {
+        effect: effect.id().into(),
+        state: state.name.clone(),
+        place: None,
+        variables: Vec::new(),
+        included: true,
+        probability,
+        form: effect.form().into(),
+        parameters: vec![
+            one("q", intensity, 4.0 * a + c + 4.0 * b, unit::product(&[(&rate, 2), ("s", 1)])),
+            one("tau", force.time, c, "s".into()),
+            one("rms", force.deviation, a, rate),
+        ],
+        equivalent: Vec::new(),
+        next_experiment: None,
         stability: None,
     }
 }

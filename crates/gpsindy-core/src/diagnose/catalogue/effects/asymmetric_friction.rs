@@ -24,7 +24,7 @@ pub(super) static DEFINITION: Definition = Definition {
         (Effect::CoulombFriction, "equal slow strokes in both directions"),
         (Effect::Bias, "turn the rig around, or equal slow strokes in both directions"),
     ],
-    traits: Traits::PLAIN,
+    traits: Traits { contains: &[Effect::CoulombFriction], ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,

@@ -24,7 +24,7 @@ pub(super) static DEFINITION: Definition = Definition {
         (Effect::CoulombFriction, "the same motion under two loads"),
         (Effect::StribeckFriction, "the same motion under two loads"),
     ],
-    traits: Traits::PLAIN,
+    traits: Traits { contains: &[Effect::CoulombFriction], ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,

@@ -27,6 +27,7 @@ mod load_friction;
 mod motor_limit;
 mod parameter_error;
 mod periodic_disturbance;
+mod process_noise;
 mod product_coupling;
 mod quadratic_drag;
 mod saturating_rate;

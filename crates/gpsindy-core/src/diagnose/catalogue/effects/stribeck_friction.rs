@@ -23,7 +23,7 @@ pub(super) static DEFINITION: Definition = Definition {
         (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
         (Effect::QuadraticDrag, experiment::SLOW_REVERSALS),
     ],
-    traits: Traits::PLAIN,
+    traits: Traits { contains: &[Effect::CoulombFriction], ..Traits::PLAIN },
     write,
     plant,
     told: as_fitted,
