@@ -75,6 +75,7 @@ pub(crate) fn scene(effect: Effect) -> Option<Scene> {
         "cogging" => of(TURNING, Ramp, 9.0, "v", &[("v", "2*u - 0.8*v + 1.2*sin(6*q)")]),
         "periodic_disturbance" => of(CART, Steps, 10.0, "v", &[("v", "2*u - 0.8*v + 1.5*sin(4*t)")]),
         "step_disturbance" => of(CART, Steps, 10.0, "v", &[("v", "2*u - 0.8*v + 0.8*step(t - 5.3)")]),
+        "process_noise" => of(CART, Steps, 10.0, "v", &[("v", "2*u - 0.8*v + 0.5*sin(1.7*t + 2) + 0.5*sin(4.1*t) + 0.5*sin(9.7*t + 1)")]),
         "drift" => of(CART, Sine(4.0, 1.0), 12.0, "v", &[("v", "2*u - 0.8*v + 0.08*t")]),
         "sensor_bias" => sensor(SPRING, Released, 8.0, "x", "x + 0.3"),
         "sensor_scale" => sensor(SPRING, Released, 8.0, "x", "1.3*x"),

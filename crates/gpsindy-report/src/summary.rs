@@ -2,8 +2,8 @@
 
 use crate::provenance::Provenance;
 use crate::words::{
-    cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, left_sentence, listed, number,
-    number_or, p_value, parameter_meaning, percent, span, stability_sentence, verdict_name, verdict_sentence,
+    cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, is_random, left_sentence, listed,
+    number, number_or, p_value, parameter_meaning, percent, span, stability_sentence, verdict_name, verdict_sentence,
     with_deviation, with_unit,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
@@ -56,7 +56,8 @@ fn verdict(report: &Diagnosis, text: &mut Text) {
 fn place(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     let gap = &report.gap;
     let found = if gap.detected { "found" } else { "none found" };
-    text.say("Gap", &format!("{found} ({} under noise alone)", p_value(gap.p_value)));
+    let under = if report.included().any(is_random) { "noise and random forcing" } else { "noise alone" };
+    text.say("Gap", &format!("{found} ({} under {under})", p_value(gap.p_value)));
     let mut rows: Vec<String> = Vec::new();
     for row in gap.by_state.iter().filter(|_| gap.detected).take(ROWS) {
         let residual = with_unit(&number(row.residual_rms), &row.unit);
@@ -103,8 +104,12 @@ fn which(report: &Diagnosis, text: &mut Text) {
             text.say_at("", &line, INDENT + 9);
         }
     }
-    if included > 0 {
+    let random = report.included().filter(|cause| is_random(cause)).count();
+    if included > random {
         text.say("", "       * in the augmented model");
+    }
+    if random > 0 {
+        text.say("", "Random forcing is a statement about the row: no equation of the augmented model changes.");
     }
     // Parameters of the nominal model that have another value now; what causes brought stands beside them.
     let moved = report.parameters.iter().filter(|p| p.nominal.is_some_and(|nominal| nominal != p.value));

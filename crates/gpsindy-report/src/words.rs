@@ -266,7 +266,12 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         "An effect outside the catalogue may be the true cause.".into()
     };
     match report.verdict {
-        Verdict::NoGap => format!("Measurement noise alone explains the difference between {model} and the logs."),
+        Verdict::NoGap if causes.is_empty() => {
+            format!("Measurement noise alone explains the difference between {model} and the logs.")
+        }
+        Verdict::NoGap => {
+            format!("Measurement noise and {causes} explain the difference between {model} and the logs.")
+        }
         Verdict::Explained if causes.is_empty() => format!("The gap between {model} and the logs is explained."),
         Verdict::Explained => format!("The gap between {model} and the logs is explained by {causes}."),
         Verdict::PartlyExplained if causes.is_empty() => {
@@ -280,6 +285,11 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         }
         _ => format!("There is a gap{place}{depends}, and no effect of the catalogue explains it."),
     }
+}
+
+/// Whether a cause is random: a statement about its row that changes no equation.
+pub(crate) fn is_random(cause: &Cause) -> bool {
+    Effect::from_id(&cause.effect).is_some_and(Effect::is_random)
 }
 
 /// How much of the gap the included causes close, over which horizon, in a sentence.

@@ -26,7 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
     about: "No rollout can follow a random force, so none is fitted: an extended Kalman filter gives the likelihood of the logs with \
             an Ornstein-Uhlenbeck process in the row (the spectrum of Dryden's gusts). It is reported where the filter explains the logs \
             better than any effect does and no function of the states, the controls or the time improves it further. The \
-            augmented model does not change: the statement is about the row. `q` and `tau` are what a Kalman filter of \
+            augmented model does not change: the statement is about the row. The picture stands for it by three sines. `q` and `tau` are what a Kalman filter of \
             the machine wants to know.",
 };
 
