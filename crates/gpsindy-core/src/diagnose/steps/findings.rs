@@ -1,8 +1,8 @@
 //! The results that steps pass on to later steps.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::TWINS;
-use crate::diagnose::steps::forcing::Forcing;
+use crate::diagnose::fit::filter::Force;
+use crate::diagnose::limits::weigh::{CROWDED, TWINS};
 use crate::diagnose::steps::screen::Summary;
 
 /// Whether there is a gap.
@@ -44,6 +44,31 @@ impl Outcome {
         let bic = |fit: &Contestant| -2.0 * fit.evidence.score();
         let best = self.alternatives[place].iter().map(bic).fold(f64::INFINITY, f64::min);
         bic(fit) - best < TWINS
+    }
+}
+
+/// A random force as it is told.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Told {
+    pub(crate) force: Force,
+    /// Covariance of the logarithms of its standard deviation and its correlation time.
+    pub(crate) covariance: [[f64; 2]; 2],
+}
+
+/// Random forces that are all that is left.
+#[derive(Debug, Clone)]
+pub(crate) struct Forcing {
+    pub(crate) told: Vec<Told>,
+    /// Chance that the best function without a name gains as much beside them by noise.
+    pub(crate) p_value: f64,
+}
+
+impl Forcing {
+    /// Probability that what is left is random: then the chance is spread evenly; that of structure crowds near zero, as the
+    /// disagreement of imitations does.
+    pub(crate) fn probability(&self) -> f64 {
+        let structure = CROWDED * self.p_value.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
+        1.0 / (1.0 + structure)
     }
 }
 

@@ -10,40 +10,15 @@ use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Force};
 use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::forcing::{DURATIONS, LEVELS, LONGEST, STEPS, UNSEEN};
-use crate::diagnose::limits::weigh::{CROWDED, LIKELY};
+use crate::diagnose::limits::weigh::LIKELY;
 use crate::diagnose::limits::{CHANCE, CONVINCING};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::findings::Judged;
+use crate::diagnose::steps::findings::{Forcing, Judged, Told};
 use crate::error::Result;
 use crate::parallel::*;
 use argmin::core::{CostFunction, Executor, State};
 use argmin::solver::neldermead::NelderMead;
-
-/// A random force as it is told.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Told {
-    pub(crate) force: Force,
-    /// Covariance of the logarithms of its standard deviation and its correlation time.
-    pub(crate) covariance: [[f64; 2]; 2],
-}
-
-/// Random forces that are all that is left.
-#[derive(Debug, Clone)]
-pub(crate) struct Forcing {
-    pub(crate) told: Vec<Told>,
-    /// Chance that the best function without a name gains as much beside them by noise.
-    pub(crate) p_value: f64,
-}
-
-impl Forcing {
-    /// Probability that what is left is random: then the chance is spread evenly; that of structure crowds near zero, as the
-    /// disagreement of imitations does.
-    pub(crate) fn probability(&self) -> f64 {
-        let structure = CROWDED * self.p_value.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
-        1.0 / (1.0 + structure)
-    }
-}
 
 /// The verdict with random forces, where they are a better account of the logs than what was found without them.
 ///

@@ -17,8 +17,7 @@ use crate::diagnose::report::{
 use crate::diagnose::steps::augment::equations;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
-use crate::diagnose::steps::findings::{self, Detected, Outcome};
-use crate::diagnose::steps::forcing::Told;
+use crate::diagnose::steps::findings::{self, Detected, Outcome, Told};
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, Stability};
