@@ -49,6 +49,7 @@ use steps::forcing::forced;
 use steps::hold::reconsider_hold;
 use steps::prepare::{Known, Prepared, prepare};
 use steps::suspects::{Choice, suspects};
+use steps::verify::Verification;
 use steps::{localise, nameless, verify, weigh};
 
 /// Settings of a diagnosis.
@@ -233,37 +234,57 @@ impl Diagnose {
     /// The steps of a diagnosis, in their order.
     fn body(&self, system: &System, logs: [&Dataset; 2], progress: &dyn Progress) -> Result<(Diagnosed, Found)> {
         let run = Run::new(progress, self.time_limit);
-        let known = Known { hold: self.hold, model_error: &self.model_error };
-        let prepared = prepare(&run, system, logs, &known)?;
+        let prepared = prepare(&run, system, logs, &self.known())?;
         let suspects = suspects(&prepared.nominal, &self.choice(), &run.notes)?;
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let judged = attribute(&contest, suspected)?;
+        let judged = self.forced(&contest, &prepared, judged)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
-        let verify = |judged: &Judged| {
-            let (nominal, best) = (&judged.nominal, &judged.outcome.best);
-            verify::closure(nominal, best, &prepared.holdout, self.confidence, &run.notes)
-        };
-        let missed = verify(&judged)?.missed();
-        let judged = forced(&contest, judged, missed)?;
+        let judged = self.forced(&contest, &prepared, judged)?;
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
-        run.say_if_cut();
-        let verified = verify(&judged)?;
-        let best = &judged.outcome.best;
+        self.told(contest, prepared, judged)
+    }
+
+    /// What was found as it is told: verified on held-out logs, located, written into the model and weighed.
+    fn told(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
+        contest.run.say_if_cut();
+        let verified = self.verify(&contest, &prepared, &judged)?;
         let gap = localise::gap(&contest, &judged, &verified.resting);
-        let augmented = augment(best);
+        let augmented = augment(&judged.outcome.best);
+        let states = &judged.nominal.system.model().states;
+        let resting: Vec<String> = verified.resting.iter().map(|&j| states[j].name.clone()).collect();
         let logs = (&prepared.train, &prepared.holdout);
-        let resting: Vec<&str> = verified.resting.iter().map(|&j| system.model().states[j].name.as_str()).collect();
         let (mut diagnosis, augmented) =
             weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
+        let resting: Vec<&str> = resting.iter().map(String::as_str).collect();
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let open = left_open(&judged);
         let without = ablated(&contest, &judged, &diagnosis)?;
-        let diagnosed = Diagnosed { diagnosis, augmented, notes: run.notes.all(), open, without };
+        let diagnosed = Diagnosed { diagnosis, augmented, notes: contest.run.notes.all(), open, without };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;
         Ok((diagnosed, Found { nominal, best: outcome.best, hypotheses, scene, train, holdout }))
+    }
+
+    /// Whether random forces are what is left; asked before the hold of the controls, which they would decide by chance, and again
+    /// where another hold gives another account.
+    fn forced(&self, contest: &Contest<'_>, prepared: &Prepared, judged: Judged) -> Result<Judged> {
+        if judged.was_asked_for_forces || !judged.detected.gap {
+            return Ok(judged);
+        }
+        let missed = self.verify(contest, prepared, &judged)?.missed();
+        forced(contest, judged, missed)
+    }
+
+    fn verify(&self, contest: &Contest<'_>, prepared: &Prepared, judged: &Judged) -> Result<Verification> {
+        let (nominal, best) = (&judged.nominal, &judged.outcome.best);
+        verify::closure(nominal, best, &prepared.holdout, self.confidence, &contest.run.notes)
+    }
+
+    fn known(&self) -> Known<'_> {
+        Known { hold: self.hold, model_error: &self.model_error }
     }
 
     fn choice(&self) -> Choice<'_> {

@@ -44,7 +44,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let removed = seats.iter().map(|seat| seat.removed).collect();
     let alternatives = seats.into_iter().map(|seat| seat.fits).collect();
     let outcome = Outcome { best, alternatives, removed, singles, left, screened: last.screened };
-    Ok(Judged { nominal, detected, nameless, outcome, forcing: None })
+    Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
 }
 
 /// The nominal model and what was found, on the rollouts and with the tolerances by which causes are told, and whether

@@ -30,7 +30,14 @@ impl Suspected {
             left: None,
             screened: self.first.screened,
         };
-        Judged { nominal: self.nominal, detected: self.detected, nameless: self.nameless, outcome, forcing: None }
+        Judged {
+            nominal: self.nominal,
+            detected: self.detected,
+            nameless: self.nameless,
+            outcome,
+            forcing: None,
+            was_asked_for_forces: false,
+        }
     }
 }
 

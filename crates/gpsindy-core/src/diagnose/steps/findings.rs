@@ -82,6 +82,8 @@ pub(crate) struct Judged {
     pub(crate) outcome: Outcome,
     /// Random forces that are all that the winner leaves.
     pub(crate) forcing: Option<Forcing>,
+    /// Whether it was asked for them.
+    pub(crate) was_asked_for_forces: bool,
 }
 
 /// Mean squared residual (noise units) that the nominal model leaves beyond noise.

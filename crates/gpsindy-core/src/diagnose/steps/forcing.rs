@@ -12,7 +12,6 @@ use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::forcing::{DURATIONS, LEVELS, LONGEST, STEPS, UNSEEN};
 use crate::diagnose::limits::weigh::LIKELY;
 use crate::diagnose::limits::{CHANCE, CONVINCING};
-use crate::diagnose::notes::Note;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Judged, Told};
 use crate::error::Result;
@@ -23,7 +22,8 @@ use argmin::solver::neldermead::NelderMead;
 /// The verdict with random forces, where they are a better account of the logs than what was found without them.
 ///
 /// `missed`: how surely held-out logs are missed without them.
-pub(crate) fn forced(contest: &Contest<'_>, judged: Judged, missed: f64) -> Result<Judged> {
+pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged, missed: f64) -> Result<Judged> {
+    judged.was_asked_for_forces = true;
     let is_left = missed > LIKELY || judged.outcome.left.as_ref().is_some_and(|left| left.p_value < CHANCE);
     let is_open = judged.detected.gap && (is_left || judged.outcome.best.hypotheses.is_empty());
     if !contest.random || !is_open || contest.run.is_out_of_time() {
@@ -52,11 +52,11 @@ pub(crate) fn forced(contest: &Contest<'_>, judged: Judged, missed: f64) -> Resu
     if forcing.probability() < LIKELY {
         return Ok(judged);
     }
-    Ok(replaced(contest, judged, found.fit, forcing))
+    Ok(replaced(judged, found.fit, forcing))
 }
 
 /// The verdict with `fit` in the place of the winner, and random forces.
-fn replaced(contest: &Contest<'_>, mut judged: Judged, fit: Contestant, forcing: Forcing) -> Judged {
+fn replaced(mut judged: Judged, fit: Contestant, forcing: Forcing) -> Judged {
     let outcome = &mut judged.outcome;
     outcome.left = None;
     if !fit.has_effects_of(&outcome.best) {
@@ -69,15 +69,6 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, fit: Contestant, forcing:
         // The nominal model, its sensors and random forces explain the logs.
         judged.detected.gap = false;
         judged.detected.p_value = forcing.p_value;
-    }
-    let model = outcome.best.system.model();
-    for told in &forcing.told {
-        contest.run.notes.say(Note::RandomForce {
-            state: model.states[told.force.row].name.clone(),
-            deviation: told.force.deviation,
-            unit: model.states[told.force.row].rate_unit(),
-            time: told.force.time,
-        });
     }
     judged.forcing = Some(forcing);
     judged

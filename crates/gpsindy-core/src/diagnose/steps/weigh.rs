@@ -66,6 +66,9 @@ pub(crate) fn report(
     };
     let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, credible: &credible, keep };
+    for told in forcing.iter().flat_map(|forcing| &forcing.told) {
+        contest.run.notes.say(random(model, told));
+    }
     let mut causes = if detected.gap { judged.causes() } else { Vec::new() };
     if let Some(forcing) = forcing {
         let first = causes.iter().position(|c| !c.included).unwrap_or(causes.len());
@@ -117,6 +120,17 @@ fn disagreement(cause: &Cause) -> Option<Note> {
     let stability = cause.stability.as_ref().filter(|s| !s.disagree.is_empty())?;
     let (effect, state) = (cause.effect.clone(), cause.state.clone());
     Some(Note::Disagreement { effect, state, parts: stability.disagree.clone() })
+}
+
+/// What is to be said of a random force.
+fn random(model: &Model, told: &Told) -> Note {
+    let state = &model.states[told.force.row];
+    Note::RandomForce {
+        state: state.name.clone(),
+        deviation: told.force.deviation,
+        unit: state.rate_unit(),
+        time: told.force.time,
+    }
 }
 
 /// What is to be said of columns that the corrected model does not follow.
