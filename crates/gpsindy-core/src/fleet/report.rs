@@ -1,5 +1,6 @@
 //! The report of a fleet, schema `gpsindy.fleet/1`: plain data, the same names as in the JSON.
 
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -7,7 +8,8 @@ use std::collections::BTreeMap;
 pub const SCHEMA: &str = "gpsindy.fleet/1";
 
 /// The whole comparison of a fleet.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct FleetReport {
     /// Always [`SCHEMA`].
@@ -48,12 +50,13 @@ impl Default for FleetReport {
 }
 
 /// One unit in one period.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Unit {
     /// The machine.
     pub unit: String,
     /// When the period began, as the manifest says it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub since: Option<String>,
     /// Verdict of its diagnosis.
     pub verdict: String,
@@ -68,7 +71,8 @@ pub struct Unit {
 }
 
 /// An included cause of a unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct UnitCause {
     /// Id of the effect.
     pub effect: String,
@@ -81,7 +85,8 @@ pub struct UnitCause {
 }
 
 /// One quantity over the fleet.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Population {
     /// Id of the effect; `parameter` for a parameter of the nominal model.
     pub effect: String,
@@ -110,7 +115,8 @@ pub struct Population {
 }
 
 /// What a covariate does to a quantity.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Slope {
     /// Name of the covariate.
     pub covariate: String,
@@ -121,7 +127,8 @@ pub struct Slope {
 }
 
 /// A unit's estimate after it has borrowed from the fleet.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Shrunk {
     /// The machine.
     pub unit: String,
@@ -132,7 +139,8 @@ pub struct Shrunk {
 }
 
 /// A unit that the rest of the fleet does not predict.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Odd {
     /// The machine.
     pub unit: String,
@@ -153,8 +161,9 @@ pub struct Odd {
 }
 
 /// How a quantity changes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Shape {
     /// From one period to the next.
@@ -164,7 +173,8 @@ pub enum Shape {
 }
 
 /// A step or a drift of one unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Change {
     /// The machine.
     pub unit: String,
@@ -179,7 +189,7 @@ pub struct Change {
     /// Since when, days; the surfaces write a date beside it where the manifest had dates.
     pub since: f64,
     /// The same as the manifest writes days; empty where it had numbers.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub date: String,
     /// Interval of 90 % of the day.
     pub interval: (f64, f64),
@@ -194,12 +204,13 @@ pub struct Change {
 }
 
 /// A task without a report.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Failed {
     /// The machine.
     pub unit: String,
     /// When the period began, as the manifest says it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub since: Option<String>,
     /// Why, in one line.
     pub error: String,
