@@ -271,11 +271,7 @@ impl Diagnose {
     /// Whether random forces are what is left; asked before the hold of the controls, which they would decide by chance, and again
     /// where another hold gives another account.
     fn forced(&self, contest: &Contest<'_>, prepared: &Prepared, judged: Judged) -> Result<Judged> {
-        if judged.was_asked_for_forces || !judged.detected.gap {
-            return Ok(judged);
-        }
-        let missed = self.verify(contest, prepared, &judged)?.missed();
-        forced(contest, judged, missed)
+        forced(contest, judged, |judged| Ok(self.verify(contest, prepared, judged)?.missed()))
     }
 
     fn verify(&self, contest: &Contest<'_>, prepared: &Prepared, judged: &Judged) -> Result<Verification> {

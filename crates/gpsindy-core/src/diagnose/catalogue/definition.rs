@@ -12,8 +12,8 @@ use crate::model::Model;
 /// What sets an effect apart where the search or the report treats effects alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Traits {
-    /// Effects that it becomes where one of its parameters does nothing: they have fewer parameters, the first (and the last)
-    /// of its own, and stand in its place wherever they fit as well.
+    /// Effects that it becomes where one of its parameters does nothing: their parameters are the first and the last
+    /// of its own, and they stand in its place wherever they fit as well.
     pub(crate) contains: &'static [Effect],
     /// Number of states that it adds to the model.
     pub(crate) added_states: usize,

@@ -7,21 +7,20 @@
 //! Source: Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8; the likelihood by innovations is Schweppe's
 //! (1965, IEEE Trans. Inf. Theory 11(1)).
 
+mod driven;
+mod pass;
+
+use crate::diagnose::fit::elimination;
+use crate::diagnose::limits::forcing::MOST_READINGS;
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State, System};
-use crate::refine::lanes::Lanes;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
+use pass::Pass;
 
-/// Copies of a model that are rolled out at once.
-const LANES: usize = 8;
-
-/// Readings after which no further stretch is filtered: a force of a tenth of the noise stands ten deviations above it by then.
-const MOST_READINGS: usize = 6000;
-
-/// Step of a finite difference, in typical sizes.
-const STEP: f64 = 1e-5;
+/// Share of a function's information below which nothing of it is left beside the others: rounding.
+const NOTHING: f64 = 1e-9;
 
 /// A random force: in which row, its standard deviation in the row's unit, and how long it lasts, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,10 +87,14 @@ pub(crate) struct Filtered {
 pub(crate) type Course = Vec<Vec<f64>>;
 
 impl Filter {
-    /// The machine with a random force in each of `rows`; nothing where a reading depends on the past of a state, or where the rates
-    /// are the user's own.
+    /// Whether a model can be filtered: no reading depends on the past of a state, and the rates are not the user's own.
+    pub(crate) fn takes(system: &System) -> bool {
+        system.late_states().is_empty() && system.simulator().is_none()
+    }
+
+    /// The machine with a random force in each of `rows`; nothing where no filter takes it.
     pub(crate) fn new(system: &System, rows: &[usize]) -> Result<Option<Self>> {
-        if !system.late_states().is_empty() || system.simulator().is_some() {
+        if !Self::takes(system) {
             return Ok(None);
         }
         let mut model: Model = system.model().clone();
@@ -130,8 +133,8 @@ impl Filter {
             if all.count > MOST_READINGS {
                 break;
             }
-            let mut pass = Pass::new(self, experiment, window, (&values, start), forces);
-            let samples = pass.run(window, keep);
+            let mut pass = Pass::new(self, experiment, window, (&values, start), forces, keep);
+            let samples = pass.run(window);
             logarithms += pass.logarithms;
             squares += pass.squares;
             all.count += pass.count;
@@ -141,40 +144,6 @@ impl Filter {
         all.level = squares / count;
         all.likelihood = -0.5 * (count * all.level.max(f64::MIN_POSITIVE).ln() + logarithms);
         (all.likelihood.is_finite() && squares > 0.0).then_some(all)
-    }
-}
-
-/// Logarithm of a matrix near one, by its series; of one that is not, the first term.
-fn logarithm(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    /// Terms: the last one is below a thousandth for states that change by half between two samples.
-    const TERMS: i32 = 8;
-    let beyond = matrix - DMatrix::identity(matrix.nrows(), matrix.ncols());
-    let mut power = beyond.clone();
-    let mut sum = beyond.clone();
-    for k in 2..=TERMS {
-        power = -(&power * &beyond);
-        sum += &power / f64::from(k);
-    }
-    if power.amax() < 0.1 * beyond.amax() { sum } else { beyond }
-}
-
-/// Adds what the white noise of a random force does to the states over a step: the integral of `e^(A s) e_d e_d' e^(A' s)` over
-/// the step, by three points of Gauss and Legendre.
-fn driven(covariance: &mut DMatrix<f64>, rates: &DMatrix<f64>, (place, force): (usize, Force), step: f64) {
-    /// Terms of the exponential: a force may decay by e^2 within a step.
-    const TERMS: i32 = 10;
-    let density = 2.0 * force.deviation * force.deviation / force.time;
-    let far = 0.6f64.sqrt();
-    for (point, weight) in [(-far, 5.0 / 18.0), (0.0, 8.0 / 18.0), (far, 5.0 / 18.0)] {
-        let time = 0.5 * step * (1.0 + point);
-        let mut term = DVector::zeros(rates.nrows());
-        term[place] = 1.0;
-        let mut moved = term.clone();
-        for k in 1..=TERMS {
-            term = rates * term * (time / f64::from(k));
-            moved += &term;
-        }
-        covariance.ger(density * weight * step, &moved, &moved, 1.0);
     }
 }
 
@@ -188,194 +157,6 @@ fn stretches<'a>(windows: &[Window], starts: &'a [Vec<f64>]) -> Vec<(Window, &'a
         }
     }
     all
-}
-
-/// The filter along one stretch.
-struct Pass<'a> {
-    filter: &'a Filter,
-    experiment: &'a Experiment,
-    lanes: Lanes<'a, LANES>,
-    /// The same with a unit force in each row, a lane a row.
-    pushed: Vec<Lanes<'a, LANES>>,
-    scale: Vec<f64>,
-    forces: &'a [Force],
-    state: DVector<f64>,
-    covariance: DMatrix<f64>,
-    logarithms: f64,
-    squares: f64,
-    count: usize,
-}
-
-impl<'a> Pass<'a> {
-    fn new(
-        filter: &'a Filter,
-        experiment: &'a Experiment,
-        window: Window,
-        (values, start): (&[f64], &[f64]),
-        forces: &'a [Force],
-    ) -> Self {
-        let (log, past) = (&experiment.logs[window.log], (experiment.hold, experiment.past));
-        let alike: Vec<[f64; LANES]> = values.iter().map(|&v| [v; LANES]).collect();
-        let lanes = Lanes::new(&filter.system, log, past, &alike);
-        let of_rows = |first: usize| {
-            let mut values = alike.clone();
-            for lane in 1..LANES.min(filter.n - first + 1) {
-                let row = first + lane - 1;
-                values[filter.p + row][lane] = experiment.scale[row];
-            }
-            Lanes::new(&filter.system, log, past, &values)
-        };
-        let pushed = (0..filter.n).step_by(LANES - 1).map(of_rows).collect();
-        let mut scale = experiment.scale[..filter.n].to_vec();
-        scale.extend(forces.iter().map(|f| f.deviation.max(f64::MIN_POSITIVE)));
-        let size = scale.len();
-        let mut state = DVector::zeros(size);
-        state.rows_mut(0, filter.n).copy_from_slice(&start[..filter.n]);
-        // Nothing is known of the start but the size of the motion.
-        let covariance = DMatrix::from_diagonal(&DVector::from_iterator(size, scale.iter().map(|s| s * s)));
-        Self {
-            filter,
-            experiment,
-            lanes,
-            pushed,
-            scale,
-            forces,
-            state,
-            covariance,
-            logarithms: 0.0,
-            squares: 0.0,
-            count: 0,
-        }
-    }
-
-    fn run(&mut self, window: Window, keep: bool) -> Vec<Sample> {
-        let mut samples = Vec::new();
-        for number in window.first..=window.last {
-            let expected: Vec<f64> = self.state.iter().copied().collect();
-            let readings = self.read(window.log, number, keep);
-            let state: Vec<f64> = self.state.iter().copied().collect();
-            if number == window.last || !self.state.iter().all(|v| v.is_finite()) {
-                break;
-            }
-            let (next, transition) = self.ahead(number);
-            let pushed = if keep { self.push(number, &next) } else { DMatrix::zeros(0, 0) };
-            self.covariance = &transition * &self.covariance * transition.transpose();
-            let time = &self.experiment.logs[window.log].time;
-            let step = time[number + 1] - time[number];
-            let rates = logarithm(&transition) / step;
-            for (k, force) in self.forces.iter().enumerate() {
-                driven(&mut self.covariance, &rates, (self.filter.n + k, *force), step);
-            }
-            self.state = next;
-            if keep {
-                samples.push(Sample { number, readings, expected, state, transition, pushed });
-            }
-        }
-        samples
-    }
-
-    /// Takes in the readings of one sample, one after the other.
-    fn read(&mut self, log: usize, number: usize, keep: bool) -> Vec<Reading> {
-        let mut all = Vec::new();
-        let measured = &self.experiment.logs[log].measured;
-        if measured.iter().all(|column| column[number].is_nan()) {
-            return all;
-        }
-        let start = self.state.clone();
-        let (expected, slopes) = self.outputs(number);
-        for (c, column) in measured.iter().enumerate() {
-            if column[number].is_nan() {
-                continue;
-            }
-            let slope = slopes.row(c).transpose();
-            let innovation = column[number] - expected[c] - slope.dot(&(&self.state - &start));
-            let along = &self.covariance * &slope;
-            let variance = slope.dot(&along) + self.experiment.noise[c].powi(2);
-            let gain = &along / variance;
-            self.state.axpy(innovation, &gain, 1.0);
-            self.covariance.ger(-1.0, &gain, &along, 1.0);
-            self.logarithms += variance.ln();
-            self.squares += innovation * innovation / variance;
-            self.count += 1;
-            if keep {
-                all.push(Reading { slope, gain, variance, innovation, column: c });
-            }
-        }
-        // Rounding makes the two triangles differ.
-        self.covariance = 0.5 * (&self.covariance + self.covariance.transpose());
-        all
-    }
-
-    /// Starts of the lanes: the state in the first, one of its entries moved in each of the others.
-    fn moved(&self, first: usize) -> Vec<[f64; LANES]> {
-        let size = self.scale.len();
-        let mut all: Vec<[f64; LANES]> = self.state.iter().map(|&v| [v; LANES]).collect();
-        for lane in 1..LANES.min(size - first + 1) {
-            all[first + lane - 1][lane] += STEP * self.scale[first + lane - 1];
-        }
-        all
-    }
-
-    /// Expected readings at a sample, and their slopes: a row a column.
-    fn outputs(&mut self, number: usize) -> (Vec<f64>, DMatrix<f64>) {
-        let (size, columns) = (self.scale.len(), &self.experiment.columns);
-        let mut expected = vec![0.0; columns.len()];
-        let mut slopes = DMatrix::zeros(columns.len(), size);
-        for first in (0..size).step_by(LANES - 1) {
-            let starts = self.moved(first);
-            let scale = &self.scale;
-            self.lanes.roll((number, number), &starts, columns, 1, |_, c, values| {
-                expected[c] = values[0];
-                for lane in 1..LANES.min(size - first + 1) {
-                    let place = first + lane - 1;
-                    slopes[(c, place)] = (values[lane] - values[0]) / (STEP * scale[place]);
-                }
-            });
-        }
-        (expected, slopes)
-    }
-
-    /// States at the next sample, and how they depend on those of this one.
-    fn ahead(&mut self, number: usize) -> (DVector<f64>, DMatrix<f64>) {
-        let size = self.scale.len();
-        let mut next = DVector::zeros(size);
-        let mut transition = DMatrix::zeros(size, size);
-        for first in (0..size).step_by(LANES - 1) {
-            let starts = self.moved(first);
-            let (scale, substeps) = (&self.scale, self.experiment.substeps);
-            self.lanes.roll_states((number, number + 1), &starts, substeps, |sample, j, values| {
-                if sample == number {
-                    return;
-                }
-                next[j] = values[0];
-                for lane in 1..LANES.min(size - first + 1) {
-                    let place = first + lane - 1;
-                    transition[(j, place)] = (values[lane] - values[0]) / (STEP * scale[place]);
-                }
-            });
-        }
-        (next, transition)
-    }
-
-    /// By how much a unit force in each row moves the next states.
-    fn push(&mut self, number: usize, next: &DVector<f64>) -> DMatrix<f64> {
-        let (size, n) = (self.scale.len(), self.filter.n);
-        let mut all = DMatrix::zeros(size, n);
-        let starts: Vec<[f64; LANES]> = self.state.iter().map(|&v| [v; LANES]).collect();
-        let (scale, substeps) = (&self.scale, self.experiment.substeps);
-        for (block, lanes) in self.pushed.iter_mut().enumerate() {
-            let first = block * (LANES - 1);
-            lanes.roll_states((number, number + 1), &starts, substeps, |sample, j, values| {
-                for lane in 1..LANES.min(n - first + 1) {
-                    if sample != number {
-                        let row = first + lane - 1;
-                        all[(j, row)] = (values[lane] - next[j]) / scale[row];
-                    }
-                }
-            });
-        }
-        all
-    }
 }
 
 /// Where a function acts.
@@ -426,17 +207,7 @@ impl Filtered {
             }
         }
         let lengths = gram.diagonal();
-        let (mut gain, mut degrees) = (0.0, 0);
-        for i in 0..k {
-            let left = gram[(i, i)];
-            if left > 1e-9 * lengths[i] && left > 0.0 {
-                gain += slope[i] * slope[i] / left;
-                degrees += 1;
-                let (column, along) = (gram.column(i).clone_owned(), slope[i] / left);
-                slope.axpy(-along, &column, 1.0);
-                gram.ger(-1.0 / left, &column, &column, 1.0);
-            }
-        }
+        let (gain, degrees) = elimination::gain(&mut gram, &mut slope, 0..k, |i| NOTHING * lengths[i]);
         (gain / self.level, degrees.max(1))
     }
 }

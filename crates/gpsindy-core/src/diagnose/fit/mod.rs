@@ -3,6 +3,7 @@
 pub(crate) mod bounded;
 pub(crate) mod colour;
 pub(crate) mod contestant;
+pub(crate) mod elimination;
 pub(crate) mod evidence;
 pub(crate) mod filter;
 pub(crate) mod fitter;

@@ -47,6 +47,12 @@ impl Outcome {
     }
 }
 
+/// How much likelier a chance is of what crowds near zero, as those of imitations and of structure do, than of what is spread
+/// evenly.
+pub(crate) fn crowding(chance: f64) -> f64 {
+    CROWDED * chance.clamp(1e-12, 1.0).powf(CROWDED - 1.0)
+}
+
 /// A random force as it is told.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Told {
@@ -67,8 +73,7 @@ impl Forcing {
     /// Probability that what is left is random: then the chance is spread evenly; that of structure crowds near zero, as the
     /// disagreement of imitations does.
     pub(crate) fn probability(&self) -> f64 {
-        let structure = CROWDED * self.p_value.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
-        1.0 / (1.0 + structure)
+        1.0 / (1.0 + crowding(self.p_value))
     }
 }
 

@@ -21,12 +21,20 @@ use argmin::solver::neldermead::NelderMead;
 
 /// The verdict with random forces, where they are a better account of the logs than what was found without them.
 ///
-/// `missed`: how surely held-out logs are missed without them.
-pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged, missed: f64) -> Result<Judged> {
-    judged.was_asked_for_forces = true;
-    let is_left = missed > LIKELY || judged.outcome.left.as_ref().is_some_and(|left| left.p_value < CHANCE);
-    let is_open = judged.detected.gap && (is_left || judged.outcome.best.hypotheses.is_empty());
-    if !contest.random || !is_open || contest.run.is_out_of_time() {
+/// `missed`: how surely held-out logs are missed without them; asked where nothing else says that something is left.
+pub(crate) fn forced(
+    contest: &Contest<'_>,
+    mut judged: Judged,
+    missed: impl FnOnce(&Judged) -> Result<f64>,
+) -> Result<Judged> {
+    let was_asked = std::mem::replace(&mut judged.was_asked_for_forces, true);
+    let is_moot = was_asked || !judged.detected.gap || !contest.random || !Filter::takes(&judged.nominal.system);
+    if is_moot || contest.run.is_out_of_time() {
+        return Ok(judged);
+    }
+    let outcome = &judged.outcome;
+    let is_left = outcome.best.hypotheses.is_empty() || outcome.left.as_ref().is_some_and(|l| l.p_value < CHANCE);
+    if !is_left && missed(&judged)? <= LIKELY {
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;

@@ -5,6 +5,7 @@
 //! test of agreement uses the size and colour of the residual, so its null distribution is known.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::elimination::{eliminate, gain};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::stability::{ALIKE, DISAGREES, MOST_RUNS, NOTHING};
@@ -290,15 +291,7 @@ impl Products {
         for &i in own.iter().filter(|i| is_inside(i)) {
             eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
         }
-        let (mut gain, mut degrees) = (0.0, 0);
-        for &i in extra {
-            let left = gram[(i, i)];
-            if left > NOTHING * self.before[i] && left > 0.0 {
-                gain += slope[i] * slope[i] / left;
-                degrees += 1;
-                eliminate(&mut gram, &mut slope, i, 0.0);
-            }
-        }
+        let (gain, degrees) = gain(&mut gram, &mut slope, extra.iter().copied(), |i| NOTHING * self.before[i]);
         if degrees == 0 {
             return None;
         }
@@ -308,18 +301,6 @@ impl Products {
         let beyond = (gain.sqrt() - allowed.sqrt()).max(0.0).powi(2);
         Some(gain_tail(with_fitted_level(beyond, count), degrees, count, best.evidence.spent()))
     }
-}
-
-/// Eliminates column `i` from the products, where more than `least` of it is left.
-fn eliminate(gram: &mut DMatrix<f64>, slope: &mut DVector<f64>, i: usize, least: f64) {
-    let left = gram[(i, i)];
-    if !(left > least && left > 0.0) {
-        return;
-    }
-    let column = gram.column(i).clone_owned();
-    let along = slope[i] / left;
-    slope.axpy(-along, &column, 1.0);
-    gram.ger(-1.0 / left, &column, &column, 1.0);
 }
 
 #[cfg(test)]

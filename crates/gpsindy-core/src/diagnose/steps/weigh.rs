@@ -8,7 +8,7 @@ use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::weigh::{CROWDED, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
+use crate::diagnose::limits::weigh::{CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
 use crate::diagnose::limits::{REST, SHOWN, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
@@ -17,7 +17,7 @@ use crate::diagnose::report::{
 use crate::diagnose::steps::augment::equations;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
-use crate::diagnose::steps::findings::{self, Detected, Outcome, Told};
+use crate::diagnose::steps::findings::{self, Detected, Outcome, Told, crowding};
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, Stability};
@@ -166,7 +166,7 @@ fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
 /// cause is spread evenly, that of some imitations crowds near zero.
 fn credible(share: f64, rest: f64, named: usize, chance: f64) -> f64 {
     let many = if named < FEW { 1.0 } else { MANY };
-    let disagreement = 1.0 - CROWDING + CROWDING * CROWDED * chance.clamp(1e-12, 1.0).powf(CROWDED - 1.0);
+    let disagreement = 1.0 - CROWDING + CROWDING * crowding(chance);
     let odds = REAL * share.clamp(0.0, 1.0) / (many * REST_LEFT.powf(rest) * disagreement);
     odds / (1.0 + odds)
 }
