@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::model::System;
 use crate::parallel::*;
 use crate::progress::{Progress, step};
-use crate::simulate::{Excitation, Rollout, Simulate, StateReader, late_delays};
+use crate::simulate::{Excitation, Rollout, Simulate, StateReader, latest};
 use std::ops::Range;
 
 /// One-step predictions made in a run at most, spread evenly over it.
@@ -163,7 +163,7 @@ impl<'a> Subject<'a> {
     ) -> Result<Self> {
         let excitation = Excitation::of_run(system, run, data.channels(), settings.simulate.hold)?;
         let reader = StateReader::new(system, run, data.channels(), &excitation)?;
-        let lateness = late_delays(system).into_iter().fold(0.0, f64::max);
+        let lateness = latest(system);
         Ok(Self { system, simulate: &settings.simulate, run, logged, excitation, reader, lateness })
     }
 

@@ -9,7 +9,7 @@ use std::process::Command;
 const TIMES: usize = 41;
 const PERIOD: f64 = 0.05;
 
-/// Every function of the language, a delay, a play, a name that is a keyword.
+/// Every function of the language, a delay, a play, a sample-and-hold, a name that is a keyword.
 fn everything() -> Model {
     let equations = [
         ("x", "v"),
@@ -21,14 +21,20 @@ fn everything() -> Model {
         (
             "z",
             "play(u, 0.3) - z + exp(-z^2) + log(2 + sqrt(abs(x) + 1)) - (x - (v - z)) - x/(v^2 + 2)/3 + 2^-x + 0.1*t \
-             + asin(x/50) + acos(x/50) + atan(x) + sinh(x/9) - cosh(x/9) + tan(x/50) + pi + delay(play(clamp(u, -0.8, 0.8)*w, 0.1), 0.1)",
+             + asin(x/50) + acos(x/50) + atan(x) + sinh(x/9) - cosh(x/9) + tan(x/50) + pi + delay(play(clamp(u, -0.8, 0.8)*w, 0.1), 0.1) \
+             + 0.3*sample_hold(w, every, 0.05)",
         ),
     ];
     let mut model = Model {
         name: "everything".into(),
         states: equations.iter().map(|(name, f)| State::new(*name, Expression::parse(f).unwrap())).collect(),
         controls: vec![Control::new("u"), Control::new("w")],
-        parameters: vec![Parameter::new("m", 1.7), Parameter::new("lambda", 0.8), Parameter::new("tau", 0.15)],
+        parameters: vec![
+            Parameter::new("m", 1.7),
+            Parameter::new("lambda", 0.8),
+            Parameter::new("tau", 0.15),
+            Parameter::new("every", 0.25),
+        ],
         ..Model::default()
     };
     model.states[0].measured = Some(Expression::parse("1.02*x + 0.1*u").unwrap());
@@ -86,7 +92,13 @@ fn rates_without_history(model: &Model) -> Vec<f64> {
 
 fn replaced(equation: &Expression, seen: &mut Vec<String>) -> Expression {
     let mut text = equation.to_string();
-    for history in ["delay(u, tau)", "play(u, 0.3)", "play(clamp(u, -0.8, 0.8)*w, 0.1)", "delay(0.45, 0.1)"] {
+    for history in [
+        "delay(u, tau)",
+        "play(u, 0.3)",
+        "play(clamp(u, -0.8, 0.8)*w, 0.1)",
+        "delay(0.45, 0.1)",
+        "sample_hold(w, every, 0.05)",
+    ] {
         if text.contains(history) {
             if !seen.contains(&history.to_string()) {
                 seen.push(history.into());
@@ -131,7 +143,7 @@ fn exported_python_gives_our_numbers() {
         let folder = folder(&format!("python_{}", model.name));
         std::fs::write(folder.join("exported.py"), model.export(Language::Python).unwrap()).unwrap();
         let (n, m) = (model.states.len(), model.controls.len());
-        let history = if m > 0 { ", [0.25, 0.35, 0.45, 0.55]" } else { "" };
+        let history = if m > 0 { ", [0.25, 0.35, 0.45, 0.55, 0.65]" } else { "" };
         let script = format!(
             "import math, exported\ntime = [{PERIOD}*i for i in range({TIMES})]\n\
              record = [[math.sin(3*t), 0.5 + math.cos(t)][:{m}] for t in time]\n\
@@ -161,7 +173,7 @@ fn exported_c_gives_our_numbers() {
              const {name}_record_t record = {{{TIMES}, time, control}};\n    \
              for (int j = 0; j < {n}; j++) states[j] = {name}_initial_state[j];\n    {name}_simulate({nominal}&record, 10, states);\n    \
              for (int j = 0; j < {n}; j++) printf(\"%.17g\\n\", states[{n}*{} + j]);\n    \
-             const double x[] = {{0.31, -0.42, 0.53}}, u[] = {{0.7, 1.1}}, h[] = {{0.25, 0.35, 0.45, 0.55}};\n    double dx[{n}];\n    \
+             const double x[] = {{0.31, -0.42, 0.53}}, u[] = {{0.7, 1.1}}, h[] = {{0.25, 0.35, 0.45, 0.55, 0.65}};\n    double dx[{n}];\n    \
              {name}_rates({nominal}0.3, x, u, h, dx);\n    for (int j = 0; j < {n}; j++) printf(\"%.17g\\n\", dx[j]);\n    return 0;\n}}\n",
             model.export(Language::C).unwrap(),
             (TIMES * m).max(1),
@@ -223,7 +235,7 @@ fn exported_rust_gives_our_numbers() {
     }
     for model in [everything(), plain()] {
         let folder = folder(&format!("rust_{}", model.name));
-        let (n, m, h) = (model.states.len(), model.controls.len(), if model.controls.is_empty() { 0 } else { 4 });
+        let (n, m, h) = (model.states.len(), model.controls.len(), if model.controls.is_empty() { 0 } else { 5 });
         std::fs::write(folder.join("exported.rs"), model.export(Language::Rust).unwrap()).unwrap();
         let cut = |values: &str, k: usize| values.split(", ").take(k).collect::<Vec<_>>().join(", ");
         let program = format!(
@@ -236,7 +248,7 @@ fn exported_rust_gives_our_numbers() {
             cut("(3.0*t).sin(), 0.5 + t.cos()", m),
             cut("0.31, -0.42, 0.53", n),
             cut("0.7, 1.1", m),
-            cut("0.25, 0.35, 0.45, 0.55", h),
+            cut("0.25, 0.35, 0.45, 0.55, 0.65", h),
         );
         std::fs::write(folder.join("run.rs"), program).unwrap();
         let mut compiler = Command::new("rustc");

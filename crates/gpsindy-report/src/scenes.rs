@@ -70,6 +70,7 @@ pub(crate) fn scene(effect: Effect) -> Option<Scene> {
         "input_saturation" => of(CART, Sine(3.0, 1.0), 10.0, "v", &[("v", "2*clamp(u, -0.5, 0.5) - 0.8*v")]),
         "input_dead_zone" => of(CART, Sine(3.0, 1.0), 10.0, "v", &[("v", "2*dead_zone(u, 0.3) - 0.8*v")]),
         "input_delay" => of(CART, Steps, 10.0, "v", &[("v", "2*delay(u, 0.35) - 0.8*v")]),
+        "input_hold" => of(CART, Sine(3.0, 1.0), 10.0, "v", &[("v", "2*sample_hold(u, 0.8, 0) - 0.8*v")]),
         "input_lag" => of(CART, Steps, 10.0, "v", &[("v", "2*w - 0.8*v"), ("w", "(u - w)/0.5")]),
         "backlash" => of(CART, Sine(3.0, 1.0), 10.0, "v", &[("v", "2*play(u, 0.7) - 0.8*v")]),
         "cogging" => of(TURNING, Ramp, 9.0, "v", &[("v", "2*u - 0.8*v + 1.2*sin(6*q)")]),
@@ -97,6 +98,7 @@ pub(crate) fn scene(effect: Effect) -> Option<Scene> {
         "saturating_rate" => of(&[("s", 8.0, "-0.5*s")], Released, 8.0, "s", &[("s", "-0.5*s/(1 + 0.25*s)")]),
         "thermal" => of(CART, Sine(6.0, 1.0), 18.0, "v", &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")]),
         "slip" => of(&[("r", 0.0, "4*u - 2*r")], Ramp, 6.0, "r", &[("r", "4*u/sqrt(1 + 0.6*r^2) - 2*r")]),
+        "sensor_hold" => sensor(SPRING, Released, 8.0, "x", "sample_hold(x, 0.4, 0)"),
         "sensor_filter" => Some(Scene {
             drive: Released, until: 8.0, simulator: SPRING, column: "x", reads: "y", own_start: 1.0,
             machine: &[("y", "(x - y)/0.4")],

@@ -305,6 +305,24 @@ pub(crate) mod localise {
     pub(crate) const MOST_ROWS: usize = 12;
 }
 
+/// Periods and phases of sample-and-holds, which are found by trial.
+pub(crate) mod sampling {
+    /// Periods in the beginning of a log on which the search starts: enough for a quarter of a period to show, few enough
+    /// for a lattice of a hundred points. Like the other counts it trades time for certainty, and was not varied.
+    pub(crate) const CELLS: f64 = 16.0;
+
+    /// Parts of a period by which the last of these moments moves from one trial to the next: half of one is an eighth, and
+    /// seven eighths of what is held are then right.
+    pub(crate) const LATTICE: f64 = 4.0;
+    pub(crate) const PHASES: f64 = 4.0;
+
+    /// Trials that go on to twice the length.
+    pub(crate) const KEPT: usize = 16;
+
+    /// How far from its start a period is looked for: starts are a quarter apart.
+    pub(crate) const REACH: f64 = 1.3;
+}
+
 /// Random forces.
 pub(crate) mod forcing {
     /// Correlation times and standard deviations that are tried first: factors of about four between neighbours, which the

@@ -106,7 +106,7 @@ fn call(function: Function, arguments: &[Expression], name: &str) -> Result<Expr
             let outside = a.apply(F::Abs).minus(width).apply(F::Step);
             outside.times(da)
         }
-        F::Delay | F::Play => {
+        F::Delay | F::Play | F::SampleHold => {
             return Err(Error::model(format!("`{}` has no pointwise derivative by `{name}`", function.name())));
         }
     })
@@ -208,8 +208,7 @@ mod tests {
                 Expression::Binary(operators[pick(rng, 5)], a.into(), b.into())
             }
             _ => {
-                let pointwise: Vec<Function> =
-                    Function::ALL.iter().copied().filter(|f| !matches!(f, Function::Delay | Function::Play)).collect();
+                let pointwise: Vec<Function> = Function::ALL.iter().copied().filter(|f| !f.has_memory()).collect();
                 let function = pointwise[pick(rng, pointwise.len())];
                 let others = (1..function.arity()).map(|_| random(rng, depth - 1));
                 let arguments = std::iter::once(a.clone()).chain(others).collect();

@@ -69,8 +69,8 @@ impl Tape {
     /// Compiles `expressions` of the variables `variables` (and of time).
     ///
     /// # Errors
-    /// [`Error::UnknownName`] for a name that is not among the variables; `delay` and `play`,
-    /// which need a history, are refused here: a compiled model replaces them by inputs first.
+    /// [`Error::UnknownName`] for a name that is not among the variables; `delay`, `play` and
+    /// `sample_hold`, which need a history, are refused here: a compiled model replaces them by inputs first.
     pub fn new(expressions: &[Expression], variables: &[String]) -> Result<Self> {
         Self::with_simulator(expressions, variables, 0)
     }
@@ -222,7 +222,7 @@ impl Compiler<'_> {
                 let (a, b) = (self.compile(a)?, self.compile(b)?);
                 Ok(self.emit(Operation::Binary(*operator), [a, b, a]))
             }
-            Expression::Call(function @ (Function::Delay | Function::Play), _) => Err(Error::model(format!(
+            Expression::Call(function, _) if function.has_memory() => Err(Error::model(format!(
                 "`{}` may only be used in a model's equations and measured outputs: `{expression}`",
                 function.name()
             ))),

@@ -30,7 +30,7 @@ impl Term {
     /// Reads a term of `variables`; plain products are put into the usual order, so `x2*x1` is `x1*x2`.
     ///
     /// # Errors
-    /// Text that can't be read, a name that is no variable, or `delay` and `play`.
+    /// Text that can't be read, a name that is no variable, or `delay`, `play` and `sample_hold`.
     pub fn parse(text: &str, variables: &[String]) -> Result<Self> {
         let expression = Expression::parse(text)?;
         if let Some(name) = expression.variables().iter().find(|name| !variables.contains(name)) {
@@ -38,11 +38,11 @@ impl Term {
         }
         let mut with_memory = false;
         expression.visit(&mut |part| {
-            with_memory |= matches!(part, Expression::Call(Function::Delay | Function::Play, _));
+            with_memory |= matches!(part, Expression::Call(function, _) if function.has_memory());
         });
         if with_memory {
             return Err(Error::settings(format!(
-                "term `{text}`: `delay` and `play` can't stand in a term; give the control a delay instead"
+                "term `{text}`: `delay`, `play` and `sample_hold` can't stand in a term; give the control a delay instead"
             )));
         }
         Ok(Self::of(canonical(&expression, variables)))

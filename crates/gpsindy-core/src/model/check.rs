@@ -136,7 +136,9 @@ fn check_expression(model: &Model, expression: &Expression, place: &str, in_meas
     }
     let mut problem = None;
     expression.visit(&mut |part| {
-        if let Expression::Call(function @ (Function::Delay | Function::Play), arguments) = part {
+        if let Expression::Call(function, arguments) = part
+            && function.has_memory()
+        {
             problem = problem.take().or_else(|| check_history(model, *function, arguments, in_measured));
         }
     });
@@ -146,7 +148,7 @@ fn check_expression(model: &Model, expression: &Expression, place: &str, in_meas
     }
 }
 
-/// What is wrong with a `delay` or `play`, if anything.
+/// What is wrong with a `delay`, `play` or `sample_hold`, if anything.
 fn check_history(model: &Model, function: Function, arguments: &[Expression], in_measured: bool) -> Option<String> {
     let name = function.name();
     let is_state = |n: &String| model.state_index(n).is_some();
@@ -156,14 +158,21 @@ fn check_history(model: &Model, function: Function, arguments: &[Expression], in
     }
     let delayed_state = matches!(&arguments[0], Expression::Variable(n) if is_state(n));
     let state_inside = arguments[0].variables().iter().any(is_state);
-    if state_inside && !(in_measured && function == Function::Delay && delayed_state) {
-        return Some(format!("`{name}` works on controls (in `measured`, `delay` also on a state)"));
+    if state_inside && !(in_measured && function != Function::Play && delayed_state) {
+        return Some(format!("`{name}` works on controls (in `measured`, `delay` and `sample_hold` also on a state)"));
     }
-    let amount = arguments[1].variables();
-    if amount.iter().any(|n| is_state(n) || is_control(n)) {
-        return Some(format!("the second argument of `{name}` must be made of numbers and parameters"));
+    let mut amounts = arguments[1..].iter().flat_map(Expression::variables);
+    if amounts.any(|n| is_state(&n) || is_control(&n)) || arguments[1..].iter().any(reads_time) {
+        let which = if arguments.len() > 2 { "other arguments" } else { "second argument" };
+        return Some(format!("the {which} of `{name}` must be made of numbers and parameters"));
     }
     None
+}
+
+fn reads_time(expression: &Expression) -> bool {
+    let mut found = false;
+    expression.visit(&mut |part| found |= *part == Expression::Time);
+    found
 }
 
 #[cfg(test)]
@@ -184,9 +193,12 @@ mod tests {
 
     #[test]
     fn good_models_pass() {
-        for (equation, measured) in
-            [("-k*x + u", None), ("delay(u, k) - x", Some("delay(x, 0.1) + k")), ("play(clamp(u, -k, k), 0.1)", None)]
-        {
+        for (equation, measured) in [
+            ("-k*x + u", None),
+            ("delay(u, k) - x", Some("delay(x, 0.1) + k")),
+            ("play(clamp(u, -k, k), 0.1)", None),
+            ("sample_hold(u*k, 0.1, -0.02)", Some("sample_hold(x, k, 0)")),
+        ] {
             model(equation, measured).check().unwrap();
         }
     }
@@ -214,6 +226,13 @@ mod tests {
             ("-q*x", None, "name `q` is unknown in the equation of state `x`; known: x, u, k"),
             ("delay(x, 0.1)", None, "works on controls"),
             ("delay(u, x)", None, "numbers and parameters"),
+            ("delay(u, 0.1*t)", None, "the second argument of `delay` must be made of numbers and parameters"),
+            (
+                "sample_hold(u, 0.1, u)",
+                None,
+                "the other arguments of `sample_hold` must be made of numbers and parameters",
+            ),
+            ("sample_hold(x, 0.1, 0)", None, "works on controls"),
             ("u", Some("y"), "measured output"),
             ("u", Some("play(x, 1)"), "works on controls"),
         ] {

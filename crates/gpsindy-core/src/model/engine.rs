@@ -170,11 +170,10 @@ impl System {
     }
 }
 
-/// An expression in which `delay` and `play` read their signal as it stands.
+/// An expression in which `delay`, `play` and `sample_hold` read their signal as it stands.
 fn without_past(expression: &Expression) -> Expression {
-    use crate::expression::Function;
     expression.map(&|part| match part {
-        Expression::Call(Function::Delay | Function::Play, mut arguments) => arguments.swap_remove(0),
+        Expression::Call(function, mut arguments) if function.has_memory() => arguments.swap_remove(0),
         other => other,
     })
 }

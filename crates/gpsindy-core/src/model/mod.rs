@@ -13,12 +13,12 @@ pub(crate) mod unit;
 pub use engine::{Rows, Steps};
 pub use export::{Export, Language};
 pub use port::Port;
-pub(crate) use system::Follower;
 pub use system::{Dynamics, Input, InputKind, System};
+pub(crate) use system::{Follower, LateState, ROUNDING, sampled_at};
 
 use crate::data::Hold;
 use crate::error::Result;
-use crate::expression::Expression;
+use crate::expression::{Expression, Function};
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -110,6 +110,15 @@ pub struct State {
 }
 
 impl State {
+    /// Whether its column shows what was sampled and held.
+    pub(crate) fn is_held(&self) -> bool {
+        let mut held = false;
+        if let Some(measured) = &self.measured {
+            measured.visit(&mut |part| held |= matches!(part, Expression::Call(Function::SampleHold, _)));
+        }
+        held
+    }
+
     /// A state without a unit, measured as it is.
     pub fn new(name: impl Into<String>, equation: Expression) -> Self {
         Self { name: name.into(), unit: String::new(), equation, measured: None }

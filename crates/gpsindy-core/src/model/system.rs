@@ -50,6 +50,29 @@ pub enum InputKind {
     Delay,
     /// The signal through a play of total width `amount`, starting centred.
     Play,
+    /// The signal as it was when last sampled, every `amount` seconds.
+    SampleHold,
+}
+
+impl InputKind {
+    /// The kind that a function of the language makes.
+    pub(super) fn of(function: Function) -> Self {
+        match function {
+            Function::Play => Self::Play,
+            Function::SampleHold => Self::SampleHold,
+            _ => Self::Delay,
+        }
+    }
+}
+
+/// Share of the period of a sample-and-hold that rounding may make of time stamps and of the period.
+pub(crate) const ROUNDING: f64 = 1e-6;
+
+/// The moment at or before `t` at which a signal was last sampled, where it is sampled every `period` from `first` on.
+///
+/// A moment that rounding puts just after `t` counts as `t`.
+pub(crate) fn sampled_at(t: f64, first: f64, period: f64) -> f64 {
+    if period > 0.0 { first + period * ((t - first) / period + ROUNDING).floor() } else { t }
 }
 
 /// An input with a history, such as `delay(u, tau)`.
@@ -57,17 +80,30 @@ pub enum InputKind {
 pub struct Input {
     /// What is done with the signal.
     pub kind: InputKind,
-    /// Two outputs, the signal and the amount, of the variables controls, earlier inputs, parameters.
+    /// Outputs: the signal, the amount and, of a [`InputKind::SampleHold`], its phase; of the variables controls, earlier
+    /// inputs, parameters.
     pub tape: Tape,
 }
 
-/// A measured state that is read late: `delay(state, tau)` in `measured`.
+/// A measured state that is read late: `delay(state, tau)` or `sample_hold(state, period, phase)` in `measured`.
 #[derive(Debug, Clone)]
 pub(crate) struct LateState {
     /// Which state.
     pub(crate) state: usize,
-    /// One output, the delay in s, of the parameters.
-    pub(crate) delay: Tape,
+    /// [`InputKind::Delay`] or [`InputKind::SampleHold`].
+    kind: InputKind,
+    /// The delay, or period and phase, in s, of the parameters.
+    pub(crate) amounts: Tape,
+}
+
+impl LateState {
+    /// The moment that a reading at `t` is of, in a run whose first sample is at `first`, all in s.
+    pub(crate) fn moment(&self, t: f64, first: f64, amounts: [f64; 2]) -> f64 {
+        match self.kind {
+            InputKind::SampleHold => sampled_at(t, first + amounts[1], amounts[0]),
+            _ => t - amounts[0],
+        }
+    }
 }
 
 /// A state that follows the inputs alone, such as a lagging input.
@@ -108,15 +144,16 @@ impl std::fmt::Debug for System {
     }
 }
 
-/// Replaces `delay` and `play` by new variables, and remembers what they stand for.
+/// Replaces functions with a memory by new variables, and remembers what they stand for.
 struct Extraction<'a> {
     model: &'a Model,
-    inputs: Vec<(InputKind, Expression, Expression)>,
-    late: Vec<(usize, Expression)>,
+    /// The kind, the signal and then its amounts.
+    inputs: Vec<(InputKind, Vec<Expression>)>,
+    late: Vec<(InputKind, usize, Vec<Expression>)>,
 }
 
 fn input_name(index: usize) -> String {
-    format!("delay or play {index}")
+    format!("input with a history {index}")
 }
 
 fn late_name(index: usize) -> String {
@@ -126,15 +163,15 @@ fn late_name(index: usize) -> String {
 impl Extraction<'_> {
     fn extract(&mut self, expression: &Expression) -> Expression {
         match expression {
-            Expression::Call(Function::Delay, arguments) if self.late_state(&arguments[0]).is_some() => {
-                let state = self.late_state(&arguments[0]).unwrap_or(0);
-                let entry = (state, arguments[1].clone());
-                Expression::Variable(late_name(place_of(&mut self.late, entry)))
-            }
-            Expression::Call(function @ (Function::Delay | Function::Play), arguments) => {
-                let kind = if *function == Function::Delay { InputKind::Delay } else { InputKind::Play };
-                let signal = self.extract(&arguments[0]);
-                Expression::Variable(input_name(place_of(&mut self.inputs, (kind, signal, arguments[1].clone()))))
+            Expression::Call(function, arguments) if function.has_memory() => {
+                let kind = InputKind::of(*function);
+                if let Some(state) = self.late_state(&arguments[0]) {
+                    let entry = (kind, state, arguments[1..].to_vec());
+                    return Expression::Variable(late_name(place_of(&mut self.late, entry)));
+                }
+                let mut parts = arguments.clone();
+                parts[0] = self.extract(&parts[0]);
+                Expression::Variable(input_name(place_of(&mut self.inputs, (kind, parts))))
             }
             Expression::Number(_) | Expression::Pi | Expression::Time | Expression::Variable(_) => expression.clone(),
             Expression::Negate(a) => Expression::Negate(self.extract(a).into()),
@@ -197,14 +234,14 @@ impl System {
         let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
         let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
         let mut inputs = Vec::new();
-        for (index, (kind, signal, amount)) in extraction.inputs.iter().enumerate() {
+        for (index, (kind, parts)) in extraction.inputs.iter().enumerate() {
             let earlier = (0..index).map(input_name);
             let variables: Vec<String> = controls.iter().cloned().chain(earlier).chain(parameters.clone()).collect();
-            inputs.push(Input { kind: *kind, tape: Tape::new(&[signal.clone(), amount.clone()], &variables)? });
+            inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
         }
         let mut late_states = Vec::new();
-        for (state, delay) in &extraction.late {
-            late_states.push(LateState { state: *state, delay: Tape::new(std::slice::from_ref(delay), &parameters)? });
+        for (kind, state, amounts) in &extraction.late {
+            late_states.push(LateState { state: *state, kind: *kind, amounts: Tape::new(amounts, &parameters)? });
         }
         let names = model.states.iter().map(|s| s.name.clone());
         let variables: Vec<String> =
@@ -361,7 +398,8 @@ impl Dynamics for System {
         self.model.controls.len()
     }
 
-    /// Inputs with a history are taken without it here: `delay(u, tau)` and `play(u, width)` read `u`.
+    /// Inputs with a history are taken without it here: `delay(u, tau)`, `play(u, width)` and
+    /// `sample_hold(u, period, phase)` read `u`.
     fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()> {
         let (n, m, p) = (self.n_states(), self.n_controls(), self.n_parameters());
         if x.len() != n || u.len() != m || dx.len() != n {

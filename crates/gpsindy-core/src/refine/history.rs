@@ -1,11 +1,11 @@
-//! Inputs with a history: delays and play.
+//! Inputs with a history: delays, play, sample-and-hold.
 //!
 //! They depend on the controls alone, so they are sampled over a whole log once. A late input that is held enters a step
-//! by its mean, which is smooth in the delay.
+//! by its mean, which is smooth in the delay, and so does one that switches within a step.
 
 use super::experiment::Log;
 use crate::data::Hold;
-use crate::model::{InputKind, System};
+use crate::model::{InputKind, ROUNDING, System};
 
 /// An input with a history, sampled, for every lane.
 pub(super) struct History<const L: usize> {
@@ -19,7 +19,54 @@ pub(super) struct History<const L: usize> {
     cursor: [usize; L],
     /// Integral up to the start of the current step.
     started: [f64; L],
+    /// What a sample-and-hold has sampled, one a lane; empty for other inputs.
+    held: Vec<Held>,
 }
+
+/// A signal that is sampled and held.
+struct Held {
+    /// First moment at which it is sampled, and the time from one to the next, s.
+    first: f64,
+    period: f64,
+    /// The value that is held until the next moment: first what holds before any, then one a moment.
+    values: Vec<f64>,
+    /// Its integral from the first moment up to that of each value.
+    integral: Vec<f64>,
+}
+
+impl Held {
+    /// The period's end must be beyond the log's; `at(t)`: the signal.
+    fn new(time: &[f64], phase: f64, period: f64, at: impl Fn(f64) -> f64) -> Self {
+        let (begin, last) = (time[0], time[time.len() - 1]);
+        let first = begin + phase;
+        // What would be shorter holds nothing that the log could show.
+        let period = period.max((last - begin) / time.len() as f64 * SHORTEST).max(f64::MIN_POSITIVE);
+        let mut held = Self { first, period, values: vec![at(begin)], integral: vec![-period * at(begin)] };
+        let mut moment = first;
+        while moment <= last {
+            let (value, integral) = (held.values[held.values.len() - 1], held.integral[held.values.len() - 1]);
+            held.integral.push(integral + period * value);
+            held.values.push(at((moment + ROUNDING * period).max(begin)));
+            moment = first + period * (held.values.len() - 1) as f64;
+        }
+        held
+    }
+
+    /// Number of the value that holds at `t`, and how long it has held.
+    fn locate(&self, t: f64) -> (usize, f64) {
+        let passed = ((t - self.first) / self.period).floor();
+        let place = (passed + 1.0).clamp(0.0, (self.values.len() - 1) as f64);
+        (place as usize, t - self.first - self.period * (place - 1.0))
+    }
+
+    fn integral_at(&self, t: f64) -> f64 {
+        let (place, since) = self.locate(t);
+        self.integral[place] + self.values[place] * since
+    }
+}
+
+/// Shortest period of a sample-and-hold, in sampling steps.
+const SHORTEST: f64 = 0.01;
 
 /// Values of an input at the start, middle and end of a step.
 pub(super) type Stages<const L: usize> = [[f64; L]; 3];
@@ -39,6 +86,14 @@ impl<const L: usize> History<L> {
         self.integral[k][lane] + self.values[k][lane] * (t - time[k])
     }
 
+    /// The value at `t` of one lane.
+    fn value_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
+        match self.held.get(lane) {
+            Some(held) => held.values[held.locate(t + ROUNDING * held.period).0],
+            None => self.linear_at(time, lane, t - self.shift[lane]),
+        }
+    }
+
     fn linear_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
         let k = self.locate(time, lane, t);
         if k + 1 >= time.len() || t <= time[0] {
@@ -48,17 +103,40 @@ impl<const L: usize> History<L> {
         self.values[k][lane] + part * (self.values[k + 1][lane] - self.values[k][lane])
     }
 
+    /// The signal of one lane, sampled and held.
+    fn held(&self, log: &Log, hold: Hold, lane: usize, (phase, period): (f64, f64)) -> Held {
+        let time = &log.time;
+        Held::new(time, phase, period, |t| {
+            let k = time.partition_point(|&other| other <= t).max(1) - 1;
+            let here = self.values[k][lane];
+            match self.values.get(k + 1) {
+                Some(next) if hold == Hold::Linear => {
+                    here + (next[lane] - here) * ((t - time[k]) / (time[k + 1] - time[k])).max(0.0)
+                }
+                _ => here,
+            }
+        })
+    }
+
     /// Goes back to the time `t`.
     pub(super) fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
         let before = |shift: f64| time.partition_point(|&other| other <= t - shift).saturating_sub(1);
         self.cursor = self.shift.map(before);
-        if hold == Hold::Zero && self.shifted {
+        if !self.held.is_empty() {
+            self.started = std::array::from_fn(|lane| self.held[lane].integral_at(t));
+        } else if hold == Hold::Zero && self.shifted {
             self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t - self.shift[lane]));
         }
     }
 
     #[inline(always)]
     pub(super) fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
+        if !self.held.is_empty() {
+            let ended: [f64; L] = std::array::from_fn(|lane| self.held[lane].integral_at(b));
+            let mean = std::array::from_fn(|lane| (ended[lane] - self.started[lane]) / (b - a));
+            self.started = ended;
+            return [mean; 3];
+        }
         match hold {
             Hold::Zero if !self.shifted => [self.values[sample]; 3],
             Hold::Zero => {
@@ -76,7 +154,12 @@ impl<const L: usize> History<L> {
 }
 
 /// Every input with a history, sampled over the log.
-pub(super) fn histories<const L: usize>(system: &System, log: &Log, parameters: &[[f64; L]]) -> Vec<History<L>> {
+pub(super) fn histories<const L: usize>(
+    system: &System,
+    log: &Log,
+    hold: Hold,
+    parameters: &[[f64; L]],
+) -> Vec<History<L>> {
     let m = system.n_controls();
     let mut all: Vec<History<L>> = Vec::new();
     for input in system.inputs() {
@@ -86,14 +169,14 @@ pub(super) fn histories<const L: usize>(system: &System, log: &Log, parameters: 
         for history in &mut all {
             history.cursor = [0; L];
         }
-        let mut amount = [0.0; L];
+        let (mut amount, mut phase) = ([0.0; L], [0.0; L]);
         let mut values = Vec::with_capacity(log.time.len());
         for (sample, &t) in log.time.iter().enumerate() {
             for (register, control) in registers.iter_mut().zip(&log.controls) {
                 *register = [control[sample]; L];
             }
             for (register, earlier) in registers[m..].iter_mut().zip(&mut all) {
-                *register = std::array::from_fn(|lane| earlier.linear_at(&log.time, lane, t - earlier.shift[lane]));
+                *register = std::array::from_fn(|lane| earlier.value_at(&log.time, lane, t));
             }
             let n_variables = input.tape.n_variables();
             registers[n_variables] = [t; L];
@@ -103,6 +186,10 @@ pub(super) fn histories<const L: usize>(system: &System, log: &Log, parameters: 
             values.push(match (input.kind, values.last()) {
                 (InputKind::Delay, _) => signal,
                 (InputKind::Play, last) => played(last, &signal, &amount),
+                (InputKind::SampleHold, _) => {
+                    phase = input.tape.output(&registers, 2);
+                    signal
+                }
             });
         }
         let shift = if input.kind == InputKind::Delay { amount } else { [0.0; L] };
@@ -112,7 +199,12 @@ pub(super) fn histories<const L: usize>(system: &System, log: &Log, parameters: 
             integral[k] = std::array::from_fn(|lane| integral[k - 1][lane] + step * values[k - 1][lane]);
         }
         let shifted = input.kind == InputKind::Delay;
-        all.push(History { values, shift, shifted, integral, cursor: [0; L], started: [0.0; L] });
+        let mut history =
+            History { values, shift, shifted, integral, cursor: [0; L], started: [0.0; L], held: Vec::new() };
+        if input.kind == InputKind::SampleHold {
+            history.held = (0..L).map(|lane| history.held(log, hold, lane, (phase[lane], amount[lane]))).collect();
+        }
+        all.push(history);
     }
     all
 }
@@ -147,7 +239,8 @@ mod tests {
         let time = [0.0, 1.0, 2.0, 3.0];
         let values: Vec<[f64; 1]> = vec![[0.0], [4.0], [4.0], [4.0]];
         let integral = vec![[0.0], [0.0], [4.0], [8.0]];
-        let mut late = History { values, shift: [0.25], shifted: true, integral, cursor: [0], started: [0.0] };
+        let mut late =
+            History { values, shift: [0.25], shifted: true, integral, cursor: [0], started: [0.0], held: Vec::new() };
         late.rewind(&time, 1.0, Hold::Zero);
         // From 0.75 to 1.75 the input is at 4 for three quarters.
         assert_eq!(late.step(&time, 1, 1.0, 2.0, Hold::Zero), [[3.0]; 3]);

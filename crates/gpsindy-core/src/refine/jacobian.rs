@@ -233,16 +233,31 @@ fn pass<const L: usize>(
 
 /// Costs of several points; infinite where the model diverges.
 pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], free: &[Free]) -> Vec<f64> {
+    let columns = experiment.columns.len();
+    let mut sums = vec![0.0; points.len()];
+    misses(system, experiment, points, |point, _, row, missed| {
+        sums[point] += experiment.starts.weight(row / columns) * (missed * missed);
+    });
+    let all = sums.iter().zip(points).map(|(sum, point)| sum + prior_cost(&point.parameters, free));
+    all.map(|cost| if cost.is_finite() { cost } else { f64::INFINITY }).collect()
+}
+
+/// Residuals of several points: `receive(point, window, row, (measured - model)/noise)`, rows as those of a [`Block`].
+pub(crate) fn misses(
+    system: &System,
+    experiment: &Experiment,
+    points: &[Point],
+    mut receive: impl FnMut(usize, usize, usize, f64),
+) {
     const L: usize = 4;
     if system.engine().is_some() {
-        return costs_in_lockstep(system, experiment, points, free);
+        return misses_in_lockstep(system, experiment, points, &mut receive);
     }
-    let mut all = Vec::with_capacity(points.len());
-    for chunk in points.chunks(L) {
+    let n_columns = experiment.columns.len();
+    for (number, chunk) in points.chunks(L).enumerate() {
         let lane_point = |lane: usize| &chunk[lane.min(chunk.len() - 1)];
         let parameters: Vec<[f64; L]> =
             (0..system.n_parameters()).map(|p| std::array::from_fn(|lane| lane_point(lane).parameters[p])).collect();
-        let mut sums = [0.0; L];
         for (log_index, log) in experiment.logs.iter().enumerate() {
             let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
             for (w, window) in experiment.windows.iter().enumerate().filter(|(_, w)| w.log == log_index) {
@@ -257,25 +272,25 @@ pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], 
                     |i, c, v| {
                         let measured = log.measured[c][i];
                         if measured.is_finite() {
-                            let weight = experiment.starts.weight(i - window.first);
-                            for lane in 0..L {
-                                sums[lane] += weight * ((measured - v[lane]) / experiment.noise[c]).powi(2);
+                            let row = (i - window.first) * n_columns + c;
+                            for lane in 0..chunk.len() {
+                                receive(number * L + lane, w, row, (measured - v[lane]) / experiment.noise[c]);
                             }
                         }
                     },
                 );
             }
         }
-        for (lane, point) in chunk.iter().enumerate() {
-            let cost = sums[lane] + prior_cost(&point.parameters, free);
-            all.push(if cost.is_finite() { cost } else { f64::INFINITY });
-        }
     }
-    all
 }
 
 /// The same where the simulator steps by itself.
-fn costs_in_lockstep(system: &System, experiment: &Experiment, points: &[Point], free: &[Free]) -> Vec<f64> {
+fn misses_in_lockstep(
+    system: &System,
+    experiment: &Experiment,
+    points: &[Point],
+    receive: &mut impl FnMut(usize, usize, usize, f64),
+) {
     let job = |window: usize, point: &Point| Job {
         window,
         parameters: point.parameters.clone(),
@@ -283,15 +298,13 @@ fn costs_in_lockstep(system: &System, experiment: &Experiment, points: &[Point],
     };
     let windows = 0..experiment.windows.len();
     let jobs: Vec<Job> = windows.flat_map(|w| points.iter().map(move |point| job(w, point))).collect();
-    let mut sums = vec![0.0; points.len()];
     roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
-        let window = experiment.windows[job / points.len()];
+        let (w, point) = (job / points.len(), job % points.len());
+        let window = experiment.windows[w];
         let measured = experiment.logs[window.log].measured[c][sample];
         if measured.is_finite() {
-            let weight = experiment.starts.weight(sample - window.first);
-            sums[job % points.len()] += weight * ((measured - value) / experiment.noise[c]).powi(2);
+            let row = (sample - window.first) * experiment.columns.len() + c;
+            receive(point, w, row, (measured - value) / experiment.noise[c]);
         }
     });
-    let all = sums.iter().zip(points).map(|(sum, point)| sum + prior_cost(&point.parameters, free));
-    all.map(|cost| if cost.is_finite() { cost } else { f64::INFINITY }).collect()
 }

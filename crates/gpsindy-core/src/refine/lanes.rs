@@ -43,7 +43,8 @@ pub(crate) struct Lanes<'a, const L: usize> {
     hold: Hold,
     past: Past,
     histories: Vec<History<L>>,
-    late: Vec<[f64; L]>,
+    /// How late each state is read: the delay, or the period and phase, s.
+    late: Vec<[[f64; 2]; L]>,
     rates: Vec<[f64; L]>,
     outputs: Vec<[f64; L]>,
     parameters: Vec<[f64; L]>,
@@ -63,7 +64,7 @@ struct Node<const L: usize> {
 impl<'a, const L: usize> Lanes<'a, L> {
     /// `parameters`: all of the system's, one value a lane.
     pub(crate) fn new(system: &'a System, log: &'a Log, (hold, past): (Hold, Past), parameters: &[[f64; L]]) -> Self {
-        let histories = histories(system, log, parameters);
+        let histories = histories(system, log, hold, parameters);
         let first = system.n_states() + system.n_controls() + histories.len();
         let mut rates = system.rates().registers::<L>();
         rates[first..first + parameters.len()].copy_from_slice(parameters);
@@ -73,10 +74,12 @@ impl<'a, const L: usize> Lanes<'a, L> {
             .late_states()
             .iter()
             .map(|late| {
-                let mut registers = late.delay.registers::<L>();
+                let mut registers = late.amounts.registers::<L>();
                 registers[..parameters.len()].copy_from_slice(parameters);
-                late.delay.evaluate(&mut registers);
-                late.delay.output(&registers, 0)
+                late.amounts.evaluate(&mut registers);
+                let last = late.amounts.n_outputs() - 1;
+                let (amount, phase) = (late.amounts.output(&registers, 0), late.amounts.output(&registers, last));
+                std::array::from_fn(|lane| [amount[lane], phase[lane]])
             })
             .collect();
         let parameters = parameters.to_vec();
@@ -317,8 +320,8 @@ impl<'a, const L: usize> Lanes<'a, L> {
         let is_still = self.past == Past::Still && nodes.first().is_some_and(|node| node.t == self.log.time[0]);
         for (i, late) in self.system.late_states().iter().enumerate() {
             let place = n_variables - self.late.len() + i;
-            self.outputs[place] =
-                std::array::from_fn(|lane| state_at(nodes, late.state, lane, t - self.late[i][lane], is_still));
+            let moment = |lane: usize| late.moment(t, self.log.time[0], self.late[i][lane]);
+            self.outputs[place] = std::array::from_fn(|lane| state_at(nodes, late.state, lane, moment(lane), is_still));
         }
         self.outputs[n_variables] = [t; L];
         self.system.evaluate(simd, self.system.outputs(), &mut self.outputs);

@@ -10,12 +10,14 @@ mod history;
 mod jacobian;
 pub(crate) mod lanes;
 mod normal;
+mod profile;
 
 pub(crate) use crate::data::Hold;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::tangent::tangent;
+pub(crate) use profile::Profile;
 
 use crate::error::{Error, Result};
 use crate::model::System;

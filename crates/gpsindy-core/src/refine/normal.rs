@@ -1,7 +1,7 @@
 //! The normal equations of a fit and its damped steps; every window's initial state is eliminated from them.
 
 use super::{Experiment, Free, Jacobian, Point, Starts};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// How far an initial state may sit from its guess, in typical sizes (1 sigma): only holds what the
 /// logs do not tell.
@@ -79,6 +79,18 @@ impl Normal {
         next.parameters.iter().chain(next.initial.iter().flatten()).all(|v| v.is_finite()).then_some(next)
     }
 
+    /// The same equations solved for residuals other than their own; nothing where they don't tell a value.
+    pub(crate) fn solved(&self) -> Option<Solved> {
+        let mut reduced = self.parameters.clone();
+        let mut windows = Vec::with_capacity(self.windows.len());
+        for (initial, mixed, _) in &self.windows {
+            let factor = initial.clone().cholesky()?;
+            reduced -= mixed.tr_mul(&factor.solve(mixed));
+            windows.push((factor, mixed.clone()));
+        }
+        Some(Solved { windows, parameters: reduced.cholesky()? })
+    }
+
     /// Covariance of the free parameters with the initial states free, infinite where they are not told; and the windows
     /// whose equations for the initial state are not positive definite to rounding, which tell nothing.
     pub(crate) fn covariance(&self) -> (DMatrix<f64>, Vec<usize>) {
@@ -96,6 +108,30 @@ impl Normal {
             None => DMatrix::from_diagonal_element(q, q, f64::INFINITY),
         };
         (covariance, left_out)
+    }
+}
+
+/// Normal equations whose matrices are factored.
+pub(crate) struct Solved {
+    windows: Vec<(Cholesky<f64, Dyn>, DMatrix<f64>)>,
+    parameters: Cholesky<f64, Dyn>,
+}
+
+impl Solved {
+    /// By how much a step lowers the sum of squares of residuals with these `slopes` (per window: the initial state, then the
+    /// free parameters) and this `belief` of the free parameters.
+    pub(crate) fn gain(&self, slopes: &[DVector<f64>], belief: &DVector<f64>) -> f64 {
+        let q = belief.len();
+        let mut gradient = belief.clone();
+        let mut gain = 0.0;
+        for ((factor, mixed), slope) in self.windows.iter().zip(slopes) {
+            let n = slope.len() - q;
+            let own = slope.rows(0, n).into_owned();
+            let step = factor.solve(&own);
+            gain += own.dot(&step);
+            gradient += slope.rows(n, q) - mixed.tr_mul(&step);
+        }
+        gain + gradient.dot(&self.parameters.solve(&gradient))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rollouts in which a controller closes the loop.
 
-use super::{Excitation, Rollout, Simulate, late_delays};
+use super::{Excitation, Rollout, Simulate, latest};
 use crate::data::Hold;
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -38,7 +38,7 @@ impl Simulate {
         let quiet = Excitation::new(system, &time[..1], Mat::<f64>::zeros(1, m).as_ref(), Hold::Zero)?;
         let first = self.rollout_range(system, &quiet, initial, 0..1)?;
         // How far back what happens next depends on states and on controls, s.
-        let late = late_delays(system).into_iter().fold(0.0, f64::max);
+        let late = latest(system);
         let memory = quiet.memory();
         (0..n).for_each(|j| reading[j] = first.outputs[(0, j)]);
         (0..n).for_each(|j| outputs[(0, j)] = reading[j]);

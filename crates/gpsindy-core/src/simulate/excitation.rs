@@ -1,11 +1,11 @@
-//! The controls of a run between its samples, passed through the delays and plays of the model.
+//! The controls of a run between its samples, passed through the delays, plays and sample-and-holds of the model.
 //!
 //! A held control jumps at its samples, a delayed one `tau` later; an integrator must stop there. The
 //! excitation knows these break points, and between two of them it gives smooth signals.
 
 use crate::data::{Channel, Hold, Run};
 use crate::error::{Error, Result};
-use crate::model::{InputKind, System};
+use crate::model::{InputKind, ROUNDING, System, sampled_at};
 use faer::{Mat, MatRef};
 
 /// A moment: the time that expressions see, and the time at which held signals are looked up.
@@ -26,11 +26,16 @@ impl Moment {
     }
 }
 
+/// Shortest period of a sample-and-hold, in sampling steps of the log: what is shorter holds nothing that a log could show.
+const SHORTEST_HOLD: f64 = 0.01;
+
 #[derive(Debug, Clone)]
 struct History {
     kind: InputKind,
-    /// Delay (s) or width of the play.
+    /// Delay (s), width of the play, or period (s).
     amount: f64,
+    /// First moment at which a sample-and-hold samples, s.
+    start: f64,
     /// Where this input has a jump or a corner, s.
     knots: Vec<f64>,
     /// Output of the play at each knot, coming from the left.
@@ -96,7 +101,7 @@ impl Excitation {
     /// How far back, in s, the rates depend on the controls; infinite where a play does.
     pub(super) fn memory(&self) -> f64 {
         let of = |history: &History| match history.kind {
-            InputKind::Delay => history.amount.max(0.0),
+            InputKind::Delay | InputKind::SampleHold => history.amount.max(0.0),
             InputKind::Play => f64::INFINITY,
         };
         // A delayed delay adds up.
@@ -207,6 +212,13 @@ impl Excitation {
         let history = &self.histories[index];
         match history.kind {
             InputKind::Delay => self.signal(system, index, moment.earlier(history.amount, self.time[0])),
+            InputKind::SampleHold => {
+                let sampled = sampled_at(moment.lookup, history.start, history.amount);
+                // A control that switches at the very moment has its new value.
+                let nudge = if self.hold == Hold::Zero { ROUNDING * history.amount } else { 0.0 };
+                let moment = Moment { time: sampled, lookup: sampled + nudge };
+                self.signal(system, index, moment.earlier(0.0, self.time[0]))
+            }
             InputKind::Play => {
                 let moment = moment.earlier(0.0, self.time[0]);
                 let signal = self.signal(system, index, moment);
@@ -222,9 +234,14 @@ impl Excitation {
         let m = self.controls.len();
         let mut variables = vec![0.0; m + index];
         variables.extend_from_slice(&self.parameters);
-        let amount = input.tape.evaluate_once(&variables, 0.0)[1];
-        if !amount.is_finite() {
-            let what = if input.kind == InputKind::Delay { "a delay" } else { "the width of a play" };
+        let outputs = input.tape.evaluate_once(&variables, 0.0);
+        let (amount, phase) = (outputs[1], outputs.get(2).copied().unwrap_or(0.0));
+        if !(amount.is_finite() && phase.is_finite()) {
+            let what = match input.kind {
+                InputKind::Delay => "a delay",
+                InputKind::Play => "the width of a play",
+                InputKind::SampleHold => "the period or phase of a sample-and-hold",
+            };
             return Err(Error::NotFinite { what: format!("{what} of model `{}`", system.model().name) });
         }
         let mut knots = vec![self.time[0]];
@@ -236,9 +253,21 @@ impl Excitation {
         }
         self.varies |= input.tape.reads(input.tape.n_variables());
         let mut knots = self.tidy(knots);
-        let mut history = History { kind: input.kind, amount, knots: Vec::new(), play: Vec::new() };
+        let start = self.time[0] + phase;
+        let mut history = History { kind: input.kind, amount, start, knots: Vec::new(), play: Vec::new() };
         match input.kind {
             InputKind::Delay => knots.iter_mut().for_each(|t| *t += amount),
+            InputKind::SampleHold if amount >= SHORTEST_HOLD * self.period => {
+                let last = self.time[self.time.len() - 1];
+                knots = (0..).map(|k| start + amount * f64::from(k)).take_while(|&t| t <= last).collect();
+            }
+            InputKind::SampleHold => {
+                return Err(Error::range(
+                    "the period of a sample-and-hold",
+                    &format!("at least {SHORTEST_HOLD} of the sampling step of the log"),
+                    amount,
+                ));
+            }
             InputKind::Play => {
                 let first = self.time[0];
                 let mut output = self.signal(system, index, Moment { time: first, lookup: first });
@@ -382,6 +411,28 @@ mod tests {
             held.signals(&nested, held.sample_moment(t), &mut a);
             swapped.signals(&other, swapped.sample_moment(t), &mut b);
             assert_eq!(a[3], b[3], "at {t}");
+        }
+    }
+
+    #[test]
+    fn a_sample_and_hold_shows_what_it_sampled_last_and_switches_only_then() {
+        let system = system("sample_hold(u, 2, 0.5)");
+        let u = [5.0, 7.0, 8.0, 9.0, 6.0, 6.0];
+        let held = excitation(&system, &u, Hold::Zero);
+        // Sampled at 0.5, 2.5 and 4.5 s; before that the first sample.
+        let seen: Vec<f64> = [0.0, 0.6, 2.4, 2.6, 4.4, 4.6, 99.0].map(|t| input(&system, &held, t)).into();
+        assert_eq!(seen, [5.0, 5.0, 5.0, 8.0, 8.0, 6.0, 6.0]);
+        assert_eq!(held.breaks(), [0.5, 2.5, 4.5]);
+        let linear = excitation(&system, &u, Hold::Linear);
+        assert_eq!(input(&system, &linear, 1.0), 6.0);
+        assert_eq!(input(&system, &linear, 2.4), 6.0);
+        // A moment that meets a sample takes its new value, whatever rounding makes of it.
+        let odd = super::tests::system("sample_hold(u, 0.1 + 0.2, 0)");
+        let time: Vec<f64> = (0..100).map(|i| 0.1 * f64::from(i)).collect();
+        let controls = Mat::from_fn(time.len(), 2, |i, _| i as f64);
+        let met = Excitation::new(&odd, &time, controls.as_ref(), Hold::Zero).unwrap();
+        for (i, &t) in time.iter().enumerate() {
+            assert_eq!(input(&odd, &met, t), (i / 3 * 3) as f64, "{t}");
         }
     }
 

@@ -223,7 +223,9 @@ fn logged_states(
 /// Whether `measured` is affine in the state `name`, read late or not.
 fn is_affine(measured: &Expression, name: &str) -> bool {
     let at_once = measured.map(&|part| match part {
-        Expression::Call(Function::Delay, ref arguments) if arguments[0] == Expression::variable(name) => {
+        Expression::Call(function, ref arguments)
+            if function.has_memory() && arguments[0] == Expression::variable(name) =>
+        {
             arguments[0].clone()
         }
         other => other,
@@ -239,13 +241,16 @@ fn reads_another(model: &Model, measured: &Expression) -> Option<usize> {
     }
 }
 
+/// How late a sensor reads its state on average, s.
 fn sensor_delay(model: &Model, measured: &Expression, name: &str) -> Result<f64> {
     let mut amount = None;
     measured.visit(&mut |part| {
-        if let Expression::Call(Function::Delay, arguments) = part
+        if let Expression::Call(function, arguments) = part
+            && function.has_memory()
             && arguments[0] == Expression::variable(name)
         {
-            amount = Some(arguments[1].clone());
+            let share = if *function == Function::SampleHold { 0.5 } else { 1.0 };
+            amount = Some(Expression::Number(share).times(arguments[1].clone()));
         }
     });
     let Some(amount) = amount else { return Ok(0.0) };

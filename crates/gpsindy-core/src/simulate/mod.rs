@@ -20,7 +20,7 @@ pub use initial::{StateReader, initial_state, unmeasure};
 
 use crate::data::Hold;
 use crate::error::{Error, Result};
-use crate::model::System;
+use crate::model::{LateState, System};
 use dense::DenseStep;
 use faer::Mat;
 use rates::Rates;
@@ -133,10 +133,10 @@ impl Simulate {
         }
         let n = system.n_states();
         let time = &excitation.time()[range];
-        let delays = late_delays(system);
+        let amounts = late_amounts(system);
         let (start, last) = (time[0], time[time.len() - 1]);
         // A negative delay looks ahead, beyond the last sample.
-        let end = delays.iter().fold(last, |end, tau| end.max(last - tau));
+        let end = amounts.iter().fold(last, |end, [late, _]| end.max(last - late));
 
         let mut states = Mat::zeros(time.len(), n);
         for j in 0..n {
@@ -154,7 +154,7 @@ impl Simulate {
                 }
                 next += 1;
             }
-            if !delays.is_empty() {
+            if !amounts.is_empty() {
                 history.push(step.clone());
             }
         };
@@ -168,11 +168,12 @@ impl Simulate {
 
         let mut outputs = Mat::zeros(time.len(), n);
         let (mut row, mut output) = (vec![0.0; n], vec![0.0; n]);
-        let mut late = vec![0.0; delays.len()];
+        let mut late = vec![0.0; amounts.len()];
         for (i, &t) in time.iter().enumerate() {
             row.iter_mut().enumerate().for_each(|(j, value)| *value = states[(i, j)]);
-            for ((value, tau), late_state) in late.iter_mut().zip(&delays).zip(system.late_states()) {
-                *value = past(&history, t - tau, late_state.state, initial);
+            for ((value, amounts), late_state) in late.iter_mut().zip(&amounts).zip(system.late_states()) {
+                let moment = late_state.moment(t, excitation.time()[0], *amounts);
+                *value = past(&history, moment, late_state.state, initial);
             }
             rates.output(t, &row, &late, &mut output);
             output.iter().enumerate().for_each(|(j, &value)| outputs[(i, j)] = value);
@@ -212,10 +213,19 @@ impl Simulate {
     }
 }
 
-/// How much later `measured` reads each of the late states, s.
-pub(crate) fn late_delays(system: &System) -> Vec<f64> {
+/// How late `measured` reads each of the late states, s: the delay, or the period and phase.
+fn late_amounts(system: &System) -> Vec<[f64; 2]> {
     let parameters = system.parameter_values();
-    system.late_states().iter().map(|late| late.delay.evaluate_once(&parameters, 0.0)[0]).collect()
+    let of = |late: &LateState| {
+        let outputs = late.amounts.evaluate_once(&parameters, 0.0);
+        [outputs[0], outputs.get(1).copied().unwrap_or(0.0)]
+    };
+    system.late_states().iter().map(of).collect()
+}
+
+/// How late `measured` reads any state at most, s.
+pub(crate) fn latest(system: &System) -> f64 {
+    late_amounts(system).into_iter().map(|[late, _]| late).fold(0.0, f64::max)
 }
 
 /// State `j` at time `t` (s) out of the steps made; before the first the initial value.

@@ -40,14 +40,31 @@ pub(crate) struct Added {
     pub(crate) scale: f64,
     pub(crate) lower: f64,
     pub(crate) upper: f64,
-    /// Whether it is an angle, which a reader has within a turn.
-    pub(crate) is_angle: bool,
+    pub(crate) role: Role,
+}
+
+/// What sets a parameter apart where it is fitted or told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// Nothing.
+    Plain,
+    /// An angle, which a reader has within a turn.
+    Angle,
+    /// The period of a sample-and-hold: the outputs jump when it moves, so it is found by trial. Its phase follows it.
+    Period,
+    /// The phase of a sample-and-hold.
+    Phase,
 }
 
 impl Added {
+    /// Whether it is found by trial, and the fit leaves it where it is.
+    pub(crate) fn is_tried(&self) -> bool {
+        matches!(self.role, Role::Period | Role::Phase)
+    }
+
     /// A value as a reader should have it.
     pub(crate) fn told(&self, value: f64) -> f64 {
-        if self.is_angle { value.rem_euclid(std::f64::consts::TAU) } else { value }
+        if self.role == Role::Angle { value.rem_euclid(std::f64::consts::TAU) } else { value }
     }
 }
 

@@ -33,6 +33,7 @@ macro_rules! for_every_effect {
             MotorLimit motor_limit,
             Supply supply,
             InputRateLimit input_rate_limit,
+            InputHold input_hold,
             AsymmetricFriction asymmetric_friction,
             LoadFriction load_friction,
             Stiction stiction,
@@ -45,6 +46,7 @@ macro_rules! for_every_effect {
             Slip slip,
             ProcessNoise process_noise,
             SensorFilter sensor_filter,
+            SensorHold sensor_hold,
             Clock clock,
         }
     };

@@ -4,7 +4,7 @@
 //! catalogue covers, and on which variables it depends.
 
 use crate::diagnose::catalogue::excited::Scene;
-use crate::diagnose::catalogue::hypothesis::{Applied, Combine, Start};
+use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Role, Start};
 use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter};
 
@@ -102,14 +102,14 @@ impl Rival {
         let small = 1e-3 * scene.rates[self.state];
         let count = self.basis.len();
         let columns = (0..count).map(|k| (0..count).map(|i| if i == k { small } else { 0.0 }).collect()).collect();
-        let added = |k: usize| crate::diagnose::catalogue::hypothesis::Added {
+        let added = |k: usize| Added {
             symbol: format!("{k}"),
             name: format!("rival_{k}"),
             unit: String::new(),
             scale: scene.rates[self.state],
             lower: f64::NEG_INFINITY,
             upper: f64::INFINITY,
-            is_angle: false,
+            role: Role::Plain,
         };
         let fitted = (0..count).map(|k| (first + k, added(k))).collect();
         Applied {

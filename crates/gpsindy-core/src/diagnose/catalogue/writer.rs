@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::form::written;
-use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Start};
+use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Role, Start};
 use crate::diagnose::catalogue::list::Effect;
 use crate::error::{Error, Result};
 use crate::expression::Expression;
@@ -90,7 +90,7 @@ impl<'a> Writer<'a> {
             scale,
             lower: bounds.0,
             upper: bounds.1,
-            is_angle: false,
+            role: Role::Plain,
         };
         self.fitted.push((self.model.parameters.len() - 1, added));
         Expression::variable(name)
@@ -100,7 +100,7 @@ impl<'a> Writer<'a> {
     pub(crate) fn add_phase(&mut self) -> Expression {
         let phase = self.add("phase", 0.0, 1.0, FREE, "rad");
         if let Some((_, added)) = self.fitted.last_mut() {
-            added.is_angle = true;
+            added.role = Role::Angle;
         }
         phase
     }
@@ -242,6 +242,27 @@ impl<'a> Writer<'a> {
         let longest = 0.1 * self.scene.duration;
         let times = std::iter::successors(Some(0.5 * self.scene.period), |t| Some(t * ratio));
         times.take(most).take_while(|&t| t <= longest).map(|t| keep(&[t])).collect()
+    }
+
+    /// Adds period and phase of a sample-and-hold, both found by trial.
+    pub(crate) fn add_sampling(&mut self) -> (Expression, Expression) {
+        let step = self.scene.period;
+        let longest = 0.1 * self.scene.duration;
+        let period = self.add("T", 2.0 * step, step, (1.5 * step, longest.max(2.0 * step)), "s");
+        let phase = self.add("phase", 0.0, step, (-longest, longest), "s");
+        let last = self.fitted.len();
+        for ((_, added), role) in self.fitted[last - 2..].iter_mut().zip([Role::Period, Role::Phase]) {
+            added.role = role;
+        }
+        (period, phase)
+    }
+
+    /// Periods at which a sample-and-hold is tried, in samples of the log: about a quarter apart.
+    pub(crate) fn samplings(&self) -> Vec<Start> {
+        const SAMPLES: [f64; 12] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0];
+        let longest = 0.1 * self.scene.duration;
+        let periods = SAMPLES.iter().map(|samples| samples * self.scene.period);
+        periods.take_while(|&period| period <= longest).map(|period| keep(&[period, 0.0])).collect()
     }
 
     /// What the column of the hypothesis reads now.

@@ -4,6 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::with_lagging;
+use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::{Budget, FAR, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -78,6 +79,9 @@ impl Fitter {
         let mut free = base.free.clone();
         for (index, added) in &applied.fitted {
             free.retain(|f| f.parameter != *index);
+            if added.is_tried() {
+                continue;
+            }
             free.push(Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) });
         }
         let mut experiment = Experiment { starts: starts(base), ..base.experiment.clone() };
@@ -93,6 +97,9 @@ impl Fitter {
         let mut starts: Vec<Vec<f64>> = starts.collect();
         let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
         let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
+        let mut point = Point { parameters, initial };
+        sampling::settle(&system, &experiment, applied, &free, &mut point)?;
+        let Point { parameters, initial } = point;
         let fit =
             |experiment: &Experiment| budget.refine().fit(&system, experiment, &parameters, &free, Some(&initial));
         let mut refined = fit(&experiment)?;

@@ -63,8 +63,11 @@ fn beliefs(system: &System, beginning: &Experiment, nominal_states: usize) -> Ve
     let model = system.model();
     let one = |(window, guess): (&Window, Vec<f64>)| {
         let log = &beginning.logs[window.log];
-        let lines: Vec<Option<Line>> =
-            (0..beginning.columns.len()).map(|c| line(log, c, window, beginning.noise[c])).collect();
+        let of_column = |c: usize| {
+            let is_held = model.states[beginning.columns[c]].is_held();
+            line(log, c, window, beginning.noise[c], is_held)
+        };
+        let lines: Vec<Option<Line>> = (0..beginning.columns.len()).map(of_column).collect();
         let state = |j: usize| {
             let position = model.integral_of(j).and_then(|i| beginning.column_of(i));
             let rate = position.and_then(|c| lines[c].as_ref()).map(|l| l.slope);
@@ -92,13 +95,15 @@ struct Line {
 }
 
 /// The parabola through as many first samples of column `c` as it follows to within the noise.
-fn line(log: &Log, c: usize, window: &Window, noise: f64) -> Option<Line> {
+///
+/// What a sensor holds moves in steps, which no parabola follows: there the first sample stands for itself.
+fn line(log: &Log, c: usize, window: &Window, noise: f64, is_held: bool) -> Option<Line> {
     let there: Vec<usize> = (window.first..=window.last).filter(|&i| log.measured[c][i].is_finite()).collect();
     let sample = *there.first()?;
     let points: Vec<(f64, f64)> = there.iter().map(|&i| (log.time[i] - log.time[sample], log.measured[c][i])).collect();
     let mut found = None;
     let mut count = SHORTEST;
-    while count <= points.len() {
+    while count <= points.len() && !is_held {
         let Some((line, excess)) = parabola(&points[..count], noise, sample) else { break };
         if excess > CHANCE * (2.0 / (count - 3) as f64).sqrt() {
             break;

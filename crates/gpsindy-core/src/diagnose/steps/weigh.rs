@@ -7,6 +7,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
+use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::stability::DISAGREES;
 use crate::diagnose::limits::weigh::{CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
 use crate::diagnose::limits::{REST, SHOWN, STRUCTURE};
@@ -371,12 +372,13 @@ fn cause(
         .iter()
         .map(|(index, added)| {
             let value = added.told(fit.refined.parameters[*index]);
-            let deviation = deviation(fit, *index).unwrap_or(f64::NAN);
+            let told_apart = || sampling::told_apart(&fit.experiment, added, value);
+            let width = deviation(fit, *index).map(|d| z * d).or_else(told_apart).unwrap_or(f64::NAN);
             Parameter {
                 name: added.symbol.clone(),
                 value,
-                low: finite(value - z * deviation).map(|v| v.max(added.lower)),
-                high: finite(value + z * deviation).map(|v| v.min(added.upper)),
+                low: finite(value - width).map(|v| v.max(added.lower)),
+                high: finite(value + width).map(|v| v.min(added.upper)),
                 unit: added.unit.clone(),
             }
         })

@@ -146,12 +146,19 @@ fn write_history(program: &Program<'_>, names: &Names, i: usize, history: &Histo
     let signal = expression(program, names, &history.signal, true)?;
     text += &format!("    {}(void)record; (void)t;\n    return {signal};\n}}\n", names.unread());
     text += &format!("static double {own}_history_{i}({takes}const {own}_record_t *record, double t) {{\n");
-    text += &program.bindings(&[&history.amount], &bind);
+    text += &program.bindings(&[&history.amount, &history.phase], &bind);
     let amount = expression(program, names, &history.amount, true)?;
+    let phase = expression(program, names, &history.phase, true)?;
     text += &match history.kind {
         InputKind::Delay => format!(
             "    const double earlier = t - ({amount});\n    \
              return {own}_signal_{i}({gives}record, earlier > record->time[0] ? earlier : record->time[0]);\n}}\n\n"
+        ),
+        InputKind::SampleHold => format!(
+            "    const double start = record->time[0] + ({phase});\n    \
+             const double passed = floor((t - start)/({amount}) + 1e-6);\n    \
+             const double sampled = start + ({amount})*(passed + 1e-6);\n    \
+             return {own}_signal_{i}({gives}record, sampled > record->time[0] ? sampled : record->time[0]);\n}}\n\n"
         ),
         InputKind::Play => format!(
             "    const double half = 0.5*fmax({amount}, 0.0);\n    const size_t last = {own}_sample_at(record, t);\n    \

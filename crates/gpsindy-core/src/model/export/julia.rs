@@ -83,10 +83,16 @@ fn write_history(program: &Program<'_>, index: usize, history: &History) -> Resu
     text += &bindings;
     text += &format!("    return {}\nend\n\n", expression(program, &history.signal, true)?);
     text += &format!("function history_{i}(record, t)\n");
-    text += &program.bindings(&[&history.amount], &bind);
+    text += &program.bindings(&[&history.amount, &history.phase], &bind);
     let amount = expression(program, &history.amount, true)?;
+    let phase = expression(program, &history.phase, true)?;
     text += &match history.kind {
         InputKind::Delay => format!("    return signal_{i}(record, max(t - ({amount}), record.time[1]))\nend\n\n"),
+        InputKind::SampleHold => format!(
+            "    start = record.time[1] + ({phase})\n    \
+             passed = floor((t - start)/({amount}) + 1e-6)\n    \
+             return signal_{i}(record, max(start + ({amount})*(passed + 1e-6), record.time[1]))\nend\n\n"
+        ),
         InputKind::Play => format!(
             "    half = 0.5*max({amount}, 0.0)\n    output = signal_{i}(record, record.time[1])\n    \
              for k in 2:sample_at(record, t)\n        pushed = signal_{i}(record, record.time[k])\n        \

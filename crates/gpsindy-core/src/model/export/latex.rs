@@ -99,6 +99,10 @@ impl Latex {
                     _ => format!("\\left.\\left({first}\\right)\\right|_{{t - {shift}}}"),
                 }
             }
+            Function::SampleHold => {
+                let (period, phase) = (self.at(&arguments[1], 1)?, self.at(&arguments[2], 1)?);
+                format!("\\operatorname{{hold}}_{{{period},\\,{phase}}}\\left({first}\\right)")
+            }
             Function::Play => {
                 format!("\\operatorname{{play}}_{{{}}}\\left({first}\\right)", self.at(&arguments[1], 1)?)
             }

@@ -12,8 +12,10 @@ pub(super) struct History {
     pub(super) kind: InputKind,
     /// A function of controls, parameters and earlier entries.
     pub(super) signal: Expression,
-    /// The delay in s or the width of the play.
+    /// The delay in s, the width of the play or the period in s.
     pub(super) amount: Expression,
+    /// When a sample-and-hold first samples, s after the first sample.
+    pub(super) phase: Expression,
     /// The whole as the model writes it.
     pub(super) text: String,
 }
@@ -25,8 +27,8 @@ pub(super) struct Program<'a> {
     /// What the columns of a log read, where that is not the states themselves.
     pub(super) outputs: Option<Vec<Expression>>,
     pub(super) history: Vec<History>,
-    /// States that outputs read late, and the delay in s.
-    pub(super) late: Vec<(usize, Expression)>,
+    /// States that outputs read late, and when.
+    pub(super) late: Vec<(usize, String)>,
     identifiers: BTreeMap<String, String>,
 }
 
@@ -75,16 +77,25 @@ impl<'a> Program<'a> {
             Expression::Binary(operator, a, b) => {
                 Expression::Binary(*operator, self.extract(a)?.into(), self.extract(b)?.into())
             }
-            Expression::Call(Function::Delay, arguments) if self.state(&arguments[0]).is_some() => {
-                let entry = (self.state(&arguments[0]).unwrap_or(0), arguments[1].clone());
+            Expression::Call(function, arguments) if function.has_memory() && self.state(&arguments[0]).is_some() => {
+                let when = match function {
+                    Function::SampleHold => {
+                        let (period, phase) = (&arguments[1], &arguments[2]);
+                        format!(
+                            "as it was when last sampled, every {period} s from {phase} s after the first sample on"
+                        )
+                    }
+                    _ => format!("as it was {} s earlier", arguments[1]),
+                };
+                let entry = (self.state(&arguments[0]).unwrap_or(0), when);
                 let index = self.late.iter().position(|e| *e == entry).unwrap_or(self.late.len());
                 if index == self.late.len() {
                     self.late.push(entry);
                 }
                 Expression::Variable(late_name(index))
             }
-            Expression::Call(function @ (Function::Delay | Function::Play), arguments) => {
-                self.extract_history(*function, &arguments[0], &arguments[1])?
+            Expression::Call(function, arguments) if function.has_memory() => {
+                self.extract_history(*function, arguments)?
             }
             Expression::Call(function, arguments) => {
                 Expression::Call(*function, arguments.iter().map(|a| self.extract(a)).collect::<Result<_>>()?)
@@ -93,29 +104,33 @@ impl<'a> Program<'a> {
         })
     }
 
-    fn extract_history(&mut self, function: Function, signal: &Expression, amount: &Expression) -> Result<Expression> {
+    fn extract_history(&mut self, function: Function, arguments: &[Expression]) -> Result<Expression> {
+        let (signal, amount) = (&arguments[0], &arguments[1]);
         if function == Function::Play {
             if let Expression::Call(Function::Delay, inner) = signal {
                 // The play of a delayed control is the delayed play: only that needs no samples in between.
                 let played = Expression::Call(Function::Play, vec![inner[0].clone(), amount.clone()]);
-                return self.extract_history(Function::Delay, &played, &inner[1]);
+                return self.extract_history(Function::Delay, &[played, inner[1].clone()]);
             }
             let mut delayed = false;
-            signal.visit(&mut |part| delayed |= matches!(part, Expression::Call(Function::Delay, _)));
+            let is_late =
+                |part: &Expression| matches!(part, Expression::Call(Function::Delay | Function::SampleHold, _));
+            signal.visit(&mut |part| delayed |= is_late(part));
             if delayed {
                 return Err(Error::NotExportable {
                     what: format!("`play({signal}, {amount})`"),
-                    why: "its signal is delayed in part; delay the play instead".into(),
+                    why: "its signal is delayed or held in part; delay or hold the play instead".into(),
                 });
             }
         }
-        let text = format!("{}({signal}, {amount})", function.name());
+        let text = Expression::Call(function, arguments.to_vec()).to_string();
         if let Some(index) = self.history.iter().position(|h| h.text == text) {
             return Ok(Expression::Variable(history_name(index)));
         }
         let signal = self.extract(signal)?;
-        let kind = if function == Function::Delay { InputKind::Delay } else { InputKind::Play };
-        self.history.push(History { kind, signal, amount: amount.clone(), text });
+        let kind = InputKind::of(function);
+        let phase = arguments.get(2).cloned().unwrap_or(Expression::Number(0.0));
+        self.history.push(History { kind, signal, amount: amount.clone(), phase, text });
         Ok(Expression::Variable(history_name(self.history.len() - 1)))
     }
 
@@ -171,7 +186,7 @@ impl<'a> Program<'a> {
     pub(super) fn calls(&self, function: Function) -> bool {
         let mut found = false;
         let all = self.rates.iter().chain(self.outputs.iter().flatten()).chain(self.history.iter().map(|h| &h.signal));
-        for expression in all.chain(self.history.iter().map(|h| &h.amount)) {
+        for expression in all.chain(self.history.iter().flat_map(|h| [&h.amount, &h.phase])) {
             expression.visit(&mut |part| found |= matches!(part, Expression::Call(f, _) if *f == function));
         }
         found
@@ -212,15 +227,18 @@ impl<'a> Program<'a> {
             let meaning = match h.kind {
                 InputKind::Delay => "as it was that many seconds earlier; before the record its first sample",
                 InputKind::Play => "through a play of that total width, centred at the first sample",
+                InputKind::SampleHold => {
+                    "as it was when last sampled; the numbers are the period and when it is first sampled, in s from the first sample"
+                }
             };
             lines.push(format!("history[{}]: {}, {meaning}", place(i), h.text));
         }
-        for (i, (state, delay)) in self.late.iter().enumerate() {
+        for (i, (state, when)) in self.late.iter().enumerate() {
             let state = &model.states[*state].name;
-            lines.push(format!("late[{}]: state {state} as it was {delay} s earlier; the caller keeps it", place(i)));
+            lines.push(format!("late[{}]: state {state} {when}; the caller keeps it", place(i)));
         }
         if !self.history.is_empty() {
-            lines.push("Delays and plays are made from a record of samples between which controls are held.".into());
+            lines.push("What has a history is made from a record of samples between which controls are held.".into());
         }
         lines
     }

@@ -100,10 +100,16 @@ fn write_history(program: &Program<'_>, i: usize, history: &History) -> Result<S
         "def history_{i}(time, record, t):\n    \"\"\"{}; record: a list of controls at each time.\"\"\"\n",
         history.text
     );
-    text += &program.bindings(&[&history.amount], &bind);
+    text += &program.bindings(&[&history.amount, &history.phase], &bind);
     let amount = expression(program, &history.amount, true)?;
+    let phase = expression(program, &history.phase, true)?;
     text += &match history.kind {
         InputKind::Delay => format!("    return signal_{i}(time, record, max(t - ({amount}), time[0]))\n\n\n"),
+        InputKind::SampleHold => format!(
+            "    start = time[0] + ({phase})\n    \
+             passed = math.floor((t - start)/({amount}) + 1e-6)\n    \
+             return signal_{i}(time, record, max(start + ({amount})*(passed + 1e-6), time[0]))\n\n\n"
+        ),
         InputKind::Play => format!(
             "    half = 0.5*max({amount}, 0.0)\n    output = signal_{i}(time, record, time[0])\n    \
              for k in range(1, sample_at(time, t) + 1):\n        pushed = signal_{i}(time, record, time[k])\n        \

@@ -100,10 +100,16 @@ fn write_history(program: &Program<'_>, i: usize, history: &History) -> Result<S
     text += &bindings;
     text += &format!("    {}\n}}\n\n", expression(program, &history.signal, true)?);
     text += &format!("fn history_{i}(record: &Record<'_>, t: f64) -> f64 {{\n");
-    text += &program.bindings(&[&history.amount], &bind);
+    text += &program.bindings(&[&history.amount, &history.phase], &bind);
     let amount = expression(program, &history.amount, true)?;
+    let phase = expression(program, &history.phase, true)?;
     text += &match history.kind {
         InputKind::Delay => format!("    signal_{i}(record, f64::max(t - ({amount}), record.time[0]))\n}}\n\n"),
+        InputKind::SampleHold => format!(
+            "    let start = record.time[0] + ({phase});\n    \
+             let passed = ((t - start)/({amount}) + 1e-6).floor();\n    \
+             signal_{i}(record, f64::max(start + ({amount})*(passed + 1e-6), record.time[0]))\n}}\n\n"
+        ),
         InputKind::Play => format!(
             "    let half = 0.5*f64::max({amount}, 0.0);\n    let mut output = signal_{i}(record, record.time[0]);\n    \
              for k in 1..=sample_at(record, t) {{\n        let pushed = signal_{i}(record, record.time[k]);\n        \

@@ -14,7 +14,7 @@ fn call(function: Function, arguments: &[String]) -> String {
         (Function::Step, [z]) => format!("sp.Heaviside({z}, 0)"),
         (Function::Clamp, [z, low, high]) => format!("sp.Min(sp.Max({z}, {low}), {high})"),
         (Function::DeadZone, [z, width]) => format!("({z} - sp.Min(sp.Max({z}, -({width})), {width}))"),
-        (Function::Delay | Function::Play, _) => format!("{}({})", function.name(), arguments.join(", ")),
+        (function, _) if function.has_memory() => format!("{}({})", function.name(), arguments.join(", ")),
         _ => format!("sp.{}({})", function.name(), arguments.join(", ")),
     }
 }

@@ -66,3 +66,40 @@ fn a_late_sensor_sees_the_start_or_the_tangent_before_a_log_and_the_tangent_with
     is(reading(Past::Moving, 0, 1.0), [0.5, 0.7, 0.9, 1.1, 1.3]);
     is(reading(Past::Still, 5, 2.0), [1.5, 1.7, 1.9, 2.1, 2.3]);
 }
+
+#[test]
+fn sampled_and_held_inputs_and_sensors_are_those_of_the_simulator() {
+    let held = State {
+        measured: Some(Expression::parse("sample_hold(x, every, phase)").unwrap()),
+        ..State::new("x", Expression::parse("v").unwrap())
+    };
+    let force = Expression::parse("sample_hold(u, T, start) - 4*x - 0.3*v").unwrap();
+    let model = |values: &[f64]| Model {
+        states: vec![held.clone(), State::new("v", force.clone())],
+        controls: vec![Control::new("u")],
+        parameters: ["every", "phase", "T", "start"].iter().zip(values).map(|(n, v)| Parameter::new(*n, *v)).collect(),
+        ..Model::default()
+    };
+    let count = 200;
+    let time: Vec<f64> = (0..count).map(|i| 7.0 + 0.05 * i as f64).collect();
+    let u: Vec<f64> = time.iter().map(|t| (1.7 * t).sin() + (3.1 * t).cos()).collect();
+    let controls = faer::Mat::from_fn(count, 1, |i, _| u[i]);
+    let log = Log { name: "log".into(), time: time.clone(), controls: vec![u.clone()], measured: Vec::new() };
+    for hold in [Hold::Zero, Hold::Linear] {
+        for values in [[0.25, 0.0, 0.15, 0.0], [0.13, 0.07, 0.17, -0.04], [0.05, 0.0, 0.55, 0.3]] {
+            let system = System::new(&model(&values)).unwrap();
+            let excitation = crate::simulate::Excitation::new(&system, &time, controls.as_ref(), hold).unwrap();
+            let exact = crate::simulate::Simulate { tolerance: 1e-10, ..Default::default() }
+                .rollout(&system, &excitation, &[0.4, -0.2])
+                .unwrap();
+            let parameters: Vec<[f64; 1]> = values.iter().map(|&v| [v]).collect();
+            let mut lanes = Lanes::<1>::new(&system, &log, (hold, Past::Still), &parameters);
+            let mut worst = 0.0f64;
+            lanes.roll((0, count - 1), &[[0.4], [-0.2]], &[0, 1], 8, |i, j, v| {
+                worst = worst.max((v[0] - exact.outputs[(i, j)]).abs());
+            });
+            // An input that switches within a step acts as its mean: an error of the square of the step.
+            assert!(worst < 1e-4, "{hold:?} {values:?}: {worst}");
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! A nominal parameter has another value.
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
-use crate::diagnose::catalogue::hypothesis::{Added, Start};
+use crate::diagnose::catalogue::hypothesis::{Added, Role, Start};
 use crate::diagnose::catalogue::joint::dissipative_bounds;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
@@ -37,7 +37,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     parameter.tolerance = None;
     let size = parameter.typical();
     let unit = parameter.unit.clone();
-    let added = Added { symbol: "value".into(), name, unit, scale: size, lower, upper, is_angle: false };
+    let added = Added { symbol: "value".into(), name, unit, scale: size, lower, upper, role: Role::Plain };
     // A straight line near the nominal value, then finite steps for what is none.
     let value = parameter.value;
     writer.fitted.push((index, added));
