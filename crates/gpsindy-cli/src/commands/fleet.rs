@@ -32,6 +32,13 @@ pub(crate) struct Fleet {
     /// Compute only part K of N of the tasks, for schedulers; the comparison is written once all parts are complete
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
+    #[command(flatten)]
+    each: Each,
+}
+
+/// How each diagnosis of a fleet is made.
+#[derive(Debug, Args)]
+struct Each {
     /// Number of tasks in parallel [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -39,6 +46,13 @@ pub(crate) struct Fleet {
     options: Options,
     #[command(flatten)]
     columns: Columns,
+}
+
+impl Each {
+    fn run(&self, shard: Option<Shard>) -> Outcome<Run> {
+        let (diagnose, options) = (self.options.settings()?, self.columns.options()?);
+        Ok(Run { diagnose, options, jobs: self.jobs.map(usize::from), shard })
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -55,12 +69,7 @@ pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
         return Err(Failure::input("fleet needs a manifest and --out"));
     };
     let manifest = Manifest::read(path)?;
-    let fleet = Run {
-        diagnose: command.options.settings()?,
-        options: command.columns.options()?,
-        jobs: command.jobs.map(usize::from),
-        shard: command.shard,
-    };
+    let fleet = command.each.run(command.shard)?;
     let store = folder(out)?;
     let progress = screen.progress();
     let done = fleet.run(&manifest, &store, &progress)?;

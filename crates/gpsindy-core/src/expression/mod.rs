@@ -75,7 +75,7 @@ functions! {
     DeadZone "dead_zone" 2 "`dead_zone(z, width)`: 0 inside +-width, else z shifted toward 0 by width.",
     Delay "delay" 2 "`delay(control, tau)`: the control tau seconds earlier.",
     Play "play" 2 "`play(control, width)`: the control through a play of that total width.",
-    SampleHold "sample_hold" 3 "`sample_hold(control, period, phase)`: the control as it was when last sampled: `phase` seconds after the run's first sample, then every `period` seconds.",
+    SampleHold "sample_hold" 3 "`sample_hold(control, period, phase)`: the control as it was when last sampled: at the time `phase`, s, and every `period` seconds before and after.",
 }
 
 impl Function {

@@ -68,11 +68,11 @@ impl InputKind {
 /// Share of the period of a sample-and-hold that rounding may make of time stamps and of the period.
 pub(crate) const ROUNDING: f64 = 1e-6;
 
-/// The moment at or before `t` at which a signal was last sampled, where it is sampled every `period` from `first` on.
+/// The moment at or before `t` at which a signal was last sampled, where it is sampled at `phase` and every `period` from there.
 ///
 /// A moment that rounding puts just after `t` counts as `t`.
-pub(crate) fn sampled_at(t: f64, first: f64, period: f64) -> f64 {
-    if period > 0.0 { first + period * ((t - first) / period + ROUNDING).floor() } else { t }
+pub(crate) fn sampled_at(t: f64, phase: f64, period: f64) -> f64 {
+    if period > 0.0 { phase + period * ((t - phase) / period + ROUNDING).floor() } else { t }
 }
 
 /// An input with a history, such as `delay(u, tau)`.
@@ -97,10 +97,10 @@ pub(crate) struct LateState {
 }
 
 impl LateState {
-    /// The moment that a reading at `t` is of, in a run whose first sample is at `first`, all in s.
-    pub(crate) fn moment(&self, t: f64, first: f64, amounts: [f64; 2]) -> f64 {
+    /// The moment that a reading at `t` is of, s.
+    pub(crate) fn moment(&self, t: f64, amounts: [f64; 2]) -> f64 {
         match self.kind {
-            InputKind::SampleHold => sampled_at(t, first + amounts[1], amounts[0]),
+            InputKind::SampleHold => sampled_at(t, amounts[1], amounts[0]),
             _ => t - amounts[0],
         }
     }

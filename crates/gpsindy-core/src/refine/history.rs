@@ -5,7 +5,7 @@
 
 use super::experiment::Log;
 use crate::data::Hold;
-use crate::model::{InputKind, ROUNDING, System};
+use crate::model::{InputKind, ROUNDING, System, sampled_at};
 
 /// An input with a history, sampled, for every lane.
 pub(super) struct History<const L: usize> {
@@ -25,38 +25,39 @@ pub(super) struct History<const L: usize> {
 
 /// A signal that is sampled and held.
 struct Held {
-    /// First moment at which it is sampled, and the time from one to the next, s.
+    /// The last moment before the log at which it is sampled, and the time from one to the next, s.
     first: f64,
     period: f64,
-    /// The value that is held until the next moment: first what holds before any, then one a moment.
+    /// The value that is held from each moment on.
     values: Vec<f64>,
-    /// Its integral from the first moment up to that of each value.
+    /// Its integral from the first moment up to each.
     integral: Vec<f64>,
 }
 
 impl Held {
-    /// The period's end must be beyond the log's; `at(t)`: the signal.
+    /// `at(t)`: the signal; before the log's begin it is what it is there.
     fn new(time: &[f64], phase: f64, period: f64, at: impl Fn(f64) -> f64) -> Self {
         let (begin, last) = (time[0], time[time.len() - 1]);
-        let first = begin + phase;
         // What would be shorter holds nothing that the log could show.
-        let period = period.max((last - begin) / time.len() as f64 * SHORTEST).max(f64::MIN_POSITIVE);
-        let mut held = Self { first, period, values: vec![at(begin)], integral: vec![-period * at(begin)] };
-        let mut moment = first;
-        while moment <= last {
-            let (value, integral) = (held.values[held.values.len() - 1], held.integral[held.values.len() - 1]);
-            held.integral.push(integral + period * value);
-            held.values.push(at((moment + ROUNDING * period).max(begin)));
-            moment = first + period * (held.values.len() - 1) as f64;
+        let shortest = (last - begin) / time.len() as f64 * SHORTEST;
+        let period = if shortest > 0.0 { period.max(shortest) } else { 1.0 };
+        let first = sampled_at(begin, phase, period);
+        let mut held = Self { first, period, values: Vec::new(), integral: vec![0.0] };
+        let (mut moment, mut integral) = (first, 0.0);
+        while held.values.is_empty() || moment <= last {
+            let value = at((moment + ROUNDING * period).max(begin));
+            integral += period * value;
+            held.values.push(value);
+            held.integral.push(integral);
+            moment = first + period * held.values.len() as f64;
         }
         held
     }
 
     /// Number of the value that holds at `t`, and how long it has held.
     fn locate(&self, t: f64) -> (usize, f64) {
-        let passed = ((t - self.first) / self.period).floor();
-        let place = (passed + 1.0).clamp(0.0, (self.values.len() - 1) as f64);
-        (place as usize, t - self.first - self.period * (place - 1.0))
+        let place = ((t - self.first) / self.period).floor().clamp(0.0, (self.values.len() - 1) as f64);
+        (place as usize, t - self.first - self.period * place)
     }
 
     fn integral_at(&self, t: f64) -> f64 {

@@ -320,7 +320,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         let is_still = self.past == Past::Still && nodes.first().is_some_and(|node| node.t == self.log.time[0]);
         for (i, late) in self.system.late_states().iter().enumerate() {
             let place = n_variables - self.late.len() + i;
-            let moment = |lane: usize| late.moment(t, self.log.time[0], self.late[i][lane]);
+            let moment = |lane: usize| late.moment(t, self.late[i][lane]);
             self.outputs[place] = std::array::from_fn(|lane| state_at(nodes, late.state, lane, moment(lane), is_still));
         }
         self.outputs[n_variables] = [t; L];

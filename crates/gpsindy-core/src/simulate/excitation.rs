@@ -34,8 +34,8 @@ struct History {
     kind: InputKind,
     /// Delay (s), width of the play, or period (s).
     amount: f64,
-    /// First moment at which a sample-and-hold samples, s.
-    start: f64,
+    /// A moment at which a sample-and-hold samples, s.
+    phase: f64,
     /// Where this input has a jump or a corner, s.
     knots: Vec<f64>,
     /// Output of the play at each knot, coming from the left.
@@ -213,7 +213,7 @@ impl Excitation {
         match history.kind {
             InputKind::Delay => self.signal(system, index, moment.earlier(history.amount, self.time[0])),
             InputKind::SampleHold => {
-                let sampled = sampled_at(moment.lookup, history.start, history.amount);
+                let sampled = sampled_at(moment.lookup, history.phase, history.amount);
                 // A control that switches at the very moment has its new value.
                 let nudge = if self.hold == Hold::Zero { ROUNDING * history.amount } else { 0.0 };
                 let moment = Moment { time: sampled, lookup: sampled + nudge };
@@ -253,13 +253,12 @@ impl Excitation {
         }
         self.varies |= input.tape.reads(input.tape.n_variables());
         let mut knots = self.tidy(knots);
-        let start = self.time[0] + phase;
-        let mut history = History { kind: input.kind, amount, start, knots: Vec::new(), play: Vec::new() };
+        let mut history = History { kind: input.kind, amount, phase, knots: Vec::new(), play: Vec::new() };
         match input.kind {
             InputKind::Delay => knots.iter_mut().for_each(|t| *t += amount),
             InputKind::SampleHold if amount >= SHORTEST_HOLD * self.period => {
-                let last = self.time[self.time.len() - 1];
-                knots = (0..).map(|k| start + amount * f64::from(k)).take_while(|&t| t <= last).collect();
+                let (first, last) = (sampled_at(self.time[0], phase, amount), self.time[self.time.len() - 1]);
+                knots = (1..).map(|k| first + amount * f64::from(k)).take_while(|&t| t <= last).collect();
             }
             InputKind::SampleHold => {
                 return Err(Error::range(

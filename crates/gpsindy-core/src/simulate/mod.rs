@@ -172,7 +172,7 @@ impl Simulate {
         for (i, &t) in time.iter().enumerate() {
             row.iter_mut().enumerate().for_each(|(j, value)| *value = states[(i, j)]);
             for ((value, amounts), late_state) in late.iter_mut().zip(&amounts).zip(system.late_states()) {
-                let moment = late_state.moment(t, excitation.time()[0], *amounts);
+                let moment = late_state.moment(t, *amounts);
                 *value = past(&history, moment, late_state.state, initial);
             }
             rates.output(t, &row, &late, &mut output);

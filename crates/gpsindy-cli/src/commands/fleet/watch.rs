@@ -1,14 +1,12 @@
 //! `gpsindy fleet watch`: a fleet whose logs are added one by one.
 
-use super::{folder, tell};
-use crate::args::Columns;
-use crate::commands::diagnose::Options;
+use super::{Each, folder, tell};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::{Error as CoreError, Progress};
 use gpsindy_files::Error;
-use gpsindy_fleet::{Attempt, Fleet as Run, Look, Watched};
+use gpsindy_fleet::{Attempt, Look, Watched};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -39,13 +37,8 @@ pub(crate) struct Watch {
     /// End after nothing was added for this time [default: never]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     idle: Option<f64>,
-    /// Number of tasks in parallel [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
     #[command(flatten)]
-    options: Options,
-    #[command(flatten)]
-    columns: Columns,
+    each: Each,
 }
 
 /// How often Ctrl-C is looked for.
@@ -69,12 +62,7 @@ pub(super) fn run(command: &Watch, screen: &Screen) -> Outcome {
     if !command.folder.is_dir() {
         return Err(Failure::input(format!("{}: not a folder", command.folder.display())));
     }
-    let fleet = Run {
-        diagnose: command.options.settings()?,
-        options: command.columns.options()?,
-        jobs: command.jobs.map(usize::from),
-        shard: None,
-    };
+    let fleet = command.each.run(None)?;
     let out = command.out.clone().unwrap_or_else(|| command.folder.join("result"));
     let store = folder(&out)?;
     let stop = Arc::new(AtomicBool::new(false));

@@ -249,7 +249,7 @@ impl<'a> Writer<'a> {
         let step = self.scene.period;
         let longest = 0.1 * self.scene.duration;
         let period = self.add("T", 2.0 * step, step, (1.5 * step, longest.max(2.0 * step)), "s");
-        let phase = self.add("phase", 0.0, step, (-longest, longest), "s");
+        let phase = self.add("phase", self.scene.times.0, step, FREE, "s");
         let last = self.fitted.len();
         for ((_, added), role) in self.fitted[last - 2..].iter_mut().zip([Role::Period, Role::Phase]) {
             added.role = role;
@@ -262,7 +262,7 @@ impl<'a> Writer<'a> {
         const SAMPLES: [f64; 12] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0];
         let longest = 0.1 * self.scene.duration;
         let periods = SAMPLES.iter().map(|samples| samples * self.scene.period);
-        periods.take_while(|&period| period <= longest).map(|period| keep(&[period, 0.0])).collect()
+        periods.take_while(|&period| period <= longest).map(|period| keep(&[period, self.scene.times.0])).collect()
     }
 
     /// What the column of the hypothesis reads now.

@@ -13,6 +13,7 @@ pub(crate) mod lagging;
 pub(crate) mod moved;
 pub(crate) mod outputs;
 pub(crate) mod peaks;
+pub(crate) mod responses;
 pub(crate) mod sampling;
 pub(crate) mod substeps;
 pub(crate) mod tolerance;

@@ -3,7 +3,7 @@
 //! Which moments are sampled changes in jumps when the period moves, and in a log of a thousand periods a change of a
 //! thousandth turns the last one by a whole period: a fit that follows derivatives gets nowhere. So a lattice of periods
 //! and phases is tried on the beginning of every log, where few periods make it coarse; the best go on to twice the length
-//! on a lattice twice as fine, to the end of the logs. Whole numbers of samples, without a phase, are tried throughout:
+//! on a lattice twice as fine, to the end of the logs. Whole numbers of samples that begin with the log are tried throughout:
 //! that is what a log has that its own controller wrote.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Role};
@@ -90,16 +90,17 @@ fn search(
     costs: impl Fn(usize, &[Sampling]) -> Result<Vec<f64>>,
 ) -> Result<Sampling> {
     let (step, longest) = grid(experiment);
+    let begin = experiment.logs.first().map_or(0.0, |log| log.time[0]);
     let (low, high) = ((start / REACH).max(lower), (start * REACH).min(upper));
     let whole = (1..).map(|k| f64::from(k) * step).skip_while(|&p| p < 0.999 * low).take_while(|&p| p <= 1.001 * high);
-    let whole: Vec<Sampling> = whole.map(|period| Sampling { period, phase: 0.0, apart: (0.0, 0.0) }).collect();
+    let whole: Vec<Sampling> = whole.map(|period| Sampling { period, phase: begin, apart: (0.0, 0.0) }).collect();
     // After so many periods the neighbours' moments are a share of a period apart.
     let ratio = 1.0 + 1.0 / (CELLS * LATTICE);
     let periods = std::iter::successors(Some(low), |p| Some(p * ratio)).take_while(|&p| p <= high);
     let mut trials: Vec<Sampling> = periods
         .flat_map(|period| {
             let apart = ((ratio - 1.0) * period, period / PHASES);
-            let phases = (0..PHASES as usize).map(move |k| k as f64 * apart.1);
+            let phases = (0..PHASES as usize).map(move |k| begin + k as f64 * apart.1);
             phases.map(move |phase| Sampling { period, phase, apart })
         })
         .collect();
@@ -113,9 +114,9 @@ fn search(
         if samples >= longest && trials.iter().all(is_fine) {
             let best = order.first().map(|&i| trials[i]);
             let Sampling { period, phase, apart } =
-                best.unwrap_or(Sampling { period: start, phase: 0.0, apart: (0.0, 0.0) });
+                best.unwrap_or(Sampling { period: start, phase: begin, apart: (0.0, 0.0) });
             // Shortly before a period is over is shortly before the first sample.
-            let phase = if phase > 0.5 * period { phase - period } else { phase };
+            let phase = if phase - begin > 0.5 * period { phase - period } else { phase };
             return Ok(Sampling { period, phase, apart });
         }
         samples = (2 * samples).min(longest);
@@ -125,24 +126,24 @@ fn search(
                 kept.push(trial);
             }
         }
-        trials = kept.into_iter().flat_map(|t| finer(t, (low, high))).collect();
+        trials = kept.into_iter().flat_map(|t| finer(t, (low, high), begin)).collect();
     }
 }
 
-/// The trial and its neighbours on a lattice twice as fine, and those periods without a phase: a controller often starts
-/// with the log.
-fn finer(trial: Sampling, (low, high): (f64, f64)) -> Vec<Sampling> {
+/// The trial and its neighbours on a lattice twice as fine, and those periods that begin with the log: a controller often
+/// starts it.
+fn finer(trial: Sampling, (low, high): (f64, f64), begin: f64) -> Vec<Sampling> {
     let apart = (0.5 * trial.apart.0, 0.5 * trial.apart.1);
     let steps = [-1.0, 0.0, 1.0];
     let all = steps.iter().flat_map(|&i| steps.iter().map(move |&j| (i, j)));
     let moved = |(i, j): (f64, f64)| {
         let period = (trial.period + i * apart.0).clamp(low, high);
-        Sampling { period, phase: (trial.phase + j * apart.1).rem_euclid(period), apart }
+        Sampling { period, phase: begin + (trial.phase - begin + j * apart.1).rem_euclid(period), apart }
     };
     let mut all: Vec<Sampling> = all.map(moved).collect();
     for i in steps {
         let in_step = moved((i, 0.0));
-        all.push(Sampling { phase: 0.0, ..in_step });
+        all.push(Sampling { phase: begin, ..in_step });
     }
     all
 }

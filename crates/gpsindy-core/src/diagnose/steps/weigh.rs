@@ -1,21 +1,18 @@
-//! Weigh: probabilities, groups, exclusions and the verdict, from the outcome of the contest to the report.
+//! Weigh: probabilities, exclusions and the verdict, from the outcome of the contest to the report.
 
 use crate::data::Dataset;
-use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::catalogue::list::Effect;
-use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
-use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::stability::DISAGREES;
 use crate::diagnose::limits::weigh::{CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
 use crate::diagnose::limits::{REST, SHOWN, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
-    Cause, Diagnosis, Excluded, Figures, ModelParameter, Parameter, Runs, SCHEMA, Unexplained, Verdict, finite,
+    Cause, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, Unexplained, Verdict, finite,
 };
 use crate::diagnose::steps::augment::equations;
+use crate::diagnose::steps::causes::{Causes, gap_energy, random_force};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome, Told, crowding};
@@ -23,8 +20,7 @@ use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, Stability};
 use crate::diagnose::steps::verify::Verification;
-use crate::model::{Model, unit};
-use std::cmp::Ordering;
+use crate::model::Model;
 
 pub(crate) fn report(
     confidence: f64,
@@ -66,15 +62,15 @@ pub(crate) fn report(
         verdict => verdict,
     };
     let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
-    let judged = Judged { confidence, contest, nominal, outcome, stabilities: &stabilities, credible: &credible, keep };
+    let stated = Causes { confidence, contest, nominal, outcome, stabilities: &stabilities, credible: &credible, keep };
     for told in forcing.iter().flat_map(|forcing| &forcing.told) {
         contest.run.notes.say(random(model, told));
     }
-    let mut causes = if detected.gap { judged.causes() } else { Vec::new() };
+    let mut causes = if detected.gap { stated.all() } else { Vec::new() };
     if let Some(forcing) = forcing {
         let first = causes.iter().position(|c| !c.included).unwrap_or(causes.len());
         // What is left is random only if the causes beside it are right.
-        let probability = forcing.probability() * judged.credible.iter().product::<f64>();
+        let probability = forcing.probability() * credible.iter().product::<f64>();
         let told = forcing.told.iter().map(|told| random_force(confidence, model, probability, told));
         causes.splice(first..first, told);
     }
@@ -153,12 +149,6 @@ fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelPara
     after.parameters.iter().enumerate().map(one).collect()
 }
 
-/// Energy of the gap above noise in the nominal fit, in noise units.
-fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
-    let floor = outcome.best.evidence.misfit().min(1.0);
-    (nominal.evidence.misfit() - floor).max(1e-12)
-}
-
 /// Probability that an effect is one of the machine's, and imitates none that the catalogue lacks: of one that removes `share` of
 /// the gap, where a rest is left with probability `rest` and so many effects are `named`.
 ///
@@ -226,213 +216,6 @@ fn verdict(
     let rescued = closure.before.is_none() && closure.after.is_some();
     let closed = if rescued { 1.0 } else { closure.closed.unwrap_or(0.0) };
     if closed >= PART { Verdict::PartlyExplained } else { Verdict::Unexplained }
-}
-
-/// What causes are stated from.
-struct Judged<'a> {
-    confidence: f64,
-    contest: &'a Contest<'a>,
-    nominal: &'a Contestant,
-    outcome: &'a Outcome,
-    stabilities: &'a [Option<Stability>],
-    /// Probability of each of the winner's effects of being no imitation.
-    credible: &'a [f64],
-    keep: bool,
-}
-
-/// Values that count alone: fewer than there are where what is left is larger than the noise and lasts.
-///
-/// What a fit leaves is noise and a rest, and the rest is a process of its own size and correlation: its values repeat each
-/// other. Of a column of N values with the variance V and the spectrum S at zero frequency, `N V / S` count.
-fn effective_count(fit: &Contestant) -> f64 {
-    let one = |c: &Colour| {
-        let spectrum = c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-6);
-        let alone = (c.variance() / spectrum).min(1.0);
-        // Coloured noise is in the evidence already; only what is beyond the noise counts here.
-        let rest = (1.0 - 1.0 / c.variance().max(1.0)).max(0.0);
-        c.count as f64 * (1.0 - rest + rest * alone)
-    };
-    fit.evidence.colours.iter().map(one).sum::<f64>().max(2.0)
-}
-
-/// Probability that an effect that removes the mean square `removed` (noise units) is more than a use for the rest of `fit`.
-fn is_real(fit: &Contestant, removed: f64, parameters: usize) -> f64 {
-    let count = effective_count(fit);
-    let gain = 0.5 * count * (removed.max(0.0) / fit.evidence.misfit().max(1e-12)).ln_1p();
-    let evidence = gain - 0.5 * parameters as f64 * count.ln();
-    1.0 / (1.0 + (-evidence).exp())
-}
-
-/// Posterior weights of contestants that differ in one effect, the evidence counted as often as `at` leaves values that
-/// count alone.
-fn weights(contest: &Contest<'_>, fits: &[Contestant], at: &Contestant) -> Vec<f64> {
-    let alone = effective_count(at) / at.evidence.count().max(1) as f64;
-    let scores: Vec<f64> = fits.iter().map(|f| alone.min(1.0) * contest.score(f)).collect();
-    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let raw: Vec<f64> = scores.iter().map(|s| (s - best).exp()).collect();
-    let total: f64 = raw.iter().sum();
-    raw.iter().map(|r| r / total).collect()
-}
-
-impl Judged<'_> {
-    /// All causes, best first.
-    fn causes(&self) -> Vec<Cause> {
-        let outcome = self.outcome;
-        if outcome.best.hypotheses.is_empty() {
-            return self.singles();
-        }
-        let mut all: Vec<Cause> = Vec::new();
-        // The effect that removes most comes first.
-        let mut places: Vec<usize> = (0..outcome.best.hypotheses.len()).collect();
-        let removed = |place: usize| outcome.removed.get(place).copied().unwrap_or(0.0);
-        places.sort_by(|&a, &b| removed(b).total_cmp(&removed(a)));
-        for place in places {
-            self.at(place, removed(place), &mut all);
-        }
-        // Stable: included effects stay in their order, the others follow by probability.
-        all.sort_by(|a, b| {
-            let by_probability =
-                if a.included && b.included { Ordering::Equal } else { b.probability.total_cmp(&a.probability) };
-            b.included.cmp(&a.included).then(by_probability)
-        });
-        all
-    }
-
-    /// Single effects of which none convinces: their weights, as far as what each removes is more than a use for the rest.
-    fn singles(&self) -> Vec<Cause> {
-        let singles = &self.outcome.singles;
-        let Some(first) = singles.first() else { return Vec::new() };
-        let gap = gap_energy(self.nominal, self.outcome);
-        let one = |(fit, weight): (&Contestant, f64)| {
-            let removed = self.nominal.evidence.misfit() - fit.evidence.misfit();
-            // Of a gap that a single effect leaves most of, it is hardly the cause.
-            let share = (removed / gap).clamp(0.0, 1.0);
-            let probability = weight * share * is_real(fit, removed, fit.evidence.complexity());
-            cause(self.confidence, fit, 0, probability, false, Vec::new())
-        };
-        singles.iter().zip(weights(self.contest, singles, first)).map(one).take(5).collect()
-    }
-
-    /// The winner's effect at `place`, and what else may stand there.
-    fn at(&self, place: usize, removed: f64, all: &mut Vec<Cause>) {
-        let best = &self.outcome.best;
-        let hypothesis = &best.hypotheses[place];
-        let Some(fits) = self.outcome.alternatives.get(place) else {
-            // A function without a name: whatever is left is it.
-            let real = is_real(best, removed, 1);
-            return all.push(cause(self.confidence, best, place, real, self.keep, Vec::new()));
-        };
-        let sound = self.credible[place] * is_real(best, removed, best.added[place].len());
-        let weights = weights(self.contest, fits, best);
-        // The effect that each contestant has in this one's place.
-        let differing = |fit: &Contestant| {
-            let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
-            fit.hypotheses.iter().position(|h| !others.contains(&h)).unwrap_or(0)
-        };
-        let mut class_weight = 0.0;
-        let mut equivalent: Vec<String> = Vec::new();
-        let mut rest: Vec<Cause> = Vec::new();
-        for (fit, weight) in fits.iter().zip(&weights) {
-            let is_twin = self.outcome.is_twin(place, fit);
-            let place = differing(fit);
-            let id = fit.hypotheses[place].id().to_string();
-            if is_twin || fit.hypotheses[place] == *hypothesis {
-                class_weight += weight;
-                if id != hypothesis.id() && !equivalent.contains(&id) {
-                    equivalent.push(id);
-                }
-            } else if rest.len() < 3 {
-                rest.push(cause(self.confidence, fit, place, weight * sound, false, Vec::new()));
-            }
-        }
-        let mut stated = cause(self.confidence, best, place, class_weight * sound, self.keep, equivalent);
-        stated.stability = self.stabilities[place].as_ref().map(|s| crate::diagnose::report::Stability {
-            runs: s.parts,
-            agree: s.agree,
-            p_value: s.p_value,
-            disagree: s.disagree.clone(),
-        });
-        all.push(stated);
-        all.extend(rest);
-    }
-}
-
-fn cause(
-    confidence: f64,
-    fit: &Contestant,
-    place: usize,
-    probability: f64,
-    included: bool,
-    equivalent: Vec<String>,
-) -> Cause {
-    let hypothesis = &fit.hypotheses[place];
-    let model = fit.system.model();
-    let z = normal_quantile(0.5 + 0.5 * confidence);
-    let parameters = fit.added[place]
-        .iter()
-        .map(|(index, added)| {
-            let value = added.told(fit.refined.parameters[*index]);
-            let told_apart = || sampling::told_apart(&fit.experiment, added, value);
-            let width = deviation(fit, *index).map(|d| z * d).or_else(told_apart).unwrap_or(f64::NAN);
-            Parameter {
-                name: added.symbol.clone(),
-                value,
-                low: finite(value - width).map(|v| v.max(added.lower)),
-                high: finite(value + width).map(|v| v.min(added.upper)),
-                unit: added.unit.clone(),
-            }
-        })
-        .collect();
-    let next_experiment = equivalent.first().map(|other| separating_experiment(hypothesis.id(), other).to_string());
-    Cause {
-        effect: hypothesis.id().into(),
-        state: model.states[hypothesis.moves()].name.clone(),
-        place: hypothesis.place(),
-        variables: hypothesis.variables.clone(),
-        included,
-        probability: probability.clamp(0.0, 1.0),
-        form: hypothesis.form(),
-        parameters,
-        equivalent,
-        next_experiment,
-        stability: None,
-    }
-}
-
-/// A random force as a cause: its intensity is the spectral density at low frequency, `2 deviation^2 tau`.
-fn random_force(confidence: f64, model: &Model, probability: f64, told: &Told) -> Cause {
-    let effect = Effect::ProcessNoise;
-    let (state, z) = (&model.states[told.force.row], normal_quantile(0.5 + 0.5 * confidence));
-    let rate = state.rate_unit();
-    let (force, [[a, b], [_, c]]) = (told.force, told.covariance);
-    // Each is a product of powers of the two, and its logarithm is nearly normal.
-    let one = |name: &str, value: f64, variance: f64, unit: String| {
-        let factor = (z * variance.sqrt()).exp();
-        Parameter { name: name.into(), value, low: finite(value / factor), high: finite(value * factor), unit }
-    };
-    let intensity = 2.0 * force.deviation.powi(2) * force.time;
-    Cause {
-        effect: effect.id().into(),
-        state: state.name.clone(),
-        place: None,
-        variables: Vec::new(),
-        included: true,
-        probability,
-        form: effect.form().into(),
-        parameters: vec![
-            one("q", intensity, 4.0 * a + c + 4.0 * b, unit::product(&[(&rate, 2), ("s", 1)])),
-            one("tau", force.time, c, "s".into()),
-            one("rms", force.deviation, a, rate),
-        ],
-        equivalent: Vec::new(),
-        next_experiment: None,
-        stability: None,
-    }
-}
-
-fn normal_quantile(p: f64) -> f64 {
-    use statrs::distribution::{ContinuousCDF, Normal};
-    Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
 }
 
 /// Effects that these logs would have shown beside the winner's, had they been larger than a size.

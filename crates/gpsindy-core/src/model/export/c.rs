@@ -155,9 +155,9 @@ fn write_history(program: &Program<'_>, names: &Names, i: usize, history: &Histo
              return {own}_signal_{i}({gives}record, earlier > record->time[0] ? earlier : record->time[0]);\n}}\n\n"
         ),
         InputKind::SampleHold => format!(
-            "    const double start = record->time[0] + ({phase});\n    \
-             const double passed = floor((t - start)/({amount}) + 1e-6);\n    \
-             const double sampled = start + ({amount})*(passed + 1e-6);\n    \
+            "    const double phase = {phase};\n    \
+             const double passed = floor((t - phase)/({amount}) + 1e-6);\n    \
+             const double sampled = phase + ({amount})*(passed + 1e-6);\n    \
              return {own}_signal_{i}({gives}record, sampled > record->time[0] ? sampled : record->time[0]);\n}}\n\n"
         ),
         InputKind::Play => format!(

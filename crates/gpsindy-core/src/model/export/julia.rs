@@ -89,9 +89,9 @@ fn write_history(program: &Program<'_>, index: usize, history: &History) -> Resu
     text += &match history.kind {
         InputKind::Delay => format!("    return signal_{i}(record, max(t - ({amount}), record.time[1]))\nend\n\n"),
         InputKind::SampleHold => format!(
-            "    start = record.time[1] + ({phase})\n    \
-             passed = floor((t - start)/({amount}) + 1e-6)\n    \
-             return signal_{i}(record, max(start + ({amount})*(passed + 1e-6), record.time[1]))\nend\n\n"
+            "    phase = {phase}\n    \
+             passed = floor((t - phase)/({amount}) + 1e-6)\n    \
+             return signal_{i}(record, max(phase + ({amount})*(passed + 1e-6), record.time[1]))\nend\n\n"
         ),
         InputKind::Play => format!(
             "    half = 0.5*max({amount}, 0.0)\n    output = signal_{i}(record, record.time[1])\n    \

@@ -14,7 +14,7 @@ pub(super) struct History {
     pub(super) signal: Expression,
     /// The delay in s, the width of the play or the period in s.
     pub(super) amount: Expression,
-    /// When a sample-and-hold first samples, s after the first sample.
+    /// A moment at which a sample-and-hold samples, s.
     pub(super) phase: Expression,
     /// The whole as the model writes it.
     pub(super) text: String,
@@ -81,9 +81,7 @@ impl<'a> Program<'a> {
                 let when = match function {
                     Function::SampleHold => {
                         let (period, phase) = (&arguments[1], &arguments[2]);
-                        format!(
-                            "as it was when last sampled, every {period} s from {phase} s after the first sample on"
-                        )
+                        format!("as it was when last sampled, at {phase} s and every {period} s from there")
                     }
                     _ => format!("as it was {} s earlier", arguments[1]),
                 };
@@ -228,7 +226,7 @@ impl<'a> Program<'a> {
                 InputKind::Delay => "as it was that many seconds earlier; before the record its first sample",
                 InputKind::Play => "through a play of that total width, centred at the first sample",
                 InputKind::SampleHold => {
-                    "as it was when last sampled; the numbers are the period and when it is first sampled, in s from the first sample"
+                    "as it was when last sampled; the numbers are the period and a time at which it is sampled, in s"
                 }
             };
             lines.push(format!("history[{}]: {}, {meaning}", place(i), h.text));

@@ -106,9 +106,9 @@ fn write_history(program: &Program<'_>, i: usize, history: &History) -> Result<S
     text += &match history.kind {
         InputKind::Delay => format!("    return signal_{i}(time, record, max(t - ({amount}), time[0]))\n\n\n"),
         InputKind::SampleHold => format!(
-            "    start = time[0] + ({phase})\n    \
-             passed = math.floor((t - start)/({amount}) + 1e-6)\n    \
-             return signal_{i}(time, record, max(start + ({amount})*(passed + 1e-6), time[0]))\n\n\n"
+            "    phase = {phase}\n    \
+             passed = math.floor((t - phase)/({amount}) + 1e-6)\n    \
+             return signal_{i}(time, record, max(phase + ({amount})*(passed + 1e-6), time[0]))\n\n\n"
         ),
         InputKind::Play => format!(
             "    half = 0.5*max({amount}, 0.0)\n    output = signal_{i}(time, record, time[0])\n    \

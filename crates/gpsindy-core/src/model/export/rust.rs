@@ -106,9 +106,9 @@ fn write_history(program: &Program<'_>, i: usize, history: &History) -> Result<S
     text += &match history.kind {
         InputKind::Delay => format!("    signal_{i}(record, f64::max(t - ({amount}), record.time[0]))\n}}\n\n"),
         InputKind::SampleHold => format!(
-            "    let start = record.time[0] + ({phase});\n    \
-             let passed = ((t - start)/({amount}) + 1e-6).floor();\n    \
-             signal_{i}(record, f64::max(start + ({amount})*(passed + 1e-6), record.time[0]))\n}}\n\n"
+            "    let phase = {phase};\n    \
+             let passed = ((t - phase)/({amount}) + 1e-6).floor();\n    \
+             signal_{i}(record, f64::max(phase + ({amount})*(passed + 1e-6), record.time[0]))\n}}\n\n"
         ),
         InputKind::Play => format!(
             "    let half = 0.5*f64::max({amount}, 0.0);\n    let mut output = signal_{i}(record, record.time[0]);\n    \

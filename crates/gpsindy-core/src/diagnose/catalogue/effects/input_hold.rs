@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::InputDynamic,
     form: "u becomes sample_hold(u, T, phase)",
     symbols: &["u"],
-    parameters: "T: period, s, phase: time of the first sampling after the first sample of a run, s",
+    parameters: "T: period, s, phase: a time at which it takes a command, s",
     signature: "the machine follows a smooth command in steps, half a period late on average",
     places: &[Place::Control],
     sense: &[],
@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "Period and phase are found by trial, because what is held changes in jumps when they move; the other parameters are then fitted as always. All runs share the phase, counted from the first sample of each. A period of two samples of the log is the shortest that is tried. Jitter of the period is not modelled.",
+    about: "Period and phase are found by trial, because what is held changes in jumps when they move; the other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. Jitter of the period is not modelled.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

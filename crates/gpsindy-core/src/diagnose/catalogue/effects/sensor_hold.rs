@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Sensor,
     form: "the column reads sample_hold(state, T, phase)",
     symbols: &[],
-    parameters: "T: period of the sensor, s, phase: time of its first sample after the first one of a run, s",
+    parameters: "T: period of the sensor, s, phase: a time at which it samples, s",
     signature: "one column moves in steps of one length in time, half a period late on average",
     places: &[Place::Sensor],
     sense: &[],
@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     write,
     plant,
     told: as_fitted,
-    about: "Period and phase are found by trial, because the values that are shown change in jumps when they move; the other parameters are then fitted as always. All runs share the phase, counted from the first sample of each. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",
+    about: "Period and phase are found by trial, because the values that are shown change in jumps when they move; the other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
