@@ -57,7 +57,8 @@ const PARTS: &[(&str, &[&str])] = &[
     ("hold", &["attribute", "detect"]),
     ("verify", &["curves", "floor", "start"]),
     ("floor", &["start", "verify"]),
-    ("weigh", &["augment", "curves", "localise", "nameless", "stability", "verify"]),
+    ("causes", &["stability"]),
+    ("weigh", &["augment", "causes", "curves", "localise", "nameless", "stability", "verify"]),
 ];
 
 fn layer(module: &str) -> Option<u8> {
