@@ -1,18 +1,23 @@
-"""Reading joint states from MCAP: gpsindy beside the Python packages that define the format, the same fields in one run.
+"""Reading joint states from MCAP: gpsindy beside the packages that define the format, the same fields in one run.
 
     pip install ./crates/gpsindy-py mcap mcap-ros2-support rosbags
-    python benches/read_mcap.py --megabytes 1000
+    python benches/read_mcap.py --megabytes 1000 --compression none lz4 zstd
 
-Writes a log of `sensor_msgs/msg/JointState` (seven joints at 1 kHz, zstd) into a temporary folder, reads the seven positions and the stamps
-by each reader, compares the numbers, and prints seconds, megabytes a second and the largest memory of each reader's process.
+Writes a log of `sensor_msgs/msg/JointState` (seven joints at 1 kHz) into a temporary folder, reads the seven positions and the stamps
+by each reader, compares the numbers, and prints seconds and megabytes a second of each reader.
+
+The C++ library of the format is in no package index. With its headers, `--cpp 'INCLUDE...'` compiles read_mcap.cpp and reads by it, too
+(the options of the compiler, as in `--cpp '-I mcap/cpp/mcap/include'`; it needs lz4 and zstd).
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import pathlib
 import resource
+import shlex
 import struct
 import subprocess
 import sys
@@ -30,7 +35,7 @@ SCHEMA = (
 BEGIN = 1_763_000_000_000_000_000
 
 
-def write(path: pathlib.Path, megabytes: float) -> int:
+def write(path: pathlib.Path, megabytes: float, compression: str) -> int:
     """Messages of 301 bytes until the packed file is as large as asked for; noise in the values, so that they do not pack well."""
     from mcap.writer import CompressionType, Writer
 
@@ -43,7 +48,7 @@ def write(path: pathlib.Path, megabytes: float) -> int:
     draw = np.random.default_rng(1)
     count = 0
     with path.open("wb") as stream:
-        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.ZSTD)
+        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType[compression.upper()])
         writer.start("ros2", "benches/read_mcap.py")
         schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", SCHEMA.encode())
         channel = writer.register_channel("/joint_states", "cdr", schema)
@@ -104,33 +109,69 @@ def child(name: str, path: str) -> None:
     begin = time.perf_counter()
     rows = READERS[name](path)
     seconds = time.perf_counter() - begin
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps({"seconds": seconds, "memory": memory, "rows": len(rows), "sum": float(rows.sum()), "last": rows[-1].tolist()}))
+    digest = hashlib.sha256(np.ascontiguousarray(rows).tobytes()).hexdigest()
+    print(json.dumps({"seconds": seconds, "rows": len(rows), "digest": digest}))
+
+
+def by_cpp(program: pathlib.Path, path: pathlib.Path) -> dict:
+    rows = path.with_suffix(".rows")
+    done = subprocess.run([program, path, str(len(JOINTS)), rows], check=True, stdout=subprocess.PIPE)
+    with rows.open("rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    count = rows.stat().st_size // (8 * (1 + len(JOINTS)))
+    rows.unlink()
+    return {"seconds": float(done.stdout), "rows": count, "digest": digest}
+
+
+def by_python(name: str, path: pathlib.Path) -> dict:
+    """A process of its own, so that each has a memory of its own; the file is in the system's cache for all."""
+    done = subprocess.run([sys.executable, __file__, "--child", name, path], check=True, stdout=subprocess.PIPE)
+    return json.loads(done.stdout)
+
+
+def compare(path: pathlib.Path, readers: list[str], program: pathlib.Path | None) -> bool:
+    """Prints a line a reader; whether gpsindy needs at most twice the time of each."""
+    size = path.stat().st_size / 1e6
+    answers = {}
+    for name in readers:
+        answers[name] = by_python(name, path)
+    if program:
+        answers["C++"] = by_cpp(program, path)
+    for name, answer in answers.items():
+        print(f"{name:10} {answer['seconds']:8.2f} s {size / answer['seconds']:8.1f} MB/s", flush=True)
+    same = {(a["rows"], a["digest"]) for a in answers.values()}
+    print("the numbers are the same" if len(same) == 1 else f"the numbers differ: {same}", flush=True)
+    own = answers.get("gpsindy", {"seconds": 0.0})["seconds"]
+    return len(same) == 1 and all(own <= 2 * answer["seconds"] for answer in answers.values())
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--megabytes", type=float, default=1000.0, help="size of the log [%(default)s]")
+    options.add_argument("--compression", nargs="+", default=["zstd"], choices=["none", "lz4", "zstd"])
     options.add_argument("--readers", nargs="+", default=list(READERS), choices=list(READERS))
+    options.add_argument("--cpp", metavar="OPTIONS", help="options of the C++ compiler that find the headers of mcap, lz4 and zstd")
     options.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
     found = options.parse_args()
     if found.child:
         child(*found.child)
         return
+    fast = []
     with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder, "joints.mcap")
-        count = write(path, found.megabytes)
-        size = path.stat().st_size / 1e6
-        print(f"{count} messages, {size:.0f} MB")
-        answers = {}
-        for name in found.readers:
-            # A process each, so that each has a memory of its own; the file is in the system's cache for all.
-            done = subprocess.run([sys.executable, __file__, "--child", name, path], check=True, stdout=subprocess.PIPE)
-            answer = answers[name] = json.loads(done.stdout)
-            speed = size / answer["seconds"]
-            print(f"{name:10} {answer['seconds']:8.2f} s {speed:8.1f} MB/s {answer['memory']:8.0f} MB of memory")
-        same = {json.dumps([a["rows"], a["sum"], a["last"]]) for a in answers.values()}
-        print("the numbers are the same" if len(same) == 1 else f"the numbers differ: {same}")
+        program = None
+        if found.cpp is not None:
+            program = pathlib.Path(folder, "read_mcap")
+            source = pathlib.Path(__file__).with_name("read_mcap.cpp")
+            words = ["c++", "-O3", "-std=c++17", str(source), *shlex.split(found.cpp), "-llz4", "-lzstd", "-o", str(program)]
+            subprocess.run(words, check=True)
+        for compression in found.compression:
+            path = pathlib.Path(folder, "joints.mcap")
+            count = write(path, found.megabytes, compression)
+            print(f"{compression}: {count} messages, {path.stat().st_size / 1e6:.0f} MB", flush=True)
+            fast.append(compare(path, found.readers, program))
+            path.unlink()
+    if not all(fast):
+        sys.exit("gpsindy needs more than twice the time of another reader, or reads other numbers")
 
 
 if __name__ == "__main__":

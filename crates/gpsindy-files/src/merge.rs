@@ -43,8 +43,8 @@ pub(crate) fn merge(file: &str, topics: &[Topic], roles: Roles<'_>) -> Result<(V
 
 fn run(file: &str, name: &str, parts: &[&Topic], roles: Roles<'_>, notes: &mut Vec<String>) -> Result<Run> {
     check_overlap(file, parts)?;
-    let time = union(parts);
-    let mut values = Mat::from_fn(time.len(), roles.held.len(), |_, _| f64::NAN);
+    let mut time = union(parts);
+    let mut values = Mat::full(time.len(), roles.held.len(), f64::NAN);
     for part in parts {
         let rows = rows_of(&part.stamps, &time);
         for (column, samples) in &part.columns {
@@ -64,11 +64,11 @@ fn run(file: &str, name: &str, parts: &[&Topic], roles: Roles<'_>, notes: &mut V
         last = (first..time.len()).rev().find(|&i| measured(i)).map_or(time.len(), |i| i + 1);
         late_controls(file, parts, roles, time[first], notes);
     }
-    Ok(Run {
-        name: name.into(),
-        time: time[first..last].to_vec(),
-        values: Mat::from_fn(last - first, roles.held.len(), |i, j| values[(first + i, j)]),
-    })
+    if (first, last) != (0, time.len()) {
+        time = time[first..last].to_vec();
+        values = Mat::from_fn(last - first, roles.held.len(), |i, j| values[(first + i, j)]);
+    }
+    Ok(Run { name: name.into(), time, values })
 }
 
 /// The stamps of all topics in order, each once.

@@ -2,6 +2,7 @@
 
 pub(crate) mod cdr;
 pub(crate) mod json;
+mod layout;
 pub(crate) mod path;
 pub(crate) mod schema;
 pub(crate) mod want;

@@ -63,7 +63,7 @@ impl ParquetLog {
                 places.push(Place { leaf: leaf.clone(), element });
             }
         }
-        names(file, &mut headers, options)?;
+        names(file, &mut headers, &places, options)?;
         let find = |column: &str| headers.iter().position(|h| h.answers_to(column));
         let lacks = |kind: &str, column: &str| {
             let found = hint(column, headers.iter().map(|h| h.name.as_str()));
@@ -355,7 +355,7 @@ fn columns(leaf: &Leaf, width: usize, names: Option<&Vec<String>>) -> Vec<(Heade
 }
 
 /// Renames and maps the columns of a table; each name once.
-fn names(file: &str, headers: &mut [Header], options: &LogOptions) -> Result<()> {
+fn names(file: &str, headers: &mut [Header], places: &[Place], options: &LogOptions) -> Result<()> {
     let known: Vec<String> = headers.iter().map(|h| h.text.clone()).collect();
     let renames = options.rename.iter().map(|(old, new)| (old, new, false));
     let maps = options.map.iter().map(|(new, old)| (old, new, true));
@@ -363,6 +363,11 @@ fn names(file: &str, headers: &mut [Header], options: &LogOptions) -> Result<()>
         let at =
             headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));
         // An element may be named by its number where it has a name, too.
+        let at = at.or_else(|| {
+            let (list, number) = old.trim().strip_suffix(']')?.rsplit_once('[')?;
+            let element = number.parse().ok()?;
+            places.iter().position(|p| p.leaf.name == list && p.element == Some(element))
+        });
         match at {
             Some(at) => headers[at].name.clone_from(new),
             None if mapped && headers.iter().any(|h| h.name == *new) => {}

@@ -82,6 +82,9 @@ fn order(file: &str, one: &mut Series, clock_option: &str, notes: &mut Vec<Strin
             "{file}: topic `{topic}`: {late} messages came out of order; they were sorted by their stamps"
         ));
     }
+    if one.stamps.len() > 1 && one.stamps.windows(2).all(|pair| pair[0] < pair[1]) {
+        return Ok(());
+    }
     let mut rows: Vec<usize> = (0..one.stamps.len()).collect();
     rows.sort_by_key(|&i| one.stamps[i]);
     let all = rows.len();
@@ -99,11 +102,9 @@ fn order(file: &str, one: &mut Series, clock_option: &str, notes: &mut Vec<Strin
             format!("topic `{topic}` has {count} samples with different stamps; a run needs at least 2"),
         ));
     }
-    if late > 0 || rows.len() < all {
-        one.stamps = rows.iter().map(|&i| one.stamps[i]).collect();
-        for (_, values) in &mut one.columns {
-            *values = rows.iter().map(|&i| values[i]).collect();
-        }
+    one.stamps = rows.iter().map(|&i| one.stamps[i]).collect();
+    for (_, values) in &mut one.columns {
+        *values = rows.iter().map(|&i| values[i]).collect();
     }
     Ok(())
 }

@@ -5,7 +5,8 @@
 
 use super::container::Channel;
 use crate::input::Input;
-use mcap::records::{Record, op};
+use mcap::records::{MessageHeader, Record, op};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{Read, Seek, SeekFrom};
 
@@ -20,17 +21,37 @@ const MAGIC: usize = 8;
 /// A record that is not whole.
 pub(super) fn parse(opcode: u8, data: &[u8]) -> mcap::McapResult<Option<Record<'_>>> {
     let whole = match opcode {
+        // Nearly all records are messages, and their heads are of one size.
+        op::MESSAGE => {
+            let (header, data) = message(data).ok_or(mcap::McapError::UnexpectedEof)?;
+            return Ok(Some(Record::Message { header, data: Cow::Borrowed(data) }));
+        }
         // Number; name, encoding, data.
         op::SCHEMA => texts(data, 2, 3),
         // Number and that of the schema; topic, encoding, notes.
         op::CHANNEL => texts(data, 4, 2).and_then(|rest| pairs(&data[rest..])),
-        op::MESSAGE | op::DATA_END | op::FOOTER => Some(0),
+        op::DATA_END | op::FOOTER => Some(0),
         _ => return Ok(None),
     };
     match whole {
         Some(_) => mcap::parse_record(opcode, data).map(Some),
         None => Err(mcap::McapError::UnexpectedEof),
     }
+}
+
+/// The head of a message, and what stands behind it.
+fn message(data: &[u8]) -> Option<(MessageHeader, &[u8])> {
+    let (channel, rest) = data.split_first_chunk()?;
+    let (sequence, rest) = rest.split_first_chunk()?;
+    let (log, rest) = rest.split_first_chunk()?;
+    let (publish, rest) = rest.split_first_chunk()?;
+    let header = MessageHeader {
+        channel_id: u16::from_le_bytes(*channel),
+        sequence: u32::from_le_bytes(*sequence),
+        log_time: u64::from_le_bytes(*log),
+        publish_time: u64::from_le_bytes(*publish),
+    };
+    Some((header, rest))
 }
 
 /// Where a text that begins at `at` with its length ends, if it is there.

@@ -2,9 +2,11 @@
 //!
 //! Source: OMG, DDS-XTypes 1.3, section 7.4 (PLAIN_CDR and PLAIN_CDR2).
 
+use crate::message::layout::Marks;
 use crate::message::path::Step;
 use crate::message::schema::{Kind, Many, Schema};
 use crate::message::want::{Item, LISTS, Node, Slot, Wants};
+use std::cell::RefCell;
 
 /// Elements of an array of numbers that are shown one by one.
 const SHOWN: usize = 32;
@@ -15,6 +17,9 @@ const SHOWN_MESSAGES: usize = 8;
 /// Fields of a message that are shown at all.
 const MOST_LEAVES: usize = 2_000;
 
+/// Bytes before the body, which say how it is written.
+const HEAD: usize = 4;
+
 type Broken = String;
 
 /// Takes what is wanted from a message; outputs that it does not carry become NaN.
@@ -23,8 +28,16 @@ type Broken = String;
 /// What is wrong with the bytes.
 pub(crate) fn take(schema: &Schema, wants: &mut Wants, bytes: &[u8], outputs: &mut [f64]) -> Result<(), Broken> {
     outputs.fill(f64::NAN);
-    let mut reader = Reader::new(bytes)?;
-    reader.message(schema, 0, Some(&wants.root), &mut wants.slots, outputs)
+    if wants.layout.take(bytes, outputs) {
+        return Ok(());
+    }
+    let marks = RefCell::new(Marks::default());
+    let mut reader = Reader { marks: wants.layout.worthwhile().then_some(&marks), ..Reader::new(bytes)? };
+    reader.message(schema, 0, Some(&wants.root), &mut wants.slots, outputs)?;
+    if reader.marks.is_some() {
+        wants.layout.learn(bytes, reader.big, marks.into_inner());
+    }
+    Ok(())
 }
 
 /// A field of a message, or an element of one.
@@ -53,11 +66,13 @@ struct Reader<'a> {
     big: bool,
     /// The largest alignment: 8, in the second version 4.
     most: usize,
+    /// Takes down what decides the shape of the message, and where its numbers stand.
+    marks: Option<&'a RefCell<Marks>>,
 }
 
 impl<'a> Reader<'a> {
     fn new(bytes: &'a [u8]) -> Result<Self, Broken> {
-        let Some((head, body)) = bytes.split_at_checked(4) else {
+        let Some((head, body)) = bytes.split_at_checked(HEAD) else {
             return Err(format!("{} bytes, fewer than the head of a CDR message has", bytes.len()));
         };
         let (big, most) = match head[1] {
@@ -67,7 +82,7 @@ impl<'a> Reader<'a> {
             7 => (false, 4),
             other => return Err(format!("encapsulation {other} of CDR is not read, only plain CDR")),
         };
-        Ok(Self { body, at: 0, big, most })
+        Ok(Self { body, at: 0, big, most, marks: None })
     }
 
     /// The next `count` values of `size` bytes.
@@ -87,6 +102,7 @@ impl<'a> Reader<'a> {
 
     fn count(&mut self) -> Result<usize, Broken> {
         let bytes = self.block(4, 1)?;
+        self.mark(self.at - 4);
         let four = [bytes[0], bytes[1], bytes[2], bytes[3]];
         let count = if self.big { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) } as usize;
         // Every element takes a byte at least: a count beyond that is broken, and nothing is allocated for it.
@@ -94,6 +110,13 @@ impl<'a> Reader<'a> {
             return Err(format!("a count of {count} where {} bytes are left", self.body.len() - self.at));
         }
         Ok(count)
+    }
+
+    /// Takes down that what stands between a place and the present one decides the shape of the message.
+    fn mark(&self, begin: usize) {
+        if let Some(marks) = self.marks {
+            marks.borrow_mut().shape.push(begin + HEAD..self.at + HEAD);
+        }
     }
 
     fn text(&mut self) -> Result<&'a [u8], Broken> {
@@ -128,11 +151,13 @@ impl<'a> Reader<'a> {
             _ => (&[][..], &[][..]),
         };
         for (list, filled) in lists {
-            let mut ahead = *self;
+            let mut ahead = Self { marks: None, ..*self };
             for field in &fields[..*list] {
                 ahead.field(schema, field.kind, field.many, None, slots, outputs)?;
             }
+            let begin = ahead.at;
             ahead.names(fields[*list].many, filled, slots)?;
+            Self { marks: self.marks, ..ahead }.mark(begin);
         }
         let mut wanted = wanted.iter().peekable();
         for (i, field) in fields.iter().enumerate() {
@@ -209,6 +234,11 @@ impl<'a> Reader<'a> {
         let value = number(kind, bytes, self.big);
         for &place in places {
             outputs[place] = value;
+        }
+        if let Some(marks) = self.marks {
+            // The block ends at the present place.
+            let begin = self.at - block.len() + index * size + HEAD;
+            marks.borrow_mut().numbers.extend(places.iter().map(|&place| (begin, kind, place)));
         }
     }
 
@@ -304,6 +334,10 @@ fn index_of(item: Item, slots: &[Slot]) -> Option<usize> {
 
 /// A number of `kind` in its bytes.
 pub(crate) fn number(kind: Kind, bytes: &[u8], big: bool) -> f64 {
+    // Most numbers of robots' logs.
+    if let (Kind::F64, false, Ok(eight)) = (kind, big, bytes.try_into()) {
+        return f64::from_le_bytes(eight);
+    }
     let mut eight = [0_u8; 8];
     for (i, slot) in eight.iter_mut().take(bytes.len()).enumerate() {
         *slot = if big { bytes[bytes.len() - 1 - i] } else { bytes[i] };

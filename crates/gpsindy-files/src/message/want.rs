@@ -1,5 +1,6 @@
 //! What a task takes from a message: the paths to its numbers, checked against the schema and joined into one tree.
 
+use crate::message::layout::Layout;
 use crate::message::path::{Step, shown};
 use crate::message::schema::{Field, Kind, Many, Schema};
 use crate::near::hint;
@@ -15,6 +16,8 @@ pub(crate) struct Wants {
     pub(crate) slots: Vec<Slot>,
     /// Number of outputs.
     pub(crate) count: usize,
+    /// Where they stood in the last message.
+    pub(crate) layout: Layout,
 }
 
 /// A place in a message on the way to what is wanted.
@@ -52,7 +55,7 @@ impl Wants {
     /// # Errors
     /// A path that the schema does not have, for the user.
     pub(crate) fn of(schema: &Schema, paths: &[Vec<Step>]) -> Result<Self, String> {
-        let mut wants = Self { root: Node::fields(), slots: Vec::new(), count: paths.len() };
+        let mut wants = Self { root: Node::fields(), slots: Vec::new(), count: paths.len(), layout: Layout::default() };
         for (output, path) in paths.iter().enumerate() {
             let route = route(schema, path)?;
             wants.insert(&route, output);
