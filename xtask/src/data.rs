@@ -179,8 +179,8 @@ fn pendulum() -> String {
     text
 }
 
-/// Forty seconds of the same pendulum as a robot records it: joint states at 50 Hz, a command in every second cycle of the
-/// controller, stamped like the state that it answers. Cycles jitter by up to 2 ms.
+/// Forty seconds of the same pendulum as a robot records it: commands at 25 Hz and joint states at 50 Hz, each by a cycle of its
+/// own with jitter of up to 2 ms, so that no command has the stamp of a state. A torque acts from its stamp on.
 fn pendulum_bag() -> Result<Vec<u8>, String> {
     const BEGIN: i64 = 1_767_600_000_000_000_000;
     const TICKS: i64 = 40_000;
@@ -190,24 +190,27 @@ fn pendulum_bag() -> Result<Vec<u8>, String> {
     let mut pendulum = Pendulum { phi: 1.2 * normal.draw(), omega: 0.0 };
     let (mut torque, mut hold) = (0.0, 0);
     let mut jitter = Normal::new(5);
-    let mut next = |period: i64, count: i64| period * count + (3.0 * jitter.uniform()) as i64;
-    let mut cycle = (0, 0);
+    let mut late = || (3.0 * jitter.uniform()) as i64;
+    // The first command is there before the first state.
+    let (mut command, mut state, mut cycle) = (0, 13, 0);
     for tick in 0..TICKS {
         let now = BEGIN + tick * 1_000_000;
-        if tick == cycle.0 {
+        // Both reach the recorder a little later.
+        if tick == command {
+            if hold == 0 {
+                torque = (100.0 * 1.5 * normal.draw()).round() / 100.0;
+                hold = 3 + (15.0 * normal.uniform()) as usize;
+            }
+            hold -= 1;
+            bag.write(commands, now, now + 500_000, [None, None, Some(torque)])?;
+            cycle += 1;
+            command = 40 * cycle + late();
+        }
+        if tick == state {
             let angle = (1e4 * (pendulum.phi + 0.003 * normal.draw())).round() / 1e4;
             let rate = (1e4 * (pendulum.omega + 0.02 * normal.draw())).round() / 1e4;
-            // Both reach the recorder a little later.
             bag.write(states, now, now + 400_000, [Some(angle), Some(rate), None])?;
-            if cycle.1 % 2 == 0 {
-                if hold == 0 {
-                    torque = (100.0 * 1.5 * normal.draw()).round() / 100.0;
-                    hold = 3 + (15.0 * normal.uniform()) as usize;
-                }
-                hold -= 1;
-                bag.write(commands, now, now + 500_000, [None, None, Some(torque)])?;
-            }
-            cycle = (next(20, cycle.1 + 1), cycle.1 + 1);
+            state = 20 * ((state + 20) / 20) + 13 + late();
         }
         pendulum.advance(torque, 1e-4, 10);
     }

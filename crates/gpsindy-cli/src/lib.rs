@@ -6,6 +6,7 @@ mod commands;
 mod engine;
 mod failure;
 mod screen;
+mod stop;
 mod text;
 
 pub use engine::{Corrected, Engine, Engines, FileKind, NoEngines};
@@ -21,8 +22,8 @@ use std::ffi::OsString;
 /// Runs one command line, the program's name first, and gives its exit status: 0 done, 1 the work failed, 2 bad input or
 /// usage, 3 a verdict that was asked to fail.
 ///
-/// Prints results to stdout and the rest to stderr, and sets the number of threads of the whole process where the line says
-/// one. `engines` opens simulators that are no equations; [`NoEngines`] has none.
+/// Prints results to stdout and the rest to stderr, listens to Ctrl-C, and sets the number of threads of the whole process where
+/// the line says one. `engines` opens simulators that are no equations; [`NoEngines`] has none.
 ///
 /// ```no_run
 /// let status = gpsindy_cli::run(std::env::args_os(), &gpsindy_cli::NoEngines);
@@ -36,6 +37,9 @@ pub fn run(line: impl IntoIterator<Item = OsString>, engines: &dyn Engines) -> u
     };
     let screen = Screen::new(&arguments.global);
     let session = Session { screen, engines, line: &line, seed: arguments.global.seed };
+    if !commands::ends_by_itself(&arguments.command) {
+        stop::listen(screen);
+    }
     match commands::run(&arguments, &session) {
         // Whoever read the output has seen enough.
         Ok(()) | Err(Failure::ClosedPipe) => 0,

@@ -76,6 +76,14 @@ impl Screen {
         self.line(&format!("{} {text}", self.painted("1;31", "error:", std::io::stderr().is_terminal())));
     }
 
+    /// The last word before the process ends in the middle of its work: in place of a progress bar, which may stand there.
+    pub(crate) fn interrupted(&self, text: &str) {
+        if std::io::stderr().is_terminal() {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+        self.error(text);
+    }
+
     /// A progress bar on stderr, hidden with `--quiet` and where stderr is no terminal.
     pub(crate) fn progress(&self) -> Bar {
         let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };

@@ -4,6 +4,10 @@ use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// Held while a file is written.
+static WRITING: Mutex<()> = Mutex::new(());
 
 /// Writes a file by way of a temporary one beside it, which is then renamed.
 ///
@@ -18,6 +22,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     hidden.push(name);
     hidden.push(format!(".{}.part", std::process::id()));
     let part = path.with_file_name(hidden);
+    let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let written = std::fs::File::create(&part)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&part, path));
@@ -25,6 +30,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         let _ = std::fs::remove_file(&part);
         failed(source)
     })
+}
+
+/// Waits for a file that [`write_whole`] is writing, and lets none begin: for a process that is about to end.
+pub fn finish_writing() {
+    std::mem::forget(WRITING.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
 #[cfg(test)]

@@ -60,6 +60,13 @@ enum Action {
     Watch(watch::Watch),
 }
 
+impl Fleet {
+    /// Whether it waits for logs that keep coming.
+    pub(super) fn watches(&self) -> bool {
+        matches!(self.action, Some(Action::Watch(_)))
+    }
+}
+
 pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
     if let Some(Action::Watch(watch)) = &command.action {
         return watch::run(watch, screen);

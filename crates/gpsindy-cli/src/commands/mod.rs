@@ -62,6 +62,16 @@ pub(crate) fn run(arguments: &Arguments, session: &Session<'_>) -> Outcome {
     }
 }
 
+/// Whether Ctrl-C is a command's usual end, which it sees to itself: what follows a growing log, and what serves another program.
+pub(crate) fn ends_by_itself(command: &Command) -> bool {
+    match command {
+        Command::Identify(command) => command.follow.follow,
+        Command::Fleet(command) => command.watches(),
+        Command::Mcp(_) => true,
+        _ => false,
+    }
+}
+
 /// The columns that an option names, once or several times, each time one or several separated by commas.
 ///
 /// A whole header may hold commas itself, so that is looked for first.

@@ -1,5 +1,6 @@
 //! The leaves of a Parquet schema, and their values as numbers or text.
 
+use super::guard::guarded;
 use crate::error::{Error, Result};
 use crate::input::Input;
 use bytes::Bytes;
@@ -65,8 +66,11 @@ impl Table {
     pub(crate) fn open(input: &Input) -> Result<Self> {
         let failed = |e: ParquetError| broken(&input.file, &e);
         let reader: Box<dyn FileReader> = match input.as_file()? {
-            Some(file) => Box::new(SerializedFileReader::new(file).map_err(failed)?),
-            None => Box::new(SerializedFileReader::new(Bytes::from(input.bytes()?)).map_err(failed)?),
+            Some(file) => Box::new(guarded(|| SerializedFileReader::new(file)).map_err(failed)?),
+            None => {
+                let bytes = Bytes::from(input.bytes()?);
+                Box::new(guarded(|| SerializedFileReader::new(bytes)).map_err(failed)?)
+            }
         };
         check(reader.as_ref(), input.len()?).map_err(|cause| broken(&input.file, &ParquetError::General(cause)))?;
         Ok(Self { file: input.file.clone(), reader })
@@ -119,7 +123,15 @@ impl Table {
 
     /// Hands over the values of a leaf in order, of the first `groups` groups of rows.
     fn each(&self, leaf: &Leaf, groups: usize, take: &mut dyn FnMut(Value<'_>)) -> Result<()> {
-        let failed = |e: ParquetError| broken(&self.file, &e);
+        guarded(|| self.decode(leaf, groups, take)).map_err(|e| broken(&self.file, &e))
+    }
+
+    fn decode(
+        &self,
+        leaf: &Leaf,
+        groups: usize,
+        take: &mut dyn FnMut(Value<'_>),
+    ) -> std::result::Result<(), ParquetError> {
         let column = self.reader.metadata().file_metadata().schema_descr().column(leaf.index);
         let shape = Shape {
             most_defined: column.max_def_level(),
@@ -127,9 +139,9 @@ impl Table {
             optional: column.self_type().is_optional(),
         };
         for group in 0..self.reader.num_row_groups().min(groups) {
-            let group = self.reader.get_row_group(group).map_err(failed)?;
+            let group = self.reader.get_row_group(group)?;
             let unsigned = leaf.unsigned;
-            match group.get_column_reader(leaf.index).map_err(failed)? {
+            match group.get_column_reader(leaf.index)? {
                 ColumnReader::BoolColumnReader(r) => {
                     read(r, shape, take, &mut |v, first| Value::Integer { value: i64::from(*v), first, unsigned })
                 }
@@ -150,8 +162,7 @@ impl Table {
                     read(r, shape, take, &mut |v: &ByteArray, _| Value::Text(if v.is_empty() { &[] } else { v.data() }))
                 }
                 _ => Err(ParquetError::General(format!("column {} is no number", leaf.name))),
-            }
-            .map_err(failed)?;
+            }?;
         }
         Ok(())
     }
