@@ -184,12 +184,12 @@ fn pendulum() -> String {
 fn pendulum_bag() -> Result<Vec<u8>, String> {
     const BEGIN: i64 = 1_767_600_000_000_000_000;
     const TICKS: i64 = 40_000;
-    let mut normal = Normal::new(4);
+    let mut normal = Normal::new(10);
     let mut bag = bag::Bag::new()?;
     let (states, commands) = (bag.channel("/joint_states")?, bag.channel("/joint_commands")?);
     let mut pendulum = Pendulum { phi: 1.2 * normal.draw(), omega: 0.0 };
     let (mut torque, mut hold) = (0.0, 0);
-    let mut jitter = Normal::new(5);
+    let mut jitter = Normal::new(11);
     let mut late = || (3.0 * jitter.uniform()) as i64;
     // The first command is there before the first state.
     let (mut command, mut state, mut cycle) = (0, 13, 0);
