@@ -18,6 +18,9 @@ pub(crate) struct Input {
 enum Place {
     Path(PathBuf),
     Memory(Arc<[u8]>),
+    /// Bytes that come in pieces of random sizes, as from a pipe or over a network.
+    #[cfg(test)]
+    Pieces(Arc<[u8]>, u64),
 }
 
 /// Bytes that can be read at any place.
@@ -48,6 +51,8 @@ impl Input {
         match &self.place {
             Place::Path(path) => Ok(Box::new(File::open(path).map_err(|e| self.failed(e))?)),
             Place::Memory(bytes) => Ok(Box::new(Cursor::new(Arc::clone(bytes)))),
+            #[cfg(test)]
+            Place::Pieces(bytes, seed) => Ok(Box::new(tests::Pieces::new(bytes, *seed))),
         }
     }
 
@@ -56,7 +61,7 @@ impl Input {
     pub(crate) fn as_file(&self) -> Result<Option<File>> {
         match &self.place {
             Place::Path(path) => Ok(Some(File::open(path).map_err(|e| self.failed(e))?)),
-            Place::Memory(_) => Ok(None),
+            _ => Ok(None),
         }
     }
 
@@ -65,6 +70,8 @@ impl Input {
         match &self.place {
             Place::Path(path) => std::fs::read(path).map_err(|e| self.failed(e)),
             Place::Memory(bytes) => Ok(bytes.to_vec()),
+            #[cfg(test)]
+            Place::Pieces(bytes, _) => Ok(bytes.to_vec()),
         }
     }
 
@@ -73,6 +80,8 @@ impl Input {
         match &self.place {
             Place::Path(path) => Ok(std::fs::metadata(path).map_err(|e| self.failed(e))?.len()),
             Place::Memory(bytes) => Ok(bytes.len() as u64),
+            #[cfg(test)]
+            Place::Pieces(bytes, _) => Ok(bytes.len() as u64),
         }
     }
 
@@ -121,3 +130,6 @@ const REFUSED: &[(&[u8], &str)] = &[
     (b"\x28\xb5\x2f\xfd", "packed with zstd; unpack it first"),
     (b"ARROW1", "an Arrow or Feather file; save it as Parquet, or hand in the frame in Python"),
 ];
+
+#[cfg(test)]
+mod tests;

@@ -103,7 +103,7 @@ impl Log {
         Self::open(Input::of_path(path), options)
     }
 
-    fn open(input: Input, options: &LogOptions) -> Result<Self> {
+    pub(crate) fn open(input: Input, options: &LogOptions) -> Result<Self> {
         let file = input.file.clone();
         let source: Arc<dyn Source> = match input.kind()? {
             Kind::Csv => Arc::new(CsvLog::open(input, options, true)?),

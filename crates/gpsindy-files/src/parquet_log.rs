@@ -13,6 +13,7 @@ use gpsindy_core::Progress;
 use std::collections::HashMap;
 
 mod episodes;
+mod footer;
 mod guard;
 mod leaf;
 pub(crate) mod lerobot;

@@ -75,6 +75,64 @@ fn each_fault_is_named() {
 }
 
 #[test]
+fn what_only_looks_like_a_fault_is_left_alone() {
+    let x: (&str, &dyn Fn(usize) -> f64) = ("x", &smooth);
+    let none = [""; 0];
+    let one = |name: &str, value: &dyn Fn(usize) -> f64| {
+        let found = table(&format!("no-{name}.csv"), even, &[("y", value)]);
+        kinds(&found).join(" ")
+    };
+    // A switch, an angle that turns on and on, one that swings widely, a fine resolution, a few repeats by chance.
+    assert_eq!(one("constant", &|i| f64::from(u8::from(i > 200)) + smooth(i)), "");
+    assert_eq!(one("turns", &|i| i as f64 * 0.05 + 1e-3 * noise(i)), "");
+    assert_eq!(one("swings", &|i| 3.1 * (i as f64 * 0.05).sin() + 1e-3 * noise(i)), "");
+    assert_eq!(one("fine", &|i| ((i as f64 * 0.05).sin() * 1e4).round() * 1e-4), "");
+    assert_eq!(one("repeats", &|i| smooth(i - usize::from(i % 10 == 9))), "");
+    // Jitter of 2 %, one lost sample, whole numbers that float32 holds as well, an epoch.
+    assert_eq!(kinds(&table("no-jitter.csv", |i| even(i) + 4e-4 * noise(i), &[x])), none);
+    assert_eq!(kinds(&table("no-gap.csv", |i| even(i + usize::from(i > 200)), &[x])), none);
+    assert_eq!(kinds(&table("no-single.csv", |i| i as f64 * 0.25, &[x])), none);
+    assert_eq!(kinds(&table("no-epoch.csv", |i| 1_763_000_000.0 + even(i), &[x])), none);
+    // A speed by a sensor of its own.
+    let speed = |i: usize| 1.3 * (i as f64 * 0.013).cos() + 0.01 * noise(i + 1000);
+    assert_eq!(kinds(&table("no-difference.csv", even, &[x, ("v", &speed)])), none);
+}
+
+#[test]
+fn the_difference_through_a_filter_is_found_in_a_log() {
+    let mut low = vec![0.0; 400];
+    for i in 1..400 {
+        low[i] = 0.7 * low[i - 1] + 0.3 * (smooth(i) - smooth(i - 1)) / 0.01;
+    }
+    let found = table("low.csv", even, &[("x", &smooth), ("v", &|i| low[i])]);
+    assert_eq!(kinds(&found), ["difference"]);
+    assert!(found.findings[0].text.contains("difference of `x` through a low pass of 2.8 samples"), "{found:?}");
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn clocks_that_meet_and_keep_step_are_left_alone_and_others_told() {
+    use crate::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
+    // Stamps of two topics, ns, recorded late by a scatter that does not grow.
+    let found = |name: &str, shift: i64| {
+        let mut bag = Bag::new(None);
+        for topic in ["/left", "/right"] {
+            let joints = bag.channel(topic, "sensor_msgs/msg/JointState", JOINT_STATE);
+            for i in 0..400_i64 {
+                let t = 1_763_000_000_000_000_000 + i * 10_000_000 + if topic == "/right" { shift } else { 0 };
+                let late = 2_000_000 + i * 7919 % 500 * 1_000;
+                bag.write(joints, t + late, &joint_state(t, &["a"], &[smooth(i as usize + topic.len())]));
+            }
+        }
+        inspected(name, &bag.done())
+    };
+    assert_eq!(kinds(&found("meet.mcap", 3_000_000)), [""; 0]);
+    let apart = found("apart.mcap", 60_000_000_000);
+    assert_eq!(kinds(&apart), ["clock_drift"]);
+    assert!(apart.findings[0].text.contains("do not overlap with those of"), "{apart:?}");
+}
+
+#[test]
 fn levels_are_measured() {
     let found = table("levels.csv", even, &[("y", &|i| ((i as f64 * 0.05).sin() * 300.0).round() * 0.088)]);
     let step = found.topics[0].columns[0].step.unwrap();

@@ -137,7 +137,7 @@ impl Bag {
 const BEGIN: i64 = 1_763_000_000_500_000_000;
 
 /// 100 Hz of joints whose message reached the recorder 3 ms late, 50 Hz of commands.
-fn robot(compression: Option<Compression>) -> Vec<u8> {
+pub(crate) fn robot(compression: Option<Compression>) -> Vec<u8> {
     let mut bag = Bag::new(compression);
     let joints = bag.channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
     let command = bag.channel("/command", "std_msgs/msg/Float64MultiArray", ARRAY);

@@ -96,10 +96,6 @@ fn fuzz(format: &Format, rounds: usize) {
             assert!(catch_unwind(work).is_ok(), "{name}, round {round}: a panic; the log is {}", path.display());
         });
         found.slowest = found.slowest.max(begin.elapsed().as_secs_f64());
-        if begin.elapsed().as_secs_f64() > 0.2 {
-            std::fs::create_dir_all("/tmp/s4/slow").unwrap();
-            let _ = std::fs::copy(&path, format!("/tmp/s4/slow/{name}-{round}-{:.1}", begin.elapsed().as_secs_f64()));
-        }
         let allowed = TIMES * length + ALWAYS;
         assert!(held <= allowed, "{name}, round {round}: {held} bytes for {length}; the log is {}", path.display());
         assert!(!unbroken || (read && inspected), "{name}: the whole log is not read; it is {}", path.display());
