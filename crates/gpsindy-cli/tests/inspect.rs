@@ -61,3 +61,29 @@ fn maps_serve_tables_too() {
     folder.write("bad.toml", "[maps]\n");
     assert!(folder.run("smooth log.csv --map-file bad.toml").refused().starts_with("bad.toml:1: unknown field `maps`"));
 }
+
+#[test]
+fn options_that_a_log_cannot_follow_are_refused() {
+    let folder = Folder::new();
+    folder.write("log.csv", "t,speed\n0,1\n0.1,2\n0.2,3\n");
+    let refused = folder.run("smooth log.csv --offset /command=0.1");
+    assert!(refused.refused().contains("--offset /command: the log is a table, with one clock"), "{refused:?}");
+    let refused = folder.run("smooth log.csv --map v=speed --map v=t");
+    assert!(refused.refused().contains("`v` is mapped twice"), "{refused:?}");
+    let whole = std::fs::read(common::data("pendulum.mcap")).unwrap();
+    std::fs::write(folder.path().join("log.mcap"), &whole).unwrap();
+    std::fs::write(folder.path().join("cut.mcap"), &whole[..2000]).unwrap();
+    let map = "--map q=/joint_states.position[hinge] --state q";
+    let refused = folder.run(&format!("smooth log.mcap {map} --time stamp"));
+    assert!(refused.refused().contains("--time stamp: the log has topics, each with its own stamps"), "{refused:?}");
+    let refused = folder.run(&format!("smooth log.mcap {map} --run trial"));
+    assert!(refused.refused().contains("--run trial: the log has topics and is one run"), "{refused:?}");
+    // Its only chunk is cut, so that nothing of it can be read.
+    let refused = folder.run(&format!("smooth cut.mcap {map}"));
+    assert!(refused.refused().starts_with("cut.mcap: the file breaks off behind 0 messages"), "{refused:?}");
+    std::fs::create_dir_all(folder.path().join("set/meta")).unwrap();
+    folder.write("set/meta/info.json", "{}");
+    assert!(
+        folder.run("inspect set").refused().contains("no .parquet file is there; was the data set downloaded whole?")
+    );
+}

@@ -31,6 +31,22 @@ pub struct LogOptions {
 }
 
 impl LogOptions {
+    /// Refuses a map that names a column twice, and an offset for a log that is one table.
+    pub(crate) fn check(&self, file: &str, table: bool) -> Result<()> {
+        for (i, (name, _)) in self.map.iter().enumerate() {
+            if self.map[..i].iter().any(|(other, _)| other == name) {
+                return Err(Error::file(file, format!("--map: `{name}` is mapped twice; map each name once")));
+            }
+        }
+        match self.offset.first() {
+            Some((topic, _)) if table => {
+                let message = format!("--offset {topic}: the log is a table, with one clock for all of its columns");
+                Err(Error::file(file, message))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The unit that the options give a column, empty where they give none.
     pub(crate) fn unit_of(&self, name: &str) -> String {
         self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()

@@ -23,15 +23,25 @@ impl Place {
 /// The columns of a map: their headers and places. `check` says what is wrong with a field of a topic.
 ///
 /// # Errors
-/// No map, a topic that is not there, what `check` says, a name twice.
+/// No map, a topic that is not there, what `check` says, a name twice, options that only a table has.
 pub(crate) fn columns(
     file: &str,
     options: &LogOptions,
     topics: &[&str],
     check: &mut dyn FnMut(&str, &str) -> std::result::Result<(), String>,
 ) -> Result<(Vec<Header>, Vec<Place>)> {
+    options.check(file, false)?;
     if topics.is_empty() {
         return Err(Error::file(file, "the log holds no topic"));
+    }
+    if let Some(column) = &options.time {
+        let message =
+            format!("--time {column}: the log has topics, each with its own stamps; choose these with --stamp");
+        return Err(Error::file(file, message));
+    }
+    if let Some(column) = &options.run {
+        let message = format!("--run {column}: the log has topics and is one run; only a table has a column of runs");
+        return Err(Error::file(file, message));
     }
     let (mut headers, mut places): (Vec<Header>, Vec<Place>) = (Vec::new(), Vec::new());
     for (name, text) in &options.map {
@@ -39,9 +49,6 @@ pub(crate) fn columns(
         let (topic, steps) = path::split(text, topics).map_err(wrong)?;
         let place = Place { topic: topic.into(), steps };
         check(topic, &place.path()).map_err(wrong)?;
-        if headers.iter().any(|h| h.name == *name) {
-            return Err(Error::file(file, format!("--map: `{name}` is mapped twice; map each name once")));
-        }
         headers.push(Header { text: text.clone(), name: name.clone(), unit: options.unit_of(name) });
         places.push(place);
     }

@@ -165,7 +165,8 @@ impl McapLog {
         let topic = &one.topic;
         let wrong = |message: String| Error::file(&self.file, message);
         if one.log.is_empty() {
-            return Err(wrong(format!("topic `{topic}` has no message")));
+            let why = notes.first().map_or(String::new(), |note| format!("; {note}"));
+            return Err(wrong(format!("topic `{topic}` has no message{why}")));
         }
         if one.broken > 0 {
             notes.push(format!(

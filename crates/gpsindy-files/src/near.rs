@@ -9,7 +9,8 @@ const LISTED: usize = 16;
 /// The names that are most like `name`, best first, at most three.
 pub(crate) fn near<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let lower = name.to_lowercase();
-    let last = |text: &str| text.rsplit(['.', '/']).next().unwrap_or_default().to_string();
+    // Of `observation.state[elbow]` the last part is `elbow`.
+    let last = |text: &str| text.trim_end_matches(']').rsplit(['.', '/', '[']).next().unwrap_or_default().to_string();
     let mut liked: Vec<(f64, &str)> = Vec::new();
     for other in known {
         let plain = other.to_lowercase();
@@ -48,6 +49,10 @@ mod tests {
         assert_eq!(near("sholder_pan", known), ["shoulder_pan"]);
         assert_eq!(near("Elbow", known), ["elbow"]);
         assert!(near("torque", known).is_empty());
+        assert_eq!(
+            near("elbo", ["observation.state[wrist]", "observation.state[elbow]"]),
+            ["observation.state[elbow]"]
+        );
         assert_eq!(
             near("/joint_state", ["/joint_states", "/robot/joint_states"]),
             ["/joint_states", "/robot/joint_states"]

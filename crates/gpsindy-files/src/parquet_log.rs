@@ -55,6 +55,7 @@ impl ParquetLog {
     /// # Errors
     /// A broken file, no time column, options that name no column.
     pub(crate) fn open(inputs: Vec<Input>, file: &str, options: &LogOptions, elements: &Elements) -> Result<Self> {
+        options.check(file, true)?;
         let Some(first) = inputs.first() else { return Err(Error::file(file, "holds no table")) };
         let table = Table::open(first)?;
         let (mut headers, mut places) = (Vec::new(), Vec::new());
@@ -221,7 +222,7 @@ impl ParquetLog {
         let whose = if run.is_empty() { String::new() } else { format!("run `{run}`: ") };
         let wrong = |message: String| Err(Error::file(&self.file, format!("{whose}{message}")));
         if rows.len() < 2 {
-            return wrong(format!("{} sample; a run needs at least 2", rows.len()));
+            return wrong(format!("{}; a run needs at least 2", ["no sample", "1 sample"][rows.len()]));
         }
         if let Some(row) = rows.iter().find(|&&row| !times[row].is_finite()) {
             return wrong(format!("row {}, column `{name}`: the time is missing; remove the row", row + 1));

@@ -229,6 +229,35 @@ def test_tables_of_pyarrow_are_read_to_the_last_bit(tmp_path: Path) -> None:
             assert np.array_equal(run.t, np.arange(n) * 0.01)
 
 
+def test_the_files_that_pyarrow_ships_are_read_to_the_last_bit() -> None:
+    import pyarrow
+    import pyarrow.parquet as pq
+
+    files = sorted(Path(pyarrow.__file__).parent.glob("tests/data/parquet/*.parquet"))
+    if not files:
+        pytest.skip("this build of pyarrow ships no files")
+    compared = 0
+    for path in files:
+        table = pq.read_table(path)
+        # They have no column of time: one of increasing numbers takes its place.
+        numeric = [field.name for field in table.schema if str(field.type) in ("int64", "int32", "double", "float", "bool")]
+        values = {name: table[name].to_pandas().to_numpy(dtype=float) for name in numeric}
+        rising = [name for name, column in values.items() if len(column) > 1 and (np.diff(column) > 0).all()]
+        if not rising:
+            with pytest.raises(ValueError, match="no column `t`, `time` or `timestamp`"):
+                gpsindy.read_log(path)
+            found = {column["name"]: column for topic in gpsindy.inspect(path, time=numeric[0]).topics for column in topic["columns"]}
+            for name in numeric[1:]:
+                assert (found[name]["min"], found[name]["max"]) == (values[name].min(), values[name].max()), (path.name, name)
+                compared += 1
+            continue
+        run = gpsindy.read_log(path, time=rising[0])[0]
+        for name in set(numeric) - {rising[0]}:
+            assert all(map(same, values[name], run[name])), (path.name, name)
+            compared += 1
+    assert compared > 0
+
+
 def test_stamps_of_arrow_count_from_the_first(tmp_path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq

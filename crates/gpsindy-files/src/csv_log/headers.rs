@@ -18,6 +18,7 @@ pub(crate) fn separator(header: &str) -> u8 {
 
 /// Headers of the first row, renamed, each name once.
 pub(super) fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<Vec<Header>> {
+    options.check(file, true)?;
     let wrong = |message: String| Error::line(file, first.line, None, message);
     if first.cells.len() == 1 && first.cells[0].contains('|') {
         return Err(wrong("the cells look separated by bars; separate them by commas, semicolons or tabs".into()));

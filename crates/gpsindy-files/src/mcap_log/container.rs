@@ -156,7 +156,11 @@ fn words(error: &mcap::McapError) -> String {
 }
 
 /// The channels of a log: from its summary where it has one, else by reading it.
+///
+/// # Errors
+/// As [`scan`], and a file that breaks off before its first channel.
 pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
+    let mut broken = None;
     let mut channels: Vec<Channel> = Vec::new();
     let mut add = |channel: Channel| {
         if !channels.contains(&channel) {
@@ -168,12 +172,17 @@ pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
             found.into_iter().for_each(&mut add);
             continue;
         }
-        scan(file, std::slice::from_ref(input), &gpsindy_core::Silent, &mut |_, event| {
+        let told = scan(file, std::slice::from_ref(input), &gpsindy_core::Silent, &mut |_, event| {
             if let Event::Channel(_, channel) = event {
                 add(channel);
             }
             Ok(())
         })?;
+        broken = broken.or(told);
     }
-    Ok(channels)
+    match broken {
+        // What is told begins with the name of the file.
+        Some(told) if channels.is_empty() => Err(Error::file(file, told.trim_start_matches(&format!("{file}: ")))),
+        _ => Ok(channels),
+    }
 }

@@ -26,11 +26,13 @@ pub(crate) fn open(folder: &Path, options: &LogOptions) -> Result<ParquetLog> {
     let text = std::fs::read_to_string(&info).map_err(|source| Error::Read { file: told.clone(), source })?;
     let info: Value = serde_json::from_str(&text).map_err(|e| Error::file(&told, format!("not JSON: {e}")))?;
     let mut files = Vec::new();
-    parquet_files(&folder.join("data"), &mut files)?;
+    if folder.join("data").is_dir() {
+        parquet_files(&folder.join("data"), &mut files)?;
+    }
     files.sort();
     if files.is_empty() {
         let place = folder.join("data").display().to_string();
-        return Err(Error::file(&place, "holds no .parquet file; was the data set downloaded whole?"));
+        return Err(Error::file(&place, "no .parquet file is there; was the data set downloaded whole?"));
     }
     let mut elements = Elements::new();
     for (feature, description) in info.get("features").and_then(Value::as_object).into_iter().flatten() {

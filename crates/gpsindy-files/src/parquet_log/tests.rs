@@ -185,6 +185,11 @@ fn a_data_set_of_episodes_is_runs_with_named_elements() {
     assert!(run.name.ends_with(":1"), "{}", run.name);
     assert_eq!(run.column(0)[..3], [101.0, 103.0, 105.0]);
     assert_eq!(run.column(1)[..3], [0.0, -2.0, -4.0]);
+    // By their numbers.
+    let map = vec![("q".to_string(), "observation.state[1]".to_string()), ("u".into(), "action[0]".into())];
+    let numbered = Logs::read(&[&folder], &LogOptions { map, ..LogOptions::default() }).unwrap();
+    let numbered = numbered.dataset(&["q", "u"], &[]).unwrap();
+    assert!((0..2).all(|j| numbered.runs()[1].column(j) == run.column(j)));
     // Not the float32 0.033333335.
     assert_eq!(run.time[..3], [0.0, 1.0 / 30.0, 2.0 / 30.0]);
     assert!(found.notes[0].contains("made again as frame_index / 30 Hz"), "{:?}", found.notes);
