@@ -68,6 +68,9 @@ def spring(rows: int, seed: int) -> np.ndarray:
 
 HEADER = "t,x,v,u,a,b,c,d"
 
+LEARN = ["--state", "x,v", "--control", "u", "--degree", "1", "--kernel", "se"]
+SUSPECTS = ["--effects", "viscous_friction,coulomb_friction,input_gain"]
+
 
 def save(path: pathlib.Path, table: np.ndarray) -> None:
     np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt=["%.2f", "%.6f", "%.6f", "%.4f"] + ["%.6f"] * 4)
@@ -126,10 +129,14 @@ def main() -> None:
             commands.append((f"simulate {log}", [program, "simulate", "model.toml", "--data", log]))
             commands.append((f"score {log}", [program, "score", "model.toml", "--data", log]))
             commands.append((f"smooth {log}", [program, "smooth", log, "--state", "x", "--kernel", "se"]))
+            commands.append((f"identify {log}", [program, "identify", log, *LEARN]))
+            commands.append((f"diagnose {log}", [program, "diagnose", "model.toml", log, *SUSPECTS, "--out", "one"]))
         commands.append(("inspect of many", [program, "inspect", *many]))
         commands.append(("simulate of many", [program, "simulate", "model.toml", "--data", many[0]]))
         commands.append(("score of many", [program, "score", "model.toml", "--data", *many]))
         commands.append(("smooth of one of many", [program, "smooth", many[0], "--state", "x,v", "--kernel", "se"]))
+        commands.append(("identify of many", [program, "identify", *many, *LEARN]))
+        commands.append(("diagnose of many", [program, "diagnose", "model.toml", *many, *SUSPECTS, "--out", "all"]))
         kept = [(name, c) for name, c in commands if not found.only or any(part in name for part in found.only)]
         if max(measured(name, command, folder) for name, command in kept) > MOST:
             sys.exit(f"above {MOST:.0f} MB")

@@ -54,7 +54,7 @@ impl CsvLog {
     /// As [`CsvLog::open`], and a time that does not increase.
     #[cfg(test)]
     pub(crate) fn parse(file: &str, bytes: &[u8], options: &LogOptions) -> Result<Self> {
-        Self::open(Input::of_bytes(file, bytes), options, true)
+        Self::open(Input::of_bytes(file, bytes), options, true, &gpsindy_core::Silent)
     }
 
     /// Goes through a log once for its times and runs. The other columns are read when they are asked for, by another pass:
@@ -63,13 +63,13 @@ impl CsvLog {
     /// # Errors
     /// [`Error::Line`] or [`Error::File`]: not UTF-8, no header, a column twice, no time column, a row of another
     /// length, a time that is no number; where `ordered`, one that does not increase, fewer than 2 samples in a run.
-    pub(crate) fn open(input: Input, options: &LogOptions, ordered: bool) -> Result<Self> {
+    pub(crate) fn open(input: Input, options: &LogOptions, ordered: bool, progress: &dyn Progress) -> Result<Self> {
         let Some((body, first)) = scan::head(&input)? else {
             let message = "the file is empty; expected a header row and then one sample a row";
             return Err(Error::file(&input.file, message));
         };
         let mut log = Self::of_header(&input.file, &first, options)?;
-        log.read_times(&input, body, ordered)?;
+        log.read_times(&input, body, ordered, progress)?;
         log.body = Some((input, body));
         Ok(log)
     }
@@ -269,7 +269,7 @@ impl CsvLog {
     }
 
     /// Times and runs of all rows. Where `ordered`, times must increase within a run.
-    fn read_times(&mut self, input: &Input, body: Body, ordered: bool) -> Result<()> {
+    fn read_times(&mut self, input: &Input, body: Body, ordered: bool, progress: &dyn Progress) -> Result<()> {
         /// The end of a run, as far as it was read.
         struct Tail {
             first: u64,
@@ -280,7 +280,7 @@ impl CsvLog {
         let mut known: HashMap<String, u32> = HashMap::new();
         let mut tails: Vec<Tail> = Vec::new();
         let mut run_names: Vec<String> = Vec::new();
-        scan::rows(input, body, &gpsindy_core::Silent, &mut |row| {
+        scan::rows(input, body, progress, &mut |row| {
             self.check_row(row)?;
             if times.is_empty() {
                 self.start_clock(row);

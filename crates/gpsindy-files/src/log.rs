@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::{Input, Kind};
 use crate::topic::{Reading, Source};
-use gpsindy_core::Progress;
+use gpsindy_core::{Progress, Silent};
 #[cfg(feature = "parquet")]
 use std::collections::HashMap;
 use std::path::Path;
@@ -105,7 +105,7 @@ impl Log {
     /// length, a time that is no number or does not increase, fewer than 2 samples in a run. Others: a format that is
     /// not read, a file that is broken before its first sample, a mapped topic or field that is not there.
     pub fn parse(file: &str, bytes: &[u8], options: &LogOptions) -> Result<Self> {
-        Self::open(Input::of_bytes(file, bytes), options)
+        Self::open(Input::of_bytes(file, bytes), options, &Silent)
     }
 
     /// Opens a file, or the folder of a data set.
@@ -113,17 +113,26 @@ impl Log {
     /// # Errors
     /// [`Error::Read`], and what [`Log::parse`] refuses.
     pub fn read(path: &Path, options: &LogOptions) -> Result<Self> {
-        if path.is_dir() {
-            return Self::of_folder(path, options);
-        }
-        Self::open(Input::of_path(path), options)
+        Self::read_with(path, options, &Silent)
     }
 
-    pub(crate) fn open(input: Input, options: &LogOptions) -> Result<Self> {
+    /// The same with reports of progress: a table of text is looked through once for its times, a log of topics without a
+    /// summary for its topics.
+    ///
+    /// # Errors
+    /// As [`Log::read`], and a request to stop.
+    pub fn read_with(path: &Path, options: &LogOptions, progress: &dyn Progress) -> Result<Self> {
+        if path.is_dir() {
+            return Self::of_folder(path, options, progress);
+        }
+        Self::open(Input::of_path(path), options, progress)
+    }
+
+    pub(crate) fn open(input: Input, options: &LogOptions, progress: &dyn Progress) -> Result<Self> {
         let file = input.file.clone();
         let source: Arc<dyn Source> = match input.kind()? {
-            Kind::Csv => Arc::new(CsvLog::open(input, options, true)?),
-            Kind::Mcap => mcap(vec![input], &file, options)?,
+            Kind::Csv => Arc::new(CsvLog::open(input, options, true, progress)?),
+            Kind::Mcap => mcap(vec![input], &file, options, progress)?,
             Kind::Parquet => parquet(input, options)?,
             Kind::Ulog => ulog(input, options)?,
         };
@@ -136,7 +145,7 @@ impl Log {
     }
 
     /// A LeRobot data set, or the folder of a ROS 2 bag with its parts.
-    fn of_folder(path: &Path, options: &LogOptions) -> Result<Self> {
+    fn of_folder(path: &Path, options: &LogOptions, progress: &dyn Progress) -> Result<Self> {
         let file = path.display().to_string();
         if let Some(source) = data_set(path, options)? {
             return Ok(Self::of_source(file, source, options));
@@ -146,7 +155,7 @@ impl Log {
             let message = "a folder that is neither a LeRobot data set (meta/info.json) nor a ROS 2 bag (*.mcap); name the files in it";
             return Err(Error::file(&file, message));
         }
-        let source = mcap(parts, &file, options)?;
+        let source = mcap(parts, &file, options, progress)?;
         Ok(Self::of_source(file, source, options))
     }
 
@@ -211,12 +220,12 @@ pub(crate) fn parts(folder: &Path) -> Result<Vec<Input>> {
 }
 
 #[cfg(feature = "mcap")]
-fn mcap(inputs: Vec<Input>, file: &str, options: &LogOptions) -> Result<Arc<dyn Source>> {
-    Ok(Arc::new(crate::mcap_log::McapLog::open(inputs, file, options)?))
+fn mcap(inputs: Vec<Input>, file: &str, options: &LogOptions, progress: &dyn Progress) -> Result<Arc<dyn Source>> {
+    Ok(Arc::new(crate::mcap_log::McapLog::open(inputs, file, options, progress)?))
 }
 
 #[cfg(not(feature = "mcap"))]
-fn mcap(_: Vec<Input>, file: &str, _: &LogOptions) -> Result<Arc<dyn Source>> {
+fn mcap(_: Vec<Input>, file: &str, _: &LogOptions, _: &dyn Progress) -> Result<Arc<dyn Source>> {
     Err(without(file, "MCAP", "mcap"))
 }
 

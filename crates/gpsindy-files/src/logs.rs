@@ -53,11 +53,22 @@ impl Logs {
     /// # Errors
     /// [`Error::Read`], and everything that [`Log::parse`] refuses.
     pub fn read<P: AsRef<Path>>(paths: &[P], options: &LogOptions) -> Result<Self> {
+        Self::read_with(paths, options, &Silent)
+    }
+
+    /// The same with reports of progress.
+    ///
+    /// # Errors
+    /// As [`Logs::read`], and a request to stop.
+    pub fn read_with<P: AsRef<Path>>(paths: &[P], options: &LogOptions, progress: &dyn Progress) -> Result<Self> {
         let mut files = Vec::with_capacity(paths.len());
-        for path in paths {
+        for (i, path) in paths.iter().enumerate() {
+            if !progress.report("opening", i, paths.len()) {
+                return Err(gpsindy_core::Error::Cancelled.into());
+            }
             let path = path.as_ref();
             if path.as_os_str() != "-" {
-                files.push(Log::read(path, options)?);
+                files.push(Log::read_with(path, options, progress)?);
                 continue;
             }
             if files.iter().any(|log: &Log| log.file == "stdin") {

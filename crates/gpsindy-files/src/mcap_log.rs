@@ -41,8 +41,8 @@ impl McapLog {
     ///
     /// # Errors
     /// No map, a topic or field that is not there, a file that is broken before its first message.
-    pub(crate) fn open(inputs: Vec<Input>, file: &str, options: &LogOptions) -> Result<Self> {
-        let channels = container::channels(file, &inputs)?;
+    pub(crate) fn open(inputs: Vec<Input>, file: &str, options: &LogOptions, progress: &dyn Progress) -> Result<Self> {
+        let channels = container::channels(file, &inputs, progress)?;
         let mut names: Vec<&str> = channels.iter().map(|c| c.topic.as_str()).collect();
         names.sort_unstable();
         names.dedup();

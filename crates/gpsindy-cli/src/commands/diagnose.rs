@@ -8,7 +8,7 @@ pub(crate) use files::{report_json, write};
 
 use crate::args::{AutoHold, Columns};
 use crate::commands::nominal::Nominal;
-use crate::commands::{Session, model_dataset};
+use crate::commands::{Session, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
@@ -16,7 +16,7 @@ use files::Augmented;
 use gpsindy_core::diagnose::report::Verdict;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Model};
-use gpsindy_files::{Logs, TopicOffset, read_effects, write_whole};
+use gpsindy_files::{TopicOffset, read_effects, write_whole};
 use gpsindy_report::Provenance;
 use provenance::{facts, provenance};
 use simulated::{SimulatorOptions, paired};
@@ -257,14 +257,14 @@ pub(crate) fn logs(
     screen: &Screen,
 ) -> Outcome<Parts> {
     let hold = hold.unwrap_or_default();
-    let logs = Logs::read(train, &columns.options()?)?;
+    let logs = opened(train, columns, screen)?;
     let time_unit = logs.time_unit().to_string();
     let (train, mut offsets) = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
     if holdout.is_empty() {
         let (train, holdout) = hold_out(&train)?;
         return Ok(Parts { train, holdout, offsets, time_unit });
     }
-    let holdout = Logs::read(holdout, &columns.options()?)?;
+    let holdout = opened(holdout, columns, screen)?;
     let (holdout, more) = model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?;
     offsets.extend(more);
     Ok(Parts { train, holdout, offsets, time_unit })

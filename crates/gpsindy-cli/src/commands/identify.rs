@@ -13,7 +13,7 @@ pub(crate) use result::{Fit, On, as_json, rounded, summary, summary_of};
 
 use crate::args::{Columns, Output, pair};
 use crate::commands::follow::{self, FollowOptions};
-use crate::commands::{check_folder_of, dataset_and_offsets};
+use crate::commands::{check_folder_of, dataset_and_offsets, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use choices::Preset;
@@ -91,7 +91,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {
         return Err(Failure::input(format!("{} is named both for training and in --holdout", twice.display())));
     }
-    let logs = Logs::read(&command.logs, &command.columns.options()?)?;
+    let logs = opened(&command.logs, &command.columns, screen)?;
     let mut settings = settings(command, &logs, seed)?;
     let by_default = settings.states.is_empty();
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();

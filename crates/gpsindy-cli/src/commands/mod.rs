@@ -100,6 +100,11 @@ fn chosen_with(logs: &Logs, options: &[String], others: &[String]) -> Outcome<Ve
     Ok(names)
 }
 
+/// Opens logs as the options of columns say.
+fn opened<P: AsRef<Path>>(paths: &[P], columns: &Columns, screen: &Screen) -> Outcome<Logs> {
+    Ok(Logs::read_with(paths, &columns.options()?, &screen.progress())?)
+}
+
 /// Cuts logs down to a task's columns, unwraps its angles and tells which columns were ignored.
 fn dataset(logs: &Logs, task: &Task, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
     Ok(dataset_and_offsets(logs, task, columns, screen)?.0)

@@ -3,12 +3,12 @@
 use crate::args::{Columns, Output};
 use crate::commands::nominal::Nominal;
 use crate::commands::simulate::Between;
-use crate::commands::{Session, check_folder_of, deliver, model_dataset};
+use crate::commands::{Session, check_folder_of, deliver, model_dataset, opened};
 use crate::failure::Outcome;
 use crate::text::{aligned, count, short};
 use clap::Args;
 use gpsindy_core::{Channel, Dataset, Errors, Hold, Model, Score as Scores, Scoring, Simulate as Settings, score};
-use gpsindy_files::{Logs, Table};
+use gpsindy_files::Table;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -41,9 +41,9 @@ pub(crate) struct Score {
 pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
     let screen = &session.screen;
-    let opened = command.models.iter().map(|file| Nominal::open(file, session)).collect::<Outcome<Vec<Nominal>>>()?;
-    let models: Vec<Model> = opened.iter().map(|nominal| nominal.model.clone()).collect();
-    let logs = Logs::read(&command.data, &command.columns.options()?)?;
+    let nominals = command.models.iter().map(|file| Nominal::open(file, session)).collect::<Outcome<Vec<Nominal>>>()?;
+    let models: Vec<Model> = nominals.iter().map(|nominal| nominal.model.clone()).collect();
+    let logs = opened(&command.data, &command.columns, screen)?;
     let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();
     let (data, _) =
         model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
@@ -53,7 +53,7 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
         let scoring = Scoring { simulate, window: command.window };
         nominal.run(|| Ok(score(&nominal.system(&nominal.model)?, &data, &scoring, &progress)?))
     };
-    let scores = opened.iter().zip(&holds).map(scored).collect::<Outcome<Vec<Scores>>>()?;
+    let scores = nominals.iter().zip(&holds).map(scored).collect::<Outcome<Vec<Scores>>>()?;
     drop(progress);
     let scored: Vec<Scored> = names(&models, &command.models).into_iter().zip(scores).collect();
     if screen.json() {

@@ -2,14 +2,14 @@
 
 use crate::args::{Columns, Output, values};
 use crate::commands::nominal::Nominal;
-use crate::commands::{Session, check_folder_of, check_states, columns_of, dataset, deliver};
+use crate::commands::{Session, check_folder_of, check_states, columns_of, dataset, deliver, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
 use gpsindy_core::{
     Channel, Dataset, Excitation, Hold, Model, Rollout, Run, Simulate as Settings, StateReader, System,
 };
-use gpsindy_files::{Logs, Table, Task};
+use gpsindy_files::{Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -94,7 +94,7 @@ fn simulate(command: &Simulate, nominal: &Nominal, screen: &Screen) -> Outcome {
     let (rollouts, time_unit) = match &command.data {
         None => (vec![(model.name.clone(), without_log(command, &system, &settings, &kept)?)], "s".to_string()),
         Some(log) => {
-            let logs = Logs::read(std::slice::from_ref(log), &command.columns.options()?)?;
+            let logs = opened(std::slice::from_ref(log), &command.columns, screen)?;
             let (controls, states) = columns_of(&model);
             let needed: Vec<String> =
                 controls.into_iter().zip(&kept).filter(|(_, value)| value.is_none()).map(|(name, _)| name).collect();

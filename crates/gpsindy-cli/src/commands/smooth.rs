@@ -1,13 +1,13 @@
 //! `gpsindy smooth`: smoothed states and derivatives with standard deviations, as CSV.
 
 use crate::args::{Columns, Output};
-use crate::commands::{check_folder_of, chosen, dataset, deliver};
+use crate::commands::{check_folder_of, chosen, dataset, deliver, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::gp::Kernel;
 use gpsindy_core::{Channel, Smoothed, Smoother, rate_unit_in};
-use gpsindy_files::{Logs, Table, Task};
+use gpsindy_files::{Table, Task};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -45,7 +45,7 @@ pub(crate) fn kernels(option: &str, default: Vec<Kernel>) -> Outcome<Vec<Kernel>
 
 pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
-    let logs = Logs::read(&command.logs, &command.columns.options()?)?;
+    let logs = opened(&command.logs, &command.columns, screen)?;
     let states = if command.state.is_empty() { logs.numeric_columns() } else { chosen(&logs, &command.state)? };
     if states.is_empty() {
         return Err(Failure::input("the logs have no numeric column besides the time; there is nothing to smooth"));

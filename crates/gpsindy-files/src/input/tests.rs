@@ -34,7 +34,7 @@ impl Seek for Pieces {
 }
 
 fn bits(input: Input, options: &LogOptions, columns: &[&str]) -> Vec<u64> {
-    let data = Logs::of(Log::open(input, options).unwrap()).dataset(columns, &[]).unwrap();
+    let data = Logs::of(Log::open(input, options, &gpsindy_core::Silent).unwrap()).dataset(columns, &[]).unwrap();
     let values = |run: &gpsindy_core::Run| {
         let columns = (0..columns.len()).flat_map(|j| run.column(j).to_vec()).collect::<Vec<_>>();
         run.time.iter().copied().chain(columns).map(f64::to_bits).collect::<Vec<_>>()

@@ -75,7 +75,7 @@ fn of_folder(path: &Path, file: &str, options: &LogOptions, progress: &dyn Progr
 const AT_ONCE: usize = 4_000_000;
 
 fn of_csv(input: &Input, options: &LogOptions, progress: &dyn Progress) -> Result<Looked> {
-    let log = CsvLog::open(input.clone(), options, false)?;
+    let log = CsvLog::open(input.clone(), options, false, progress)?;
     let mut sheet = Sheet { clock: log.time_name().into(), origin: log.origin(), ..Sheet::default() };
     let mut notes = Vec::new();
     let column = |(index, header): (usize, &Header)| {

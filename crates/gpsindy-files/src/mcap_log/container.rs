@@ -159,7 +159,7 @@ fn words(error: &mcap::McapError) -> String {
 ///
 /// # Errors
 /// As [`scan`], and a file that breaks off before its first channel.
-pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
+pub(crate) fn channels(file: &str, inputs: &[Input], progress: &dyn Progress) -> Result<Vec<Channel>> {
     let mut broken = None;
     let mut channels: Vec<Channel> = Vec::new();
     let mut add = |channel: Channel| {
@@ -172,7 +172,7 @@ pub(crate) fn channels(file: &str, inputs: &[Input]) -> Result<Vec<Channel>> {
             found.into_iter().for_each(&mut add);
             continue;
         }
-        let told = scan(file, std::slice::from_ref(input), &gpsindy_core::Silent, &mut |_, event| {
+        let told = scan(file, std::slice::from_ref(input), progress, &mut |_, event| {
             if let Event::Channel(_, channel) = event {
                 add(channel);
             }

@@ -2,13 +2,13 @@
 
 use super::Diagnose;
 use crate::commands::identify::{LibraryOptions, all_states};
-use crate::commands::{check_states, chosen, dataset};
+use crate::commands::{check_states, chosen, dataset, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, hold_out};
 use gpsindy_core::{Dataset, Hold, Identify, Model, Paired};
-use gpsindy_files::{Logs, Task};
+use gpsindy_files::Task;
 use std::path::PathBuf;
 
 /// A simulator of which there are only logs.
@@ -37,7 +37,7 @@ pub(super) fn paired(
     screen: &Screen,
 ) -> Outcome<(Diagnosed, Model)> {
     let options = &command.simulator;
-    let simulated = Logs::read(&options.simulated, &command.columns.options()?)?;
+    let simulated = opened(&options.simulated, &command.columns, screen)?;
     let controls = chosen(&simulated, &options.control)?;
     let mut states = chosen(&simulated, &options.state)?;
     if states.is_empty() {
@@ -49,7 +49,7 @@ pub(super) fn paired(
     let (library, constraints) = options.library.settings()?;
     let between = settings.hold.unwrap_or_default();
     let real = |paths: &[PathBuf]| -> Outcome<Dataset> {
-        let logs = Logs::read(paths, &command.columns.options()?)?;
+        let logs = opened(paths, &command.columns, screen)?;
         for log in logs.files() {
             check_states(log, &states)?;
         }

@@ -1,11 +1,11 @@
 //! The logs that a model is scored on: held-out ones, the rest of the training logs, or these themselves.
 
 use super::{Fit, Identify, On};
-use crate::commands::dataset;
+use crate::commands::{dataset, opened};
 use crate::failure::Outcome;
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Identification, Identify as Settings, Progress, Run, Scoring, Simulate, score};
-use gpsindy_files::{Logs, Task};
+use gpsindy_files::Task;
 
 /// What a model is scored on.
 pub(super) enum Scored {
@@ -26,7 +26,7 @@ impl Scored {
         screen: &Screen,
     ) -> Outcome<Self> {
         if !command.holdout.is_empty() {
-            let logs = Logs::read(&command.holdout, &command.columns.options()?)?;
+            let logs = opened(&command.holdout, &command.columns, screen)?;
             return Ok(Self::Holdout(dataset(&logs, task, &command.columns, &screen.quietly())?));
         }
         if settings.train_fraction >= 1.0 {
