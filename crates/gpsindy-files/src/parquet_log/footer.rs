@@ -93,7 +93,9 @@ impl Walk<'_> {
     fn value(&mut self, kind: u8, depth: usize) -> std::result::Result<(), Why> {
         let depth = depth.checked_sub(1).ok_or(Why::Other)?;
         match kind {
-            1..=3 => self.skip(1),
+            // The crate takes no byte for a truth in a list, the protocol one; no footer has such a list.
+            1 | 2 => Err(Why::TooMany),
+            3 => self.skip(1),
             4..=6 => self.number().map(|_| ()),
             7 => self.skip(8),
             8 => {
@@ -145,6 +147,8 @@ mod tests {
         assert!(!claims(&[0x19, 0x03, 0]));
         // In a struct within a map within a list.
         assert!(claims(&[0x19, 0x1b, 1, 0x3c, 5, 0x19, 0xf3, 0xff, 0xff, 0x7f, 0, 0]));
+        // Truths in a list, on which the crate and the protocol disagree.
+        assert!(claims(&[0x19, 0x21, 1, 1, 0]));
         // Cut, of an unknown kind, too deep, empty.
         assert!(!claims(&[0x19]) && !claims(&[0x1e, 0]) && !claims(&[0x1c; 200]) && !claims(&[]));
     }
