@@ -77,7 +77,8 @@ impl Walk<'_> {
     fn fields(&mut self, depth: usize) -> std::result::Result<(), Why> {
         loop {
             let head = self.byte()?;
-            if head == 0 {
+            // The crate ends a struct at every head of this kind.
+            if head & 15 == 0 {
                 return Ok(());
             }
             if head >> 4 == 0 {
