@@ -111,7 +111,8 @@ mod tests {
         let mut layout = Layout::default();
         for i in 0..IN_VAIN {
             assert!(layout.worthwhile(), "{i}");
-            layout.learn(&[0, 1, 0, 0, i as u8], false, Marks { shape: vec![4..5], numbers: Vec::new() });
+            let marks = Marks { shape: std::iter::once(4..5).collect(), numbers: Vec::new() };
+            layout.learn(&[0, 1, 0, 0, i as u8], false, marks);
         }
         assert!(!layout.worthwhile());
         assert!(layout.take(&[0, 1, 0, 0, IN_VAIN as u8 - 1], &mut []) && layout.worthwhile());
