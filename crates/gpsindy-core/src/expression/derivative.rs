@@ -106,6 +106,19 @@ fn call(function: Function, arguments: &[Expression], name: &str) -> Result<Expr
             let outside = a.apply(F::Abs).minus(width).apply(F::Step);
             outside.times(da)
         }
+        F::Stick => {
+            let w = arguments[1].clone();
+            let dw = derivative(&w, name)?;
+            let value = Expression::Call(function, arguments.to_vec());
+            let slope = number(1.0).minus(value.power(number(2.0)));
+            if w == number(0.0) {
+                return Ok(number(0.0));
+            }
+            // Without a corner it is flat; any width will do there.
+            let corner = w.clone().plus(number(1.0).minus(w.clone().apply(F::Sign).power(number(2.0))));
+            slope.times(da.over(corner.clone()).minus(a.times(dw).over(corner.power(number(2.0)))))
+        }
+        F::Breakaway => number(0.0),
         F::Delay | F::Play | F::SampleHold => {
             return Err(Error::model(format!("`{}` has no pointwise derivative by `{name}`", function.name())));
         }

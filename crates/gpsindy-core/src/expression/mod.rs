@@ -76,12 +76,19 @@ functions! {
     Delay "delay" 2 "`delay(control, tau)`: the control tau seconds earlier.",
     Play "play" 2 "`play(control, width)`: the control through a play of that total width.",
     SampleHold "sample_hold" 3 "`sample_hold(control, period, phase)`: the control as it was when last sampled: at the time `phase`, s, and every `period` seconds before and after.",
+    Stick "stick" 2 "`stick(state, w)`: the state's direction of motion, `tanh(state/w)`; with w = 0 a sign that holds it at rest while its rate allows.",
+    Breakaway "breakaway" 2 "`breakaway(state, r)`: `stick(state, 0)` that holds up to r times what it has in motion.",
 }
 
 impl Function {
     /// Whether its value depends on what its first argument was before.
     pub fn has_memory(self) -> bool {
         matches!(self, Self::Delay | Self::Play | Self::SampleHold)
+    }
+
+    /// Whether it may hold its state at rest.
+    pub fn may_hold(self) -> bool {
+        matches!(self, Self::Stick | Self::Breakaway)
     }
 }
 

@@ -294,6 +294,16 @@ fn compute<S: Simd, const L: usize>(simd: S, operation: Operation, [a, b, c]: [&
         Operation::Call(Function::Sin) => elementary::sin(a, out),
         Operation::Call(Function::Cos) => elementary::cos(a, out),
         Operation::Call(Function::Tanh) => elementary::tanh(a, out),
+        Operation::Call(Function::Stick) => {
+            let mut ratio = [0.0; L];
+            vectors::<S, L>((a, b), &mut ratio, |a, b| simd.div_f64s(a, b), |a, b| a / b);
+            elementary::tanh(&ratio, out);
+            for lane in 0..L {
+                if b[lane] == 0.0 {
+                    out[lane] = sign(a[lane]);
+                }
+            }
+        }
         Operation::Call(Function::Exp) => elementary::exp(a, out),
         Operation::Call(Function::Sqrt) => vectors::<S, L>((a, a), out, |a, _| simd.sqrt_f64s(a), |a, _| a.sqrt()),
         Operation::Call(Function::Abs) => vectors::<S, L>((a, a), out, |a, _| simd.abs_f64s(a), |a, _| a.abs()),
@@ -333,7 +343,7 @@ fn single<const L: usize>(operation: Operation, [a, b, c]: [&[f64; L]; 3], out: 
             Function::Sinh => one(f64::sinh),
             Function::Cosh => one(f64::cosh),
             Function::Log => one(f64::ln),
-            Function::Sign => one(sign),
+            Function::Sign | Function::Breakaway => one(sign),
             Function::Min => std::array::from_fn(|i| a[i].min(b[i])),
             Function::Max => std::array::from_fn(|i| a[i].max(b[i])),
             Function::Step => one(|z| f64::from(z > 0.0)),

@@ -30,7 +30,7 @@ impl Term {
     /// Reads a term of `variables`; plain products are put into the usual order, so `x2*x1` is `x1*x2`.
     ///
     /// # Errors
-    /// Text that can't be read, a name that is no variable, or `delay`, `play` and `sample_hold`.
+    /// Text that can't be read, a name that is no variable, or `delay`, `play`, `sample_hold`, `stick` and `breakaway`.
     pub fn parse(text: &str, variables: &[String]) -> Result<Self> {
         let expression = Expression::parse(text)?;
         if let Some(name) = expression.variables().iter().find(|name| !variables.contains(name)) {
@@ -38,11 +38,12 @@ impl Term {
         }
         let mut with_memory = false;
         expression.visit(&mut |part| {
-            with_memory |= matches!(part, Expression::Call(function, _) if function.has_memory());
+            with_memory |=
+                matches!(part, Expression::Call(function, _) if function.has_memory() || function.may_hold());
         });
         if with_memory {
             return Err(Error::settings(format!(
-                "term `{text}`: `delay`, `play` and `sample_hold` can't stand in a term; give the control a delay instead"
+                "term `{text}`: `delay`, `play`, `sample_hold`, `stick` and `breakaway` can't stand in a term; give the control a delay instead, or write tanh"
             )));
         }
         Ok(Self::of(canonical(&expression, variables)))

@@ -141,6 +141,11 @@ fn check_expression(model: &Model, expression: &Expression, place: &str, in_meas
         {
             problem = problem.take().or_else(|| check_history(model, *function, arguments, in_measured));
         }
+        if let Expression::Call(function, arguments) = part
+            && function.may_hold()
+        {
+            problem = problem.take().or_else(|| check_stick(model, *function, arguments));
+        }
     });
     match problem {
         None => Ok(()),
@@ -173,6 +178,19 @@ fn reads_time(expression: &Expression) -> bool {
     let mut found = false;
     expression.visit(&mut |part| found |= *part == Expression::Time);
     found
+}
+
+/// What is wrong with a `stick` or `breakaway`, if anything.
+fn check_stick(model: &Model, function: Function, arguments: &[Expression]) -> Option<String> {
+    let name = function.name();
+    let is_state = |part: &Expression| matches!(part, Expression::Variable(n) if model.state_index(n).is_some());
+    if !is_state(&arguments[0]) {
+        return Some(format!("the first argument of `{name}` must be a state alone"));
+    }
+    if function == Function::Breakaway && arguments[1].variables().iter().any(|n| model.parameter_index(n).is_none()) {
+        return Some(format!("the second argument of `{name}` must be made of numbers and parameters"));
+    }
+    None
 }
 
 #[cfg(test)]

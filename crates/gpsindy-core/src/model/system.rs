@@ -4,6 +4,7 @@ use super::Model;
 use super::engine::{self, Drive, Rows, Steps};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Tape};
+use crate::sticking::Sticks;
 
 use std::sync::{Arc, Mutex};
 
@@ -132,6 +133,8 @@ pub struct System {
     rates: Tape,
     outputs: Tape,
     followers: Vec<Follower>,
+    /// What may hold a state at rest.
+    sticks: Option<Sticks>,
     simulator: Option<Arc<dyn Dynamics>>,
     /// What goes to a simulator that steps by itself.
     drive: Option<Drive>,
@@ -249,6 +252,8 @@ impl System {
         let steps = simulator.as_ref().filter(|s| s.steps().is_some());
         let drive = steps.map(|s| Drive::new(&rates, s.n_states(), &variables)).transpose()?;
         let with_late: Vec<String> = variables.iter().cloned().chain((0..late_states.len()).map(late_name)).collect();
+        // A simulator that steps has its forces held over a step, so that nothing can change within.
+        let sticks = if drive.is_none() { Sticks::new(model, &rates, &variables, n_outputs)? } else { None };
         Ok(Self {
             rates: Tape::with_simulator(&rates, &variables, n_outputs)?,
             outputs: Tape::with_simulator(&outputs, &with_late, n_outputs)?,
@@ -256,6 +261,7 @@ impl System {
             inputs,
             late_states,
             followers: Vec::new(),
+            sticks,
             simulator,
             drive,
             kept: Kept::default(),
@@ -291,6 +297,11 @@ impl System {
     /// The states that follow the inputs alone, and their rates.
     pub(crate) fn followers(&self) -> &[Follower] {
         &self.followers
+    }
+
+    /// The functions of the rates that may hold a state at rest, where there are any.
+    pub(crate) fn sticks(&self) -> Option<&Sticks> {
+        self.sticks.as_ref()
     }
 
     /// The model that was compiled.

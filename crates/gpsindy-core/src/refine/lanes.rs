@@ -4,12 +4,14 @@
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
 pub(crate) mod lockstep;
+mod sticking;
 pub(crate) mod tangent;
 
 use super::experiment::{Log, Past};
 use super::history::{History, Stages, histories};
 use crate::data::Hold;
 use crate::model::{Follower, System};
+use crate::sticking::Slots;
 
 /// What is rolled out, and who receives it: sample, state or column, values.
 struct Roll<'r, const L: usize> {
@@ -50,6 +52,8 @@ pub(crate) struct Lanes<'a, const L: usize> {
     parameters: Vec<[f64; L]>,
     /// States that follow the inputs alone, at every sample of the log; computed when first wanted.
     followed: Option<Vec<(usize, Vec<[f64; L]>)>>,
+    /// What may hold a state at rest, where anything does in any lane.
+    slots: Option<Box<Slots<'a, L>>>,
 }
 
 /// A node of a trajectory, kept where an output is read late.
@@ -82,8 +86,9 @@ impl<'a, const L: usize> Lanes<'a, L> {
                 std::array::from_fn(|lane| [amount[lane], phase[lane]])
             })
             .collect();
+        let slots = Slots::new(system, parameters).map(Box::new);
         let parameters = parameters.to_vec();
-        Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None }
+        Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None, slots }
     }
 
     /// States that follow the inputs alone, at every sample: settled at the first or as the model has it, then exact for a constant input
@@ -192,6 +197,12 @@ impl<'a, const L: usize> Lanes<'a, L> {
         let mut inputs: Vec<Stages<L>> = vec![[[0.0; L]; 3]; self.system.n_controls() + self.histories.len()];
         let mut nodes: Vec<Node<L>> = Vec::new();
         let keep = !self.late.is_empty();
+        if let Some(mut slots) = self.slots.take() {
+            let walk = Roll { span: (first, last), initial: &x, substeps, columns, receive };
+            self.integrate_holding(simd, &mut slots, walk, &mut inputs);
+            self.slots = Some(slots);
+            return;
+        }
         for sample in first..=last {
             let t = log.time[sample];
             let is_last = sample == last;

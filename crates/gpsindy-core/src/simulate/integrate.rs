@@ -2,10 +2,12 @@
 
 use super::dense::DenseStep;
 use super::explicit::{DormandPrince, euler, runge_kutta_4};
+use super::holding::{Change, first_change};
 use super::rates::Rates;
 use super::rosenbrock::Rosenbrock;
 use super::{Method, Simulate};
 use crate::error::{Error, Result};
+use crate::sticking::Kept;
 
 /// Step control of Hairer's DOPRI5: safety, smallest and largest change of the step.
 const SAFETY: f64 = 0.9;
@@ -62,6 +64,9 @@ pub(super) fn march(
         }
         rates.enter(a, b);
         match settings.method {
+            Method::RungeKutta4 { substeps } | Method::Euler { substeps } if rates.may_hold() => {
+                walker.fixed_holding(rates, x, (a, b), substeps.max(1), accept)?;
+            }
             Method::RungeKutta4 { substeps } | Method::Euler { substeps } => {
                 walker.fixed(rates, x, (a, b), substeps.max(1), accept)?;
             }
@@ -145,9 +150,102 @@ impl<'a> Walker<'a> {
         Ok(())
     }
 
+    /// As [`Walker::fixed`], with steps that end where a mode changes.
+    fn fixed_holding(
+        &mut self,
+        rates: &mut Rates<'_>,
+        x: &mut [f64],
+        (a, b): (f64, f64),
+        substeps: usize,
+        accept: Accept<'_>,
+    ) -> Result<()> {
+        let h = (b - a) / substeps as f64;
+        let mut end = x.to_vec();
+        let mut end_slope = x.to_vec();
+        for i in 0..substeps {
+            let mut t = a + h * i as f64;
+            let stop = a + h * (i + 1) as f64;
+            let mut change = None;
+            rates.begin(t, x, &mut self.slope);
+            let mut length = stop - t;
+            loop {
+                match self.settings.method {
+                    Method::Euler { .. } => euler(length, x, &self.slope, &mut end),
+                    _ => runge_kutta_4(rates, t, length, x, &self.slope, &mut end),
+                }
+                self.check_bound(rates, t + length, &end)?;
+                rates.rate(t + length, &end, &mut end_slope);
+                self.dense.set_cubic(t, length, x, &end, &self.slope, &end_slope);
+                self.march.n_steps += 1;
+                if change.is_none() && self.march.n_steps < self.settings.max_steps {
+                    change = first_change(rates, &self.dense, x, &self.slope);
+                    if let Some(Change { at, .. }) = change {
+                        // Once more, up to the change.
+                        length = at - t;
+                        continue;
+                    }
+                }
+                accept(&self.dense);
+                x.copy_from_slice(&end);
+                t += length;
+                let Some(found) = change.take() else { break };
+                let taken = length;
+                length = stop - t;
+                self.change(rates, t, x, found, taken <= 0.0);
+            }
+            rates.open();
+        }
+        Ok(())
+    }
+
+    /// Goes over to another mode at the time `t` (s) and the states `x` (n), after a step or, where it is at once, none.
+    fn change(&mut self, rates: &mut Rates<'_>, t: f64, x: &mut [f64], change: Change, is_at_once: bool) {
+        x[rates.held_state(change.slot)] = 0.0;
+        // A state that leaves zero the wrong way did not leave it.
+        let kept = change.let_go.map_or(if is_at_once { Kept::Held } else { Kept::Open }, Kept::LetGo);
+        rates.keep(change.slot, kept);
+        rates.begin(t, x, &mut self.slope);
+    }
+
+    /// The step that was tried from `x` at `t` over `h`, made to end at the first change of mode inside it, and its length.
+    fn cut(&mut self, rates: &mut Rates<'_>, stiff: bool, (t, h): (f64, f64), x: &[f64]) -> Option<(Change, f64)> {
+        /// Corrections of the length, each of which doubles the digits.
+        const CORRECTIONS: usize = 3;
+        if stiff {
+            let mut end_slope = vec![0.0; x.len()];
+            rates.rate(t + h, &self.implicit.end, &mut end_slope);
+            self.dense.set_cubic(t, h, x, &self.implicit.end, &self.slope, &end_slope);
+        } else {
+            self.explicit.dense(t, h, x, &mut self.dense);
+        }
+        let change = first_change(rates, &self.dense, x, &self.slope)?;
+        let mut length = change.at - t;
+        let state = rates.held_state(change.slot);
+        for _ in 0..=CORRECTIONS {
+            if length <= 0.0 {
+                return Some((change, 0.0));
+            }
+            if stiff {
+                self.try_implicit(rates, t, length, x)
+            } else {
+                self.try_explicit(rates, t, length, x)
+            };
+            let value = if stiff { self.implicit.end[state] } else { self.explicit.end[state] };
+            if stiff || change.let_go.is_some() || value.abs() <= 1e-14 * self.scale[state] {
+                break;
+            }
+            let corrected = length - value / self.explicit.stages[6][state];
+            if !(corrected > 0.0 && (corrected - length).abs() <= 1e-3 * h) {
+                break;
+            }
+            length = corrected.min(h);
+        }
+        Some((change, length))
+    }
+
     fn adaptive(&mut self, rates: &mut Rates<'_>, x: &mut [f64], (a, b): (f64, f64), accept: Accept<'_>) -> Result<()> {
         let mut t = a;
-        rates.rate(t, x, &mut self.slope);
+        rates.begin(t, x, &mut self.slope);
         if self.slope.iter().any(|f| !f.is_finite()) {
             return Err(self.no_rate(rates, t));
         }
@@ -158,7 +256,9 @@ impl<'a> Walker<'a> {
         let mut rejected = false;
         while t < b {
             let remaining = b - t;
-            let wanted = self.step.min(self.longest);
+            // What holds now may let go within a sampling period.
+            let longest = if rates.holds() { self.longest.min(self.period) } else { self.longest };
+            let wanted = self.step.min(longest);
             // The last step of a segment ends exactly there, and no crumb is left for one after it.
             let last = wanted * 1.000_001 >= remaining;
             let h = match last {
@@ -186,6 +286,12 @@ impl<'a> Walker<'a> {
             if error <= 1.0 || coarse {
                 let end: &[f64] = if stiff { &self.implicit.end } else { &self.explicit.end };
                 self.check_bound(rates, t + h, end)?;
+                let cut = if rates.may_hold() { self.cut(rates, stiff, (t, h), x) } else { None };
+                let (h, last) = cut.map_or((h, last), |(_, length)| (length, false));
+                if let Some((change, 0.0)) = cut {
+                    self.change(rates, t, x, change, true);
+                    continue;
+                }
                 if stiff {
                     let end = self.implicit.end.clone();
                     let mut end_slope = vec![0.0; x.len()];
@@ -202,9 +308,16 @@ impl<'a> Walker<'a> {
                 if error > 1.0 {
                     self.march.n_coarse += 1;
                 }
-                self.count_short(t, h);
                 self.update_scale(x);
                 accept(&self.dense);
+                if let Some((change, _)) = cut {
+                    t += h;
+                    self.change(rates, t, x, change, false);
+                    rejected = false;
+                    continue;
+                }
+                rates.open();
+                self.count_short(t, h);
                 t = if last { b } else { t + h };
                 let order = if stiff { 0.25 } else { 0.2 };
                 let factor = SAFETY * error.max(1e-10).powf(-0.75 * order) * self.last_error.powf(0.2 * order);

@@ -7,6 +7,7 @@ mod closed_loop;
 mod dense;
 mod excitation;
 mod explicit;
+mod holding;
 mod initial;
 mod integrate;
 mod local_fit;

@@ -3,6 +3,7 @@
 use super::excitation::{Excitation, Moment};
 use crate::error::Error;
 use crate::model::System;
+use crate::sticking::{Kept, Mode, Slots};
 
 /// Evaluates rates and outputs; holds the registers between calls.
 pub(super) struct Rates<'a> {
@@ -11,6 +12,9 @@ pub(super) struct Rates<'a> {
     rates: Vec<[f64; 1]>,
     outputs: Vec<[f64; 1]>,
     signals: Vec<f64>,
+    /// What may hold a state at rest, and room for states and rates as it takes them.
+    slots: Option<Slots<'a, 1>>,
+    held: [Vec<[f64; 1]>; 2],
     segment: (f64, f64),
     n_behind: usize,
     /// Time and states at which the user's own simulator last gave no number.
@@ -27,7 +31,11 @@ impl<'a> Rates<'a> {
             outputs[first + i] = [value];
         }
         let n_behind = first + system.n_parameters();
-        Self { system, excitation, rates, outputs, signals: Vec::new(), segment: (0.0, 0.0), n_behind, failing: None }
+        let parameters: Vec<[f64; 1]> = system.parameter_values().into_iter().map(|value| [value]).collect();
+        let slots = Slots::new(system, &parameters);
+        let held = std::array::from_fn(|_| vec![[0.0]; if slots.is_some() { system.n_states() } else { 0 }]);
+        let (signals, segment) = (Vec::new(), (0.0, 0.0));
+        Self { system, excitation, rates, outputs, signals, slots, held, segment, n_behind, failing: None }
     }
 
     /// Goes to the segment from `a` to `b`, s, which no break point divides.
@@ -44,10 +52,27 @@ impl<'a> Rates<'a> {
         }
     }
 
-    /// The rates `dx` (n) at time `t` (s) and states `x` (n).
+    /// The rates `dx` (n) at time `t` (s) and states `x` (n), in the modes that hold from there on.
+    pub(super) fn begin(&mut self, t: f64, x: &[f64], dx: &mut [f64]) {
+        self.rate_in(t, x, true, dx);
+    }
+
+    /// The rates `dx` (n) at time `t` (s) and states `x` (n), in the present modes.
     pub(super) fn rate(&mut self, t: f64, x: &[f64], dx: &mut [f64]) {
+        self.rate_in(t, x, false, dx);
+    }
+
+    fn rate_in(&mut self, t: f64, x: &[f64], decides: bool, dx: &mut [f64]) {
         if self.excitation.varies() {
             self.load(self.excitation.moment(t, self.segment.0, self.segment.1));
+        }
+        if let Some(slots) = &mut self.slots {
+            let [states, rates] = &mut self.held;
+            states.iter_mut().zip(x).for_each(|(state, &value)| *state = [value]);
+            let signals = self.signals.iter().map(|&value| [value]);
+            slots.rates(pulp::Scalar, [t], states, signals, decides, rates);
+            dx.iter_mut().zip(rates).for_each(|(rate, value)| *rate = value[0]);
+            return;
         }
         for (register, &value) in self.rates.iter_mut().zip(x) {
             *register = [value];
@@ -59,6 +84,53 @@ impl<'a> Rates<'a> {
         }
         if self.system.simulator().is_some() && dx.iter().any(|f| f.is_nan()) {
             self.failing = Some((t, x.to_vec()));
+        }
+    }
+
+    /// Whether anything may hold a state at rest.
+    pub(super) fn may_hold(&self) -> bool {
+        self.slots.is_some()
+    }
+
+    /// Whether a state is held now.
+    pub(super) fn holds(&self) -> bool {
+        (0..self.n_slots()).any(|slot| self.mode(slot) == Mode::Held)
+    }
+
+    pub(super) fn n_slots(&self) -> usize {
+        self.slots.as_ref().map_or(0, Slots::count)
+    }
+
+    pub(super) fn mode(&self, slot: usize) -> Mode {
+        self.slots.as_ref().map_or(Mode::Smooth, |slots| slots.mode(slot, 0))
+    }
+
+    /// The state that a slot holds.
+    pub(super) fn held_state(&self, slot: usize) -> usize {
+        self.slots.as_ref().map_or(0, |slots| slots.state(slot))
+    }
+
+    /// Value of a held slot at the last evaluation, and the largest that it can have.
+    pub(super) fn force(&self, slot: usize) -> (f64, f64) {
+        self.slots.as_ref().map_or((0.0, 0.0), |slots| slots.force(slot, 0))
+    }
+
+    /// What is decided beforehand of a slot.
+    pub(super) fn kept(&self, slot: usize) -> Kept {
+        self.slots.as_ref().map_or(Kept::Open, |slots| slots.kept(slot, 0))
+    }
+
+    /// Decides beforehand what a slot does once its state is at zero.
+    pub(super) fn keep(&mut self, slot: usize, kept: Kept) {
+        if let Some(slots) = &mut self.slots {
+            slots.keep(slot, 0, kept);
+        }
+    }
+
+    /// Forgets what was decided beforehand.
+    pub(super) fn open(&mut self) {
+        if let Some(slots) = &mut self.slots {
+            slots.open();
         }
     }
 

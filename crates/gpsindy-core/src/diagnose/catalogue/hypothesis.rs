@@ -54,9 +54,16 @@ pub(crate) enum Role {
     Period,
     /// The phase of a sample-and-hold.
     Phase,
+    /// The speed within which dry friction turns around: beyond its lower end, where no fit can walk to, it is zero.
+    Corner,
 }
 
 impl Added {
+    /// A value below its lower end that no fit can walk to, and that is tried where the fit comes near that end.
+    pub(crate) fn beyond(&self) -> Option<f64> {
+        (self.role == Role::Corner).then_some(0.0)
+    }
+
     /// Whether it is found by trial, and the fit leaves it where it is.
     pub(crate) fn is_tried(&self) -> bool {
         matches!(self.role, Role::Period | Role::Phase)

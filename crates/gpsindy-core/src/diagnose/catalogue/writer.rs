@@ -21,6 +21,9 @@ pub(crate) const FREE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 /// Bounds of a size that only takes energy out.
 pub(crate) const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 
+/// Share of a typical speed within which dry friction turns around, at the start of a fit.
+pub(crate) const CORNER: f64 = 0.02;
+
 /// A model into which a hypothesis is written.
 pub(crate) struct Writer<'a> {
     pub(crate) model: Model,
@@ -94,6 +97,19 @@ impl<'a> Writer<'a> {
         };
         self.fitted.push((self.model.parameters.len() - 1, added));
         Expression::variable(name)
+    }
+
+    /// Adds the speed within which dry friction turns around, around which it starts: a corner as other simulators have it,
+    /// and beyond the sharpest of them none, where it holds at rest.
+    pub(crate) fn add_corner(&mut self, symbol: &str) -> Expression {
+        let (size, speed) = (self.size(0), self.unit_of(0));
+        let corner = self.add(symbol, CORNER * size, CORNER * size, (0.1 * CORNER * size, 5.0 * CORNER * size), &speed);
+        // A simulator that steps has no modes.
+        let has_modes = !self.model.calls_simulator();
+        if let Some((_, added)) = self.fitted.last_mut().filter(|_| has_modes) {
+            added.role = Role::Corner;
+        }
+        corner
     }
 
     /// Adds the phase of a sine, which a reader has within a turn.

@@ -82,6 +82,15 @@ impl Contestant {
         self.added[place].iter().map(|(index, _)| self.refined.parameters[*index]).collect()
     }
 
+    /// Free parameters that came near their lower ends, and the value beyond that is worth a try.
+    pub(crate) fn beyond(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let is_near = |index: usize, added: &Added| {
+            self.refined.parameters[index] < added.scale && self.free.iter().any(|f| f.parameter == index)
+        };
+        let all = self.added.iter().flatten();
+        all.filter_map(move |(index, added)| Some((*index, added.beyond().filter(|_| is_near(*index, added))?)))
+    }
+
     /// The effects at all places but those in `out`, with their values.
     pub(crate) fn entrants_without(&self, out: &[usize]) -> Vec<(Entrant<'_>, Vec<f64>)> {
         let kept = (0..self.hypotheses.len()).filter(|place| !out.contains(place));

@@ -1,6 +1,6 @@
 //! Makes contestants: fits a model with hypotheses to the training logs.
 
-use crate::diagnose::catalogue::hypothesis::Applied;
+use crate::diagnose::catalogue::hypothesis::{Added, Applied};
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::with_lagging;
@@ -77,9 +77,15 @@ impl Fitter {
         let mut parameters = system.parameter_values();
         parameters[..base.refined.parameters.len()].copy_from_slice(&base.refined.parameters);
         let mut free = base.free.clone();
-        for (index, added) in &applied.fitted {
+        // What already stands beyond its lower end stays there.
+        let stays = |place: usize, added: &Added| {
+            added
+                .beyond()
+                .is_some_and(|beyond| !values.is_empty() && values.iter().all(|v| v.get(place) == Some(&beyond)))
+        };
+        for (place, (index, added)) in applied.fitted.iter().enumerate() {
             free.retain(|f| f.parameter != *index);
-            if added.is_tried() {
+            if added.is_tried() || stays(place, added) {
                 continue;
             }
             free.push(Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) });
@@ -89,8 +95,8 @@ impl Fitter {
         let initial = with_lagging(&system, &experiment, base.refined.initial.clone(), base.system.n_states());
         let starts = values.iter().map(|values| {
             let mut start = parameters.clone();
-            for ((index, added), &value) in applied.fitted.iter().zip(values) {
-                start[*index] = value.clamp(added.lower, added.upper);
+            for (place, ((index, added), &value)) in applied.fitted.iter().zip(values).enumerate() {
+                start[*index] = if stays(place, added) { value } else { value.clamp(added.lower, added.upper) };
             }
             start
         });
@@ -124,7 +130,30 @@ impl Fitter {
             rest = later;
         }
         self.judge(&mut with);
-        Ok(with)
+        if budget == Budget::Rough { Ok(with) } else { self.beyond(with, budget) }
+    }
+
+    /// The same contestant with parameters beyond their lower ends, where the fit came near those and that is better.
+    ///
+    /// Rivals are compared in the form that suits each of them: dry friction that holds at rest is the limit of a corner that
+    /// gets ever sharper, and one of another kind would use what is left of the corner.
+    fn beyond(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let near: Vec<(usize, f64)> = contestant.beyond().collect();
+        let mut best = contestant;
+        for (parameter, value) in near {
+            let mut other = best.clone();
+            other.refined.parameters[parameter] = value;
+            other.free.retain(|f| f.parameter != parameter);
+            let Contestant { system, experiment, free, refined, .. } = &other;
+            let fit = budget.refine().fit(system, experiment, &refined.parameters, free, Some(&refined.initial));
+            let Some(refined) = unless_refused(fit)? else { continue };
+            other.refined = refined;
+            self.judge(&mut other);
+            if other.evidence.score() > best.evidence.score() {
+                best = other;
+            }
+        }
+        Ok(best)
     }
 
     /// The same contestant, its fit carried on.
@@ -136,7 +165,7 @@ impl Fitter {
         let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
         let mut carried = Contestant { refined, experiment, ..contestant };
         self.judge(&mut carried);
-        Ok(carried)
+        self.beyond(carried, budget)
     }
 
     /// The same contestant, fitted once more from the initial states that the logs show, where that is better.
@@ -195,7 +224,11 @@ impl Fitter {
 
     /// The evidence of a contestant whose fit has changed.
     fn judge(self, contestant: &mut Contestant) {
-        let complexity = contestant.added.iter().map(Vec::len).sum::<usize>() + contestant.added_starts();
+        let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
+        let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
+        // What stands beyond its end was fitted no more.
+        let fitted = fitted.count();
+        let complexity = fitted + contestant.added_starts();
         let Contestant { experiment, refined, free, .. } = &*contestant;
         contestant.evidence = Evidence::of(experiment, refined, free, complexity, self.model_error);
     }

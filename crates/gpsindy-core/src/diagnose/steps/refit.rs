@@ -47,7 +47,8 @@ pub(crate) fn refit(
     let last = fits.get(FINALISTS - 1).map_or(f64::NEG_INFINITY, |f| contest.score(f));
     let near = fits.first().map_or(0.0, |f| contest.score(f)) - IN_SIGHT;
     let finish = |fit: Contestant| {
-        let may_win = contest.score(&fit) >= last.min(near) && !fit.refined.converged;
+        let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
+        let may_win = contest.score(&fit) >= last.min(near) && may_gain;
         if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
     };
     let mut fits = fits.into_par_iter().map(finish).collect::<Result<Vec<Contestant>>>()?;

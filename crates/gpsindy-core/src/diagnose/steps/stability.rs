@@ -9,7 +9,7 @@ use crate::diagnose::fit::elimination::{eliminate, gain};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::stability::{ALIKE, DISAGREES, MOST_RUNS, NOTHING};
-use crate::expression::Expression;
+use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter, System};
 use crate::refine::{Free, Jacobian, Point};
 use nalgebra::{DMatrix, DVector};
@@ -109,6 +109,9 @@ impl Gated {
                 continue;
             }
             let symbol = model.parameters[*index].name.clone();
+            if model.states.iter().any(|s| bounds_a_hold(&s.equation, &symbol)) {
+                continue;
+            }
             let name = format!("{symbol}__{}", self.halves.len());
             let change = Expression::variable(name.clone()).times(gate.clone());
             let changed = Expression::variable(symbol.clone()).plus(change);
@@ -122,6 +125,17 @@ impl Gated {
         let system = System::with_simulator(&model, best.system.simulator().cloned()).ok()?;
         Some((system.with_followers(best.nominal_states()).ok()?, free))
     }
+}
+
+/// Whether the parameter `symbol` says how much more than in motion friction holds at rest: that can't change on the way.
+fn bounds_a_hold(equation: &Expression, symbol: &str) -> bool {
+    let mut found = false;
+    equation.visit(&mut |part| {
+        if let Expression::Call(Function::Breakaway, arguments) = part {
+            found |= arguments.get(1).is_some_and(|reach| reach.contains(symbol));
+        }
+    });
+    found
 }
 
 /// Halves of the logs: the outer part of each variable that the cause depends on, and the later part of the time.

@@ -9,6 +9,7 @@ mod names;
 mod program;
 mod python;
 mod rust;
+mod stick;
 mod sympy;
 
 use super::Model;
@@ -99,6 +100,9 @@ impl Export {
     ///
     /// Ports are left out: they are zero.
     ///
+    /// A right side has no modes: `stick` and `breakaway` become `tanh(z/w)`, or a `sign` that does not hold at rest, which a
+    /// comment then says.
+    ///
     /// A delay or a play becomes a function of the log's samples (C, Julia, Python, Rust), a shifted time
     /// (LaTeX, SymPy) or the language's own `delay` (Modelica). Names and units are free text of whoever wrote the
     /// model; they stand in comments and strings, and nothing of them leaves those.
@@ -109,9 +113,9 @@ impl Export {
     /// user's own simulator.
     pub fn write(&self, model: &Model, language: Language) -> Result<String> {
         model.check()?;
-        let model = &model.closed();
+        let (model, holds) = &stick::without_stick(&model.closed())?;
         check_numbers(model)?;
-        match language {
+        let text = match language {
             Language::Latex => latex::write(model, self.full_digits),
             Language::Sympy => sympy::write(model),
             Language::Python => python::write(model),
@@ -119,7 +123,8 @@ impl Export {
             Language::Rust => rust::write(model),
             Language::Julia => julia::write(model),
             Language::Modelica => modelica::write(model),
-        }
+        }?;
+        Ok(if *holds { stick::note(language) + &text } else { text })
     }
 }
 

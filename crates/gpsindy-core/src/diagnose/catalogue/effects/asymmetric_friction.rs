@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
-use crate::diagnose::catalogue::writer::{POSITIVE, Writer};
+use crate::diagnose::catalogue::writer::{CORNER, POSITIVE, Writer};
 use crate::error::Result;
 use crate::expression::Expression;
 
@@ -16,7 +16,7 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Friction,
     form: "-c_plus*max(sign(z), 0) - c_minus*min(sign(z), 0)",
     symbols: &["z"],
-    parameters: "c_plus: level for z above 0, c_minus: level for z below 0, w: speed within which the sign is smoothed",
+    parameters: "c_plus: level for z above 0, c_minus: level for z below 0, w: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "the rate jumps at every reversal, and decay differs between the two directions",
     places: &[Place::Own],
     sense: &[Sense::Speed, Sense::EitherSign(0)],
@@ -35,12 +35,11 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (rate, small, size, unit) = (writer.rate(), writer.small(), writer.size(0), writer.unit_of_rate());
     let plus = writer.add("c_plus", 0.0, rate, POSITIVE, &unit);
     let minus = writer.add("c_minus", 0.0, rate, POSITIVE, &unit);
-    let speed = writer.unit_of(0);
-    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
-    let form = "-(c_plus*max(tanh(z/w), 0) + c_minus*min(tanh(z/w), 0))";
+    let w = writer.add_corner("w");
+    let form = "-(c_plus*max(stick(z, w), 0) + c_minus*min(stick(z, w), 0))";
     writer.add_term(writer.form(form, &[("c_plus", plus), ("c_minus", minus), ("w", w)])?);
     Ok(vec![Start {
-        columns: vec![vec![small, 0.0, 0.02 * size], vec![0.0, small, 0.02 * size]],
+        columns: vec![vec![small, 0.0, CORNER * size], vec![0.0, small, CORNER * size]],
         combine: Combine::Amplitude,
         amplitudes: vec![(0, 0.0), (1, 0.0)],
     }])

@@ -5,7 +5,7 @@ use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
-use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::diagnose::catalogue::writer::{CORNER, POSITIVE, Writer, amplitude};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
 
@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Friction,
     form: "-c*sign(z)",
     symbols: &["z"],
-    parameters: "c: friction level, w: speed within which the sign is smoothed",
+    parameters: "c: friction level, w: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "linear decay of oscillations, sticking at rest, a jump of the rate at every reversal",
     places: &[Place::Own],
     sense: &[],
@@ -35,10 +35,9 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let z = writer.variable(0)?;
     let (rate, size, unit) = (writer.rate(), writer.size(0), writer.unit_of_rate());
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
-    let speed = writer.unit_of(0);
-    let w = writer.add("w", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
-    writer.add_term(c.times(z.over(w).apply(Function::Tanh)).negated());
-    Ok(vec![amplitude(&[writer.small(), 0.02 * size])])
+    let w = writer.add_corner("w");
+    writer.add_term(c.times(Expression::Call(Function::Stick, vec![z, w])).negated());
+    Ok(vec![amplitude(&[writer.small(), CORNER * size])])
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {

@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
-use crate::diagnose::catalogue::writer::{POSITIVE, Writer};
+use crate::diagnose::catalogue::writer::{CORNER, POSITIVE, Writer};
 use crate::error::Result;
 use crate::expression::Expression;
 
@@ -16,7 +16,7 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Friction,
     form: "-(c + k*abs(w))*sign(z)",
     symbols: &["z", "w"],
-    parameters: "c: level without load, k: increase per unit of load, corner: speed within which the sign is smoothed",
+    parameters: "c: level without load, k: increase per unit of load, corner: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "the rate jumps at reversals, more so under load",
     places: &[Place::Load],
     sense: &[Sense::Speed, Sense::EitherSign(0), Sense::Moves(1)],
@@ -33,14 +33,14 @@ pub(super) static DEFINITION: Definition = Definition {
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (rate, small, size, load) = (writer.rate(), writer.small(), writer.size(0), writer.size(1));
-    let (unit, per_load, speed) = (writer.unit_of_rate(), writer.unit_per(&[(1, 1)]), writer.unit_of(0));
+    let (unit, per_load) = (writer.unit_of_rate(), writer.unit_per(&[(1, 1)]));
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
     let k = writer.add("k", 0.0, rate / load, POSITIVE, &per_load);
-    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
-    let form = "-(c + k*abs(w))*tanh(z/corner)";
+    let corner = writer.add_corner("corner");
+    let form = "-(c + k*abs(w))*stick(z, corner)";
     writer.add_term(writer.form(form, &[("c", c), ("k", k), ("corner", corner)])?);
     Ok(vec![Start {
-        columns: vec![vec![small, 0.0, 0.02 * size], vec![0.0, small / load, 0.02 * size]],
+        columns: vec![vec![small, 0.0, CORNER * size], vec![0.0, small / load, CORNER * size]],
         combine: Combine::Amplitude,
         amplitudes: vec![(0, 0.0), (1, 0.0)],
     }])

@@ -5,7 +5,7 @@ use crate::diagnose::catalogue::hypothesis::{Combine, Start};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
-use crate::diagnose::catalogue::writer::{POSITIVE, Writer, number};
+use crate::diagnose::catalogue::writer::{CORNER, POSITIVE, Writer, number};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
 
@@ -15,7 +15,7 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Friction,
     form: "-(c + (s - c)*exp(-(z/w)^2))*sign(z)",
     symbols: &["z"],
-    parameters: "c: level at speed, s: level near zero, s_minus_c: difference of the two levels, w: speed that separates them, corner: speed within which the sign is smoothed",
+    parameters: "c: level at speed, s: level near zero, s_minus_c: difference of the two levels, w: speed that separates them, corner: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "stick-slip: jerky motion at low speed",
     places: &[Place::Own],
     sense: &[],
@@ -38,11 +38,11 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let speed = writer.unit_of(0);
     let w = writer.add("w", size, size, (0.02 * size, 2.0 * size), &speed);
     // How sharp the corner is decides how long a part that should stick creeps: fitted, as for dry friction.
-    let corner = writer.add("corner", 0.02 * size, 0.02 * size, (0.002 * size, 0.1 * size), &speed);
+    let corner = writer.add_corner("corner");
     let bump = z.clone().over(w).power(number(2.0)).negated().apply(Function::Exp);
-    writer.add_term(c.plus(extra.times(bump)).times(z.over(corner).apply(Function::Tanh)).negated());
+    writer.add_term(c.plus(extra.times(bump)).times(Expression::Call(Function::Stick, vec![z, corner])).negated());
     let start = |w: f64| Start {
-        columns: vec![vec![small, 0.0, w * size, 0.02 * size], vec![0.0, small, w * size, 0.02 * size]],
+        columns: vec![vec![small, 0.0, w * size, CORNER * size], vec![0.0, small, w * size, CORNER * size]],
         combine: Combine::Amplitude,
         amplitudes: vec![(0, 0.0), (1, 0.0)],
     };

@@ -1,0 +1,90 @@
+//! Dry friction that holds at rest: `stick(z, 0)` and `breakaway(z, r)` as modes of a rollout.
+//!
+//! In motion such a function is the sign of its state. At rest it has the value that keeps the state there, as long as
+//! there is one within its reach: the right side is a set (Filippov 1988, Differential Equations with Discontinuous
+//! Righthand Sides). An integrator walks from one change of mode to the next.
+
+mod slots;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;
+
+pub(crate) use slots::{Kept, Mode, Slots};
+
+use crate::error::Result;
+use crate::expression::{Expression, Function, Tape};
+use crate::model::Model;
+
+/// The functions of a model that may hold a state at rest, each one slot of its rates.
+#[derive(Debug, Clone)]
+pub(crate) struct Sticks {
+    /// The state that each slot holds.
+    states: Vec<usize>,
+    /// Corner width and reach of every slot, beside each other, of the parameters.
+    bounds: Tape,
+    /// The rates as a tape of the variables of [`crate::model::System::rates`] and then the slots' values.
+    rates: Tape,
+}
+
+fn slot_name(index: usize) -> String {
+    format!("slot {index}")
+}
+
+/// Of a function that may hold: the state that it holds, its corner width and its reach.
+fn parts(expression: &Expression) -> Option<(&str, Expression, Expression)> {
+    let Expression::Call(function, arguments) = expression else { return None };
+    let [Expression::Variable(state), amount] = &arguments[..] else { return None };
+    match function {
+        Function::Stick => Some((state, amount.clone(), Expression::Number(1.0))),
+        Function::Breakaway => Some((state, Expression::Number(0.0), amount.clone())),
+        _ => None,
+    }
+}
+
+impl Sticks {
+    /// Of `rates`, which are expressions of `variables`; none where no function may hold.
+    pub(crate) fn new(
+        model: &Model,
+        rates: &[Expression],
+        variables: &[String],
+        n_simulator_outputs: usize,
+    ) -> Result<Option<Self>> {
+        let mut found: Vec<(usize, Expression, Expression)> = Vec::new();
+        let mut known: Vec<Expression> = Vec::new();
+        for rate in rates {
+            rate.visit(&mut |part| {
+                let Some((state, width, reach)) = parts(part) else { return };
+                // What reads more than parameters has a corner of some width everywhere.
+                let is_fixed =
+                    |amount: &Expression| amount.variables().iter().all(|n| model.parameter_index(n).is_some());
+                if !(is_fixed(&width) && is_fixed(&reach)) {
+                    return;
+                }
+                let Some(state) = model.state_index(state).filter(|_| !known.contains(part)) else { return };
+                known.push(part.clone());
+                found.push((state, width, reach));
+            });
+        }
+        if found.is_empty() {
+            return Ok(None);
+        }
+        let with_slots: Vec<Expression> = rates
+            .iter()
+            .map(|rate| {
+                rate.map(&|part| match known.iter().position(|k| *k == part) {
+                    Some(slot) => Expression::Variable(slot_name(slot)),
+                    None => part,
+                })
+            })
+            .collect();
+        let variables: Vec<String> = variables.iter().cloned().chain((0..known.len()).map(slot_name)).collect();
+        let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
+        let bounds: Vec<Expression> =
+            found.iter().flat_map(|(_, width, reach)| [width.clone(), reach.clone()]).collect();
+        Ok(Some(Self {
+            states: found.iter().map(|(state, ..)| *state).collect(),
+            bounds: Tape::new(&bounds, &parameters)?,
+            rates: Tape::with_simulator(&with_slots, &variables, n_simulator_outputs)?,
+        }))
+    }
+}
