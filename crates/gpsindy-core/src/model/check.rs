@@ -3,6 +3,7 @@
 use super::{Model, SCHEMA};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function};
+use crate::sticking::is_fixed;
 
 pub(super) fn check(model: &Model) -> Result<()> {
     if model.schema != SCHEMA {
@@ -187,7 +188,7 @@ fn check_stick(model: &Model, function: Function, arguments: &[Expression]) -> O
     if !is_state(&arguments[0]) {
         return Some(format!("the first argument of `{name}` must be a state alone"));
     }
-    if function == Function::Breakaway && arguments[1].variables().iter().any(|n| model.parameter_index(n).is_none()) {
+    if function == Function::Breakaway && !is_fixed(model, &arguments[1]) {
         return Some(format!("the second argument of `{name}` must be made of numbers and parameters"));
     }
     None

@@ -41,6 +41,18 @@ fn parts(expression: &Expression) -> Option<(&str, Expression, Expression)> {
     }
 }
 
+/// Whether an amount is made of numbers and parameters, so that it stays as it is throughout a rollout.
+pub(crate) fn is_fixed(model: &Model, amount: &Expression) -> bool {
+    let mut fixed = true;
+    amount.visit(&mut |part| {
+        fixed &= match part {
+            Expression::Variable(name) => model.parameter_index(name).is_some(),
+            other => *other != Expression::Time,
+        };
+    });
+    fixed
+}
+
 impl Sticks {
     /// Of `rates`, which are expressions of `variables`; none where no function may hold.
     pub(crate) fn new(
@@ -54,10 +66,8 @@ impl Sticks {
         for rate in rates {
             rate.visit(&mut |part| {
                 let Some((state, width, reach)) = parts(part) else { return };
-                // What reads more than parameters has a corner of some width everywhere.
-                let is_fixed =
-                    |amount: &Expression| amount.variables().iter().all(|n| model.parameter_index(n).is_some());
-                if !(is_fixed(&width) && is_fixed(&reach)) {
+                // What changes on the way has a corner of some width everywhere.
+                if !(is_fixed(model, &width) && is_fixed(model, &reach)) {
                     return;
                 }
                 let Some(state) = model.state_index(state).filter(|_| !known.contains(part)) else { return };

@@ -224,6 +224,7 @@ fn what_can_not_hold_is_refused_or_stays_a_corner() {
     let refused = |rate: &str| model(&[("v", rate)], &["u"], &[("c", 1.0)]).compile().unwrap_err().to_string();
     assert!(refused("-stick(2*v, 0)").contains("must be a state alone"));
     assert!(refused("-breakaway(u, 1)").contains("must be a state alone"));
+    assert!(refused("-breakaway(v, 1 + t)").contains("numbers and parameters"));
     assert!(refused("-breakaway(v, 1 + v^2)").contains("numbers and parameters"));
     // A width that moves is no width of zero.
     let wide = model(&[("v", "-stick(v, 0.1 + u^2)")], &["u"], &[]).compile().unwrap();

@@ -224,9 +224,9 @@ impl Fitter {
 
     /// The evidence of a contestant whose fit has changed.
     fn judge(self, contestant: &mut Contestant) {
+        // What stands beyond its end is fitted no more.
         let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
         let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
-        // What stands beyond its end was fitted no more.
         let fitted = fitted.count();
         let complexity = fitted + contestant.added_starts();
         let Contestant { experiment, refined, free, .. } = &*contestant;

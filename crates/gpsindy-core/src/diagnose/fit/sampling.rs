@@ -71,7 +71,7 @@ pub(crate) fn told_apart(experiment: &Experiment, added: &Added, value: f64) -> 
     match added.role {
         Role::Period => Some(value / count as f64),
         Role::Phase => Some(step),
-        Role::Plain | Role::Angle => None,
+        Role::Plain | Role::Angle | Role::Corner => None,
     }
 }
 
