@@ -316,8 +316,9 @@ pub(crate) mod sampling {
     pub(crate) const LATTICE: f64 = 4.0;
     pub(crate) const PHASES: f64 = 4.0;
 
-    /// Trials that go on to twice the length.
+    /// Trials that go on to twice the length; on whole logs half as many from one lattice to the next, down to the fewest.
     pub(crate) const KEPT: usize = 16;
+    pub(crate) const FEWEST: usize = 2;
 
     /// How far from its start a period is looked for: starts are a quarter apart.
     pub(crate) const REACH: f64 = 1.3;

@@ -7,7 +7,7 @@
 //! that is what a log has that its own controller wrote.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Role};
-use crate::diagnose::limits::sampling::{CELLS, KEPT, LATTICE, PHASES, REACH};
+use crate::diagnose::limits::sampling::{CELLS, FEWEST, KEPT, LATTICE, PHASES, REACH};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, Window};
@@ -104,6 +104,7 @@ fn search(
             phases.map(move |phase| Sampling { period, phase, apart })
         })
         .collect();
+    let mut most = KEPT;
     let mut samples = ((CELLS * start / step) as usize).clamp(1, longest);
     loop {
         trials.extend(&whole);
@@ -119,10 +120,12 @@ fn search(
             let phase = if phase - begin > 0.5 * period { phase - period } else { phase };
             return Ok(Sampling { period, phase, apart });
         }
+        // Whole logs have no more to tell: from here on the best of them can be parted.
+        most = if samples >= longest { (most / 2).max(FEWEST) } else { most };
         samples = (2 * samples).min(longest);
         let mut kept: Vec<Sampling> = Vec::new();
         for trial in order.iter().map(|&i| trials[i]).filter(|t| t.apart.0 > 0.0) {
-            if kept.len() < KEPT && !kept.iter().any(|other| other.is_beside(&trial)) {
+            if kept.len() < most && !kept.iter().any(|other| other.is_beside(&trial)) {
                 kept.push(trial);
             }
         }
