@@ -132,7 +132,6 @@ pub mod regress;
 mod score;
 mod simulate;
 mod smooth;
-mod sticking;
 pub mod systems;
 
 /// The matrices of this crate's interface are `faer::Mat<f64>`: take faer from here, so that its version is the one that

@@ -90,7 +90,7 @@ pub(crate) fn scene(effect: Effect) -> Option<Scene> {
         "input_rate_limit" => of(CART, Steps, 10.0, "v", &[("v", "2*w - 0.8*v"), ("w", "clamp(20*(u - w), -0.9, 0.9)")]),
         "asymmetric_friction" => of(CART, Sine(3.0, 1.0), 10.0, "v", &[("v", "2*u - 0.8*v - 0.9*max(tanh(v/0.02), 0) - 0.1*min(tanh(v/0.02), 0)")]),
         "load_friction" => of(ARM, Sine(2.0, 1.0), 10.0, "q", &[("v", "-9*q - 1.5*v + 6*u - (0.2 + 0.5*abs(6*u))*tanh(v/0.02)")]),
-        "stiction" => of(CART, Sine(2.0, 0.7), 10.0, "v", &[("v", "2*u - 0.8*v - 0.4*breakaway(v, 2.5)")]),
+        "stiction" => of(CART, Sine(2.0, 0.7), 10.0, "v", &[("v", "2*u - 0.8*v - (0.4 + 0.6*exp(-(v/0.1)^2))*d/0.01"), ("d", "v - abs(v)*d/0.01")]),
         "hysteresis" => of(ARM, Sine(2.0, 1.0), 10.0, "q", &[("v", "-9*q - 1.5*v + 6*u - 3*h"), ("h", "6*v - 3*abs(v)*h - 3*v*abs(h)")]),
         "gear_play" => of(GEARS, Steps, 8.0, "b", &[("a", "4*u - a - 20*dead_zone(p - q, 0.3)"), ("b", "20*dead_zone(p - q, 0.3) - 0.6*b")]),
         "elastic_joint" => of(CART, Steps, 10.0, "v", &[("v", "2*u - 0.8*v + 0.6*(36*s + 1.2*r)"), ("s", "r"), ("r", "-36*s - 1.2*r - (2*u - 0.8*v)")]),

@@ -395,7 +395,8 @@ mod tests {
             "form": "-c*sign(v)", "parameters": [], "equivalent": [], "next_experiment": null}"#;
         let cause: Cause = serde_json::from_str(json).unwrap();
         assert_eq!(parameter_meaning(&cause, "c"), "");
-        assert_eq!(parameter_meaning(&cause, "w"), " (speed within which the sign is smoothed)");
+        let corner = " (speed within which the sign is smoothed; 0 where it holds at rest)";
+        assert_eq!(parameter_meaning(&cause, "w"), corner);
         assert_eq!(parameter_meaning(&Cause { effect: "tyre_slip".into(), ..cause }, "w"), "");
     }
 

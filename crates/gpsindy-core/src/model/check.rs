@@ -3,7 +3,7 @@
 use super::{Model, SCHEMA};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function};
-use crate::sticking::is_fixed;
+use crate::model::sticking::is_fixed;
 
 pub(super) fn check(model: &Model) -> Result<()> {
     if model.schema != SCHEMA {

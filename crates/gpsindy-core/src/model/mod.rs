@@ -7,6 +7,7 @@ mod check;
 mod engine;
 mod export;
 mod port;
+pub(crate) mod sticking;
 mod system;
 pub(crate) mod unit;
 

@@ -4,7 +4,7 @@ use super::Model;
 use super::engine::{self, Drive, Rows, Steps};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Tape};
-use crate::sticking::Sticks;
+use crate::model::sticking::Sticks;
 
 use std::sync::{Arc, Mutex};
 

@@ -10,8 +10,8 @@ pub(crate) mod tangent;
 use super::experiment::{Log, Past};
 use super::history::{History, Stages, histories};
 use crate::data::Hold;
+use crate::model::sticking::Slots;
 use crate::model::{Follower, System};
-use crate::sticking::Slots;
 
 /// What is rolled out, and who receives it: sample, state or column, values.
 struct Roll<'r, const L: usize> {

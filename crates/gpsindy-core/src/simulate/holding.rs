@@ -2,7 +2,7 @@
 
 use super::dense::DenseStep;
 use super::rates::Rates;
-use crate::sticking::{Kept, Mode};
+use crate::model::sticking::{Kept, Mode};
 
 /// Parts of a step at whose ends a change is looked for.
 const PARTS: usize = 8;
@@ -87,3 +87,7 @@ fn leaves(rates: &mut Rates<'_>, step: &DenseStep, slot: usize) -> Option<Change
     let mode = if excess(high).1 > 0.0 { Mode::Forward } else { Mode::Backward };
     Some(Change { at: high, slot, let_go: Some(mode) })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

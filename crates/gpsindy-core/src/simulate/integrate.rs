@@ -7,7 +7,7 @@ use super::rates::Rates;
 use super::rosenbrock::Rosenbrock;
 use super::{Method, Simulate};
 use crate::error::{Error, Result};
-use crate::sticking::Kept;
+use crate::model::sticking::Kept;
 
 /// Step control of Hairer's DOPRI5: safety, smallest and largest change of the step.
 const SAFETY: f64 = 0.9;

@@ -3,7 +3,7 @@
 use super::excitation::{Excitation, Moment};
 use crate::error::Error;
 use crate::model::System;
-use crate::sticking::{Kept, Mode, Slots};
+use crate::model::sticking::{Kept, Mode, Slots};
 
 /// Evaluates rates and outputs; holds the registers between calls.
 pub(super) struct Rates<'a> {

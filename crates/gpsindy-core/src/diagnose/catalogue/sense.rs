@@ -22,8 +22,6 @@ pub(crate) enum Sense {
     NotThermal,
     /// No parameter scales the whole equation: it would be the same suspect.
     NoScale,
-    /// The rates are equations: in a simulator that steps nothing can hold within a step.
-    Modes,
 }
 
 impl Sense {
@@ -37,7 +35,6 @@ impl Sense {
             Self::Moves(_) => "the variable moves in the logs",
             Self::NotThermal => "the equation is not that of a temperature",
             Self::NoScale => "no parameter scales the whole equation",
-            Self::Modes => "the model has equations, not a simulator of its own",
         }
     }
 
@@ -52,7 +49,6 @@ impl Sense {
             Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > 0.01 * e.size()),
             Self::NotThermal => !is_temperature(&model.states[state].unit),
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
-            Self::Modes => !model.calls_simulator(),
         }
     }
 }

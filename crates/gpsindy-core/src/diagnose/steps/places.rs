@@ -86,12 +86,10 @@ fn contained(contest: &Contest<'_>, nominal: &Contestant, best: &Contestant, pla
         contest.hypotheses.iter().find(is_it).filter(|h| !best.hypotheses.contains(h))
     };
     let values = best.values(place);
-    // What has no corner of its own holds at rest.
-    let last = if wide.is(Effect::Stiction) { Some(0.0) } else { values.last().copied() };
     let mut all = Vec::new();
     for hypothesis in wide.effect().into_iter().flat_map(|effect| effect.contains()).filter_map(|&e| narrow(e)) {
         let mut effects = best.entrants_without(&[place]);
-        let own = values.first().copied().into_iter().chain(last).collect();
+        let own = values.first().into_iter().chain(values.last()).copied().collect();
         effects.push((Entrant { hypothesis, searches: best.searches[place] }, own));
         all.extend(contest.again_with(nominal, best, &effects)?);
     }

@@ -4,8 +4,8 @@
 //! across lanes goes through a change as the exact derivative does.
 
 use super::{Lanes, Node, Roll};
+use crate::model::sticking::{Kept, Mode, Slots};
 use crate::refine::history::Stages;
-use crate::sticking::{Kept, Mode, Slots};
 
 /// Most changes of mode within one step of one lane; beyond, the step is finished as it stands.
 const MOST_CHANGES: usize = 8;

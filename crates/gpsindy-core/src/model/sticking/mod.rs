@@ -5,9 +5,6 @@
 //! Righthand Sides). An integrator walks from one change of mode to the next.
 
 mod slots;
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod tests;
 
 pub(crate) use slots::{Kept, Mode, Slots};
 
