@@ -15,7 +15,7 @@ pub use engine::{Rows, Steps};
 pub use export::{Export, Language};
 pub use port::Port;
 pub use system::{Dynamics, Input, InputKind, System};
-pub(crate) use system::{Follower, LateState, ROUNDING, sampled_at};
+pub(crate) use system::{Follower, LateState, ROUNDING, SHORTEST_HOLD, sampled_at};
 
 use crate::data::Hold;
 use crate::error::Result;

@@ -69,6 +69,9 @@ impl InputKind {
 /// Share of the period of a sample-and-hold that rounding may make of time stamps and of the period.
 pub(crate) const ROUNDING: f64 = 1e-6;
 
+/// Shortest period of a sample-and-hold, in sampling steps of a log: what is shorter holds nothing that the log could show.
+pub(crate) const SHORTEST_HOLD: f64 = 0.01;
+
 /// The moment at or before `t` at which a signal was last sampled, where it is sampled at `phase` and every `period` from there.
 ///
 /// A moment that rounding puts just after `t` counts as `t`.

@@ -5,7 +5,7 @@
 
 use super::experiment::Log;
 use crate::data::Hold;
-use crate::model::{InputKind, ROUNDING, System, sampled_at};
+use crate::model::{InputKind, ROUNDING, SHORTEST_HOLD, System, sampled_at};
 
 /// An input with a history, sampled, for every lane.
 pub(super) struct History<const L: usize> {
@@ -39,7 +39,7 @@ impl Held {
     fn new(time: &[f64], phase: f64, period: f64, at: impl Fn(f64) -> f64) -> Self {
         let (begin, last) = (time[0], time[time.len() - 1]);
         // What would be shorter holds nothing that the log could show.
-        let shortest = (last - begin) / time.len() as f64 * SHORTEST;
+        let shortest = (last - begin) / time.len() as f64 * SHORTEST_HOLD;
         let period = if shortest > 0.0 { period.max(shortest) } else { 1.0 };
         let first = sampled_at(begin, phase, period);
         let mut held = Self { first, period, values: Vec::new(), integral: vec![0.0] };
@@ -65,9 +65,6 @@ impl Held {
         self.integral[place] + self.values[place] * since
     }
 }
-
-/// Shortest period of a sample-and-hold, in sampling steps.
-const SHORTEST: f64 = 0.01;
 
 /// Values of an input at the start, middle and end of a step.
 pub(super) type Stages<const L: usize> = [[f64; L]; 3];

@@ -5,7 +5,7 @@
 
 use crate::data::{Channel, Hold, Run};
 use crate::error::{Error, Result};
-use crate::model::{InputKind, ROUNDING, System, sampled_at};
+use crate::model::{InputKind, ROUNDING, SHORTEST_HOLD, System, sampled_at};
 use faer::{Mat, MatRef};
 
 /// A moment: the time that expressions see, and the time at which held signals are looked up.
@@ -25,9 +25,6 @@ impl Moment {
         if moment.lookup < first { Self { time: first, lookup: first } } else { moment }
     }
 }
-
-/// Shortest period of a sample-and-hold, in sampling steps of the log: what is shorter holds nothing that a log could show.
-const SHORTEST_HOLD: f64 = 0.01;
 
 #[derive(Debug, Clone)]
 struct History {

@@ -136,17 +136,29 @@ impl<'a> Walker<'a> {
         for i in 0..substeps {
             let t = a + h * i as f64;
             rates.rate(t, x, &mut self.slope);
-            match self.settings.method {
-                Method::Euler { .. } => euler(h, x, &self.slope, &mut end),
-                _ => runge_kutta_4(rates, t, h, x, &self.slope, &mut end),
-            }
-            self.check_bound(rates, t + h, &end)?;
-            rates.rate(t + h, &end, &mut end_slope);
-            self.dense.set_cubic(t, h, x, &end, &self.slope, &end_slope);
-            self.march.n_steps += 1;
+            self.one_fixed(rates, (t, h), x, (&mut end, &mut end_slope))?;
             accept(&self.dense);
             x.copy_from_slice(&end);
         }
+        Ok(())
+    }
+
+    /// One step of fixed length `h` from `x` at `t`, where the slope is there: the states at its end and their rates.
+    fn one_fixed(
+        &mut self,
+        rates: &mut Rates<'_>,
+        (t, h): (f64, f64),
+        x: &[f64],
+        (end, end_slope): (&mut [f64], &mut [f64]),
+    ) -> Result<()> {
+        match self.settings.method {
+            Method::Euler { .. } => euler(h, x, &self.slope, end),
+            _ => runge_kutta_4(rates, t, h, x, &self.slope, end),
+        }
+        self.check_bound(rates, t + h, end)?;
+        rates.rate(t + h, end, end_slope);
+        self.dense.set_cubic(t, h, x, end, &self.slope, end_slope);
+        self.march.n_steps += 1;
         Ok(())
     }
 
@@ -169,14 +181,7 @@ impl<'a> Walker<'a> {
             rates.begin(t, x, &mut self.slope);
             let mut length = stop - t;
             loop {
-                match self.settings.method {
-                    Method::Euler { .. } => euler(length, x, &self.slope, &mut end),
-                    _ => runge_kutta_4(rates, t, length, x, &self.slope, &mut end),
-                }
-                self.check_bound(rates, t + length, &end)?;
-                rates.rate(t + length, &end, &mut end_slope);
-                self.dense.set_cubic(t, length, x, &end, &self.slope, &end_slope);
-                self.march.n_steps += 1;
+                self.one_fixed(rates, (t, length), x, (&mut end, &mut end_slope))?;
                 if change.is_none() && self.march.n_steps < self.settings.max_steps {
                     change = first_change(rates, &self.dense, x, &self.slope);
                     if let Some(Change { at, .. }) = change {

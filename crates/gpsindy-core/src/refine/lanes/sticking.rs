@@ -126,7 +126,7 @@ fn across<S: pulp::Simd, const L: usize>(
             }
         }
         if changes.iter().all(Option::is_none) {
-            finish(slots, x, trial);
+            finish(slots, x, trial, [true; L]);
             return;
         }
         let length = std::array::from_fn(|lane| changes[lane].map_or(left[lane], |c: Change| c.share * left[lane]));
@@ -137,7 +137,7 @@ fn across<S: pulp::Simd, const L: usize>(
         }
         // Those without a change have come to the end of the step.
         let stayed: [bool; L] = std::array::from_fn(|lane| changes[lane].is_none());
-        finish_lanes(slots, x, trial, stayed);
+        finish(slots, x, trial, stayed);
         for (lane, change) in changes.iter().enumerate() {
             let Some(change) = change else { continue };
             let state = slots.state(change.slot);
@@ -215,13 +215,8 @@ fn between<const L: usize>(stages: &Stages<L>, share: [f64; L]) -> [f64; L] {
     })
 }
 
-/// All lanes at the end of their step.
-fn finish<const L: usize>(slots: &Slots<'_, L>, x: &mut [[f64; L]], trial: &Trial<L>) {
-    finish_lanes(slots, x, trial, [true; L]);
-}
-
 /// The lanes that `stayed` in their modes at the end of their step.
-fn finish_lanes<const L: usize>(slots: &Slots<'_, L>, x: &mut [[f64; L]], trial: &Trial<L>, stayed: [bool; L]) {
+fn finish<const L: usize>(slots: &Slots<'_, L>, x: &mut [[f64; L]], trial: &Trial<L>, stayed: [bool; L]) {
     for (value, end) in x.iter_mut().zip(&trial.end) {
         for lane in (0..L).filter(|&lane| stayed[lane]) {
             value[lane] = end[lane];
