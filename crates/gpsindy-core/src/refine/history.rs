@@ -1,18 +1,43 @@
 //! Inputs with a history: delays, play, sample-and-hold.
 //!
-//! They depend on the controls alone, so they are sampled over a whole log once. A late input that is held enters a step
-//! by its mean, which is smooth in the delay, and so does one that switches within a step.
+//! They depend on the controls alone. Of a log no more is sampled at a time than a block and what that looks back on. A late
+//! input that is held enters a step by its mean, which is smooth in the delay, and so does one that switches within a step.
+
+mod held;
 
 use super::experiment::Log;
 use crate::data::Hold;
-use crate::model::{InputKind, ROUNDING, SHORTEST_HOLD, System, sampled_at};
+use crate::model::{Input, InputKind, System};
+use held::Held;
+use std::ops::Range;
 
-/// An input with a history, sampled, for every lane.
-pub(super) struct History<const L: usize> {
+/// Samples that are taken at a time: so many that what is looked back on costs little beside them.
+const BLOCK: usize = 4096;
+
+/// Values of an input at the start, middle and end of a step.
+pub(super) type Stages<const L: usize> = [[f64; L]; 3];
+
+/// Every input with a history of a system, for every lane, over the part of a log that is being rolled out.
+pub(super) struct Histories<'a, const L: usize> {
+    log: &'a Log,
+    hold: Hold,
+    all: Vec<History<'a, L>>,
+    /// The samples of the log that are kept, and those among them behind which a step finds all that it reads.
+    kept: Range<usize>,
+    ready: Range<usize>,
+    /// How far all of them together look back, s, and whether one looks ahead.
+    back: f64,
+    is_ahead: bool,
+}
+
+/// An input with a history, for every lane; its samples are counted from the first that is kept.
+struct History<'a, const L: usize> {
+    input: &'a Input,
+    /// Controls, earlier inputs and parameters, for the input's tape.
+    registers: Vec<[f64; L]>,
     /// Value at each sample, and how much later than its time stamp it acts, s.
     values: Vec<[f64; L]>,
     shift: [f64; L],
-    shifted: bool,
     /// Integral of the held signal up to each sample.
     integral: Vec<[f64; L]>,
     /// Last sample at or before the current time, one a lane.
@@ -23,53 +48,205 @@ pub(super) struct History<const L: usize> {
     held: Vec<Held>,
 }
 
-/// A signal that is sampled and held.
-struct Held {
-    /// The last moment before the log at which it is sampled, and the time from one to the next, s.
-    first: f64,
-    period: f64,
-    /// The value that is held from each moment on.
-    values: Vec<f64>,
-    /// Its integral from the first moment up to each.
-    integral: Vec<f64>,
-}
+impl<'a, const L: usize> Histories<'a, L> {
+    /// Nothing is sampled yet. `parameters`: all of the system's, one value a lane.
+    pub(super) fn new(system: &'a System, log: &'a Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
+        let inputs = system.inputs().iter().enumerate();
+        let all: Vec<History<L>> =
+            inputs.map(|(i, input)| History::new(input, system.n_controls() + i, log, parameters)).collect();
+        let back = |history: &History<L>| {
+            let of = |lane: usize| history.held.get(lane).map_or(history.shift[lane], Held::period);
+            (0..L).map(of).fold(0.0, f64::max)
+        };
+        let is_ahead = all.iter().any(|history| history.shift.iter().any(|&shift| shift < 0.0));
+        Self { log, hold, back: all.iter().map(back).sum(), is_ahead, all, kept: 0..0, ready: 0..0 }
+    }
 
-impl Held {
-    /// `at(t)`: the signal; before the log's begin it is what it is there.
-    fn new(time: &[f64], phase: f64, period: f64, at: impl Fn(f64) -> f64) -> Self {
-        let (begin, last) = (time[0], time[time.len() - 1]);
-        // What would be shorter holds nothing that the log could show.
-        let shortest = (last - begin) / time.len() as f64 * SHORTEST_HOLD;
-        let period = if shortest > 0.0 { period.max(shortest) } else { 1.0 };
-        let first = sampled_at(begin, phase, period);
-        let mut held = Self { first, period, values: Vec::new(), integral: vec![0.0] };
-        let (mut moment, mut integral) = (first, 0.0);
-        while held.values.is_empty() || moment <= last {
-            let value = at((moment + ROUNDING * period).max(begin));
-            integral += period * value;
-            held.values.push(value);
-            held.integral.push(integral);
-            moment = first + period * held.values.len() as f64;
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Goes to the sample `first`, behind which the next step lies.
+    pub(super) fn rewind(&mut self, first: usize) {
+        if self.all.is_empty() {
+            return;
         }
-        held
+        self.cover(first);
+        let time = &self.log.time[self.kept.clone()];
+        self.all.iter_mut().for_each(|history| history.rewind(time, self.log.time[first], self.hold));
     }
 
-    /// Number of the value that holds at `t`, and how long it has held.
-    fn locate(&self, t: f64) -> (usize, f64) {
-        let place = ((t - self.first) / self.period).floor().clamp(0.0, (self.values.len() - 1) as f64);
-        (place as usize, t - self.first - self.period * place)
+    /// Their values over a step from `a` to `b`, s, behind the sample `sample`.
+    #[inline(always)]
+    pub(super) fn step(&mut self, sample: usize, a: f64, b: f64, into: &mut [Stages<L>]) {
+        if self.all.is_empty() {
+            return;
+        }
+        self.cover(sample);
+        let time = &self.log.time[self.kept.clone()];
+        for (history, stages) in self.all.iter_mut().zip(into) {
+            *stages = history.step(time, sample - self.kept.start, a, b, self.hold);
+        }
     }
 
-    fn integral_at(&self, t: f64) -> f64 {
-        let (place, since) = self.locate(t);
-        self.integral[place] + self.values[place] * since
+    /// Samples what a step behind `sample` reads, where it is not there.
+    #[inline(always)]
+    fn cover(&mut self, sample: usize) {
+        if !self.ready.contains(&sample) {
+            self.sample(sample);
+        }
+    }
+
+    #[cold]
+    fn sample(&mut self, sample: usize) {
+        let time = &self.log.time;
+        let look_back = |sample: usize| time.partition_point(|&t| t <= time[sample] - self.back).saturating_sub(1);
+        // One that looks ahead is sampled as a whole.
+        let block = if self.is_ahead { time.len() } else { BLOCK };
+        let end = if self.is_ahead { time.len() } else { (sample + 2).min(time.len()) };
+        let first = look_back(sample);
+        let is_play = self.all.iter().any(|history| history.input.kind == InputKind::Play);
+        if first < self.kept.start || self.kept.is_empty() || (first > self.kept.end && !is_play) {
+            // A play depends on all that came before.
+            let start = if is_play { 0 } else { first };
+            self.kept = start..start;
+            self.all.iter_mut().for_each(|history| history.restart(time[start]));
+        }
+        while self.kept.end < end {
+            let begin = self.kept.end;
+            // What is sampled now looks back, too; a play continues from its last sample.
+            let start = look_back(sample.min(begin)).min(begin.saturating_sub(1)).max(self.kept.start);
+            let gone = start - self.kept.start;
+            self.kept = start..(begin + block).min(time.len());
+            for number in 0..self.all.len() {
+                let (earlier, rest) = self.all.split_at_mut(number);
+                rest[0].forget(gone, time[start]);
+                rest[0].extend(self.log, self.hold, &self.kept, begin, earlier);
+            }
+        }
+        let is_whole = self.kept.end == time.len();
+        self.ready = sample..if is_whole { time.len() } else { self.kept.end - 1 };
     }
 }
 
-/// Values of an input at the start, middle and end of a step.
-pub(super) type Stages<const L: usize> = [[f64; L]; 3];
+impl<'a, const L: usize> History<'a, L> {
+    /// `place`: the number of registers before those of the parameters.
+    fn new(input: &'a Input, place: usize, log: &Log, parameters: &[[f64; L]]) -> Self {
+        let mut registers = input.tape.registers::<L>();
+        registers[place..place + parameters.len()].copy_from_slice(parameters);
+        // Amounts are of parameters alone.
+        input.tape.evaluate(&mut registers);
+        let amount = input.tape.output(&registers, 1);
+        let shift = if input.kind == InputKind::Delay { amount } else { [0.0; L] };
+        let held = match input.kind {
+            InputKind::SampleHold => {
+                let phase = input.tape.output(&registers, 2);
+                (0..L).map(|lane| Held::new(&log.time, phase[lane], amount[lane])).collect()
+            }
+            _ => Vec::new(),
+        };
+        let (values, integral) = (Vec::new(), Vec::new());
+        Self { input, registers, values, shift, integral, cursor: [0; L], started: [0.0; L], held }
+    }
 
-impl<const L: usize> History<L> {
+    fn restart(&mut self, begin: f64) {
+        self.values.clear();
+        self.integral.clear();
+        self.cursor = [0; L];
+        self.held.iter_mut().for_each(|held| held.restart(begin));
+    }
+
+    /// Forgets the first `gone` samples; the log goes on from `begin`, s.
+    fn forget(&mut self, gone: usize, begin: f64) {
+        self.values.drain(..gone);
+        self.integral.drain(..gone);
+        self.cursor = self.cursor.map(|k| k.saturating_sub(gone));
+        self.held.iter_mut().for_each(|held| held.forget(begin));
+    }
+
+    /// Samples the rest of `kept` from the sample `begin` on.
+    fn extend(&mut self, log: &Log, hold: Hold, kept: &Range<usize>, begin: usize, earlier: &[Self]) {
+        let (tape, m) = (&self.input.tape, log.controls.len());
+        let time = &log.time[kept.clone()];
+        for k in begin - kept.start..time.len() {
+            for (register, control) in self.registers.iter_mut().zip(&log.controls) {
+                *register = [control[kept.start + k]; L];
+            }
+            for (register, earlier) in self.registers[m..].iter_mut().zip(earlier) {
+                *register = std::array::from_fn(|lane| earlier.value_at(time, lane, time[k]));
+            }
+            let n_variables = tape.n_variables();
+            self.registers[n_variables] = [time[k]; L];
+            tape.evaluate(&mut self.registers);
+            let signal = tape.output(&self.registers, 0);
+            let value = match self.input.kind {
+                InputKind::Delay | InputKind::SampleHold => signal,
+                InputKind::Play => played(self.values.last(), &signal, &tape.output(&self.registers, 1)),
+            };
+            let integral = match (self.values.last(), self.integral.last()) {
+                (Some(value), Some(before)) => {
+                    let step = time[k] - time[k - 1];
+                    std::array::from_fn(|lane| before[lane] + step * value[lane])
+                }
+                _ => [0.0; L],
+            };
+            self.values.push(value);
+            self.integral.push(integral);
+        }
+        for (lane, held) in self.held.iter_mut().enumerate() {
+            held.extend(time[time.len() - 1], |moment, later| match hold {
+                Hold::Zero => self.values[before(time, later)][lane],
+                Hold::Linear => linear_at(time, &self.values, lane, before(time, moment), moment),
+            });
+        }
+    }
+
+    /// The value at `t` of one lane, for an input behind this one.
+    fn value_at(&self, time: &[f64], lane: usize, t: f64) -> f64 {
+        let at = t - self.shift[lane];
+        match self.held.get(lane) {
+            Some(held) => held.value_at(t),
+            None => linear_at(time, &self.values, lane, before(time, at), at),
+        }
+    }
+
+    fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
+        self.cursor = self.shift.map(|shift| before(time, t - shift));
+        if hold == Hold::Zero || !self.held.is_empty() {
+            self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t));
+        }
+    }
+
+    #[inline(always)]
+    fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
+        if hold == Hold::Zero && self.input.kind == InputKind::Play {
+            return [self.values[sample]; 3];
+        }
+        if hold == Hold::Zero || !self.held.is_empty() {
+            let ended: [f64; L] = std::array::from_fn(|lane| self.integral_at(time, lane, b));
+            let mean = std::array::from_fn(|lane| (ended[lane] - self.started[lane]) / (b - a));
+            self.started = ended;
+            return [mean; 3];
+        }
+        let mut at = |t: f64| {
+            std::array::from_fn(|lane| {
+                let k = self.locate(time, lane, t - self.shift[lane]);
+                linear_at(time, &self.values, lane, k, t - self.shift[lane])
+            })
+        };
+        [at(a), at(0.5 * (a + b)), at(b)]
+    }
+
+    /// Integral of the held signal up to the time `t` of one lane.
+    fn integral_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
+        if let Some(held) = self.held.get(lane) {
+            return held.integral_at(t);
+        }
+        let k = self.locate(time, lane, t - self.shift[lane]);
+        self.integral[k][lane] + self.values[k][lane] * (t - self.shift[lane] - time[k])
+    }
+
     fn locate(&mut self, time: &[f64], lane: usize, t: f64) -> usize {
         let mut k = self.cursor[lane];
         while k + 1 < time.len() && time[k + 1] <= t {
@@ -78,133 +255,20 @@ impl<const L: usize> History<L> {
         self.cursor[lane] = k;
         k
     }
-
-    fn integral_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
-        let k = self.locate(time, lane, t);
-        self.integral[k][lane] + self.values[k][lane] * (t - time[k])
-    }
-
-    /// The value at `t` of one lane.
-    fn value_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
-        match self.held.get(lane) {
-            Some(held) => held.values[held.locate(t + ROUNDING * held.period).0],
-            None => self.linear_at(time, lane, t - self.shift[lane]),
-        }
-    }
-
-    fn linear_at(&mut self, time: &[f64], lane: usize, t: f64) -> f64 {
-        let k = self.locate(time, lane, t);
-        if k + 1 >= time.len() || t <= time[0] {
-            return self.values[k][lane];
-        }
-        let part = (t - time[k]) / (time[k + 1] - time[k]);
-        self.values[k][lane] + part * (self.values[k + 1][lane] - self.values[k][lane])
-    }
-
-    /// The signal of one lane, sampled and held.
-    fn held(&self, log: &Log, hold: Hold, lane: usize, (phase, period): (f64, f64)) -> Held {
-        let time = &log.time;
-        Held::new(time, phase, period, |t| {
-            let k = time.partition_point(|&other| other <= t).max(1) - 1;
-            let here = self.values[k][lane];
-            match self.values.get(k + 1) {
-                Some(next) if hold == Hold::Linear => {
-                    here + (next[lane] - here) * ((t - time[k]) / (time[k + 1] - time[k])).max(0.0)
-                }
-                _ => here,
-            }
-        })
-    }
-
-    /// Goes back to the time `t`.
-    pub(super) fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
-        let before = |shift: f64| time.partition_point(|&other| other <= t - shift).saturating_sub(1);
-        self.cursor = self.shift.map(before);
-        if !self.held.is_empty() {
-            self.started = std::array::from_fn(|lane| self.held[lane].integral_at(t));
-        } else if hold == Hold::Zero && self.shifted {
-            self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t - self.shift[lane]));
-        }
-    }
-
-    #[inline(always)]
-    pub(super) fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
-        if !self.held.is_empty() {
-            let ended: [f64; L] = std::array::from_fn(|lane| self.held[lane].integral_at(b));
-            let mean = std::array::from_fn(|lane| (ended[lane] - self.started[lane]) / (b - a));
-            self.started = ended;
-            return [mean; 3];
-        }
-        match hold {
-            Hold::Zero if !self.shifted => [self.values[sample]; 3],
-            Hold::Zero => {
-                let ended: [f64; L] = std::array::from_fn(|lane| self.integral_at(time, lane, b - self.shift[lane]));
-                let mean = std::array::from_fn(|lane| (ended[lane] - self.started[lane]) / (b - a));
-                self.started = ended;
-                [mean; 3]
-            }
-            Hold::Linear => {
-                let mut at = |t: f64| std::array::from_fn(|lane| self.linear_at(time, lane, t - self.shift[lane]));
-                [at(a), at(0.5 * (a + b)), at(b)]
-            }
-        }
-    }
 }
 
-/// Every input with a history, sampled over the log.
-pub(super) fn histories<const L: usize>(
-    system: &System,
-    log: &Log,
-    hold: Hold,
-    parameters: &[[f64; L]],
-) -> Vec<History<L>> {
-    let m = system.n_controls();
-    let mut all: Vec<History<L>> = Vec::new();
-    for input in system.inputs() {
-        let mut registers = input.tape.registers::<L>();
-        let first = m + all.len();
-        registers[first..first + parameters.len()].copy_from_slice(parameters);
-        for history in &mut all {
-            history.cursor = [0; L];
-        }
-        let (mut amount, mut phase) = ([0.0; L], [0.0; L]);
-        let mut values = Vec::with_capacity(log.time.len());
-        for (sample, &t) in log.time.iter().enumerate() {
-            for (register, control) in registers.iter_mut().zip(&log.controls) {
-                *register = [control[sample]; L];
-            }
-            for (register, earlier) in registers[m..].iter_mut().zip(&mut all) {
-                *register = std::array::from_fn(|lane| earlier.value_at(&log.time, lane, t));
-            }
-            let n_variables = input.tape.n_variables();
-            registers[n_variables] = [t; L];
-            input.tape.evaluate(&mut registers);
-            let signal = input.tape.output(&registers, 0);
-            amount = input.tape.output(&registers, 1);
-            values.push(match (input.kind, values.last()) {
-                (InputKind::Delay, _) => signal,
-                (InputKind::Play, last) => played(last, &signal, &amount),
-                (InputKind::SampleHold, _) => {
-                    phase = input.tape.output(&registers, 2);
-                    signal
-                }
-            });
-        }
-        let shift = if input.kind == InputKind::Delay { amount } else { [0.0; L] };
-        let mut integral = vec![[0.0; L]; values.len()];
-        for k in 1..values.len() {
-            let step = log.time[k] - log.time[k - 1];
-            integral[k] = std::array::from_fn(|lane| integral[k - 1][lane] + step * values[k - 1][lane]);
-        }
-        let shifted = input.kind == InputKind::Delay;
-        let mut history =
-            History { values, shift, shifted, integral, cursor: [0; L], started: [0.0; L], held: Vec::new() };
-        if input.kind == InputKind::SampleHold {
-            history.held = (0..L).map(|lane| history.held(log, hold, lane, (phase[lane], amount[lane]))).collect();
-        }
-        all.push(history);
+/// The last sample at or before `t`, else the first.
+fn before(time: &[f64], t: f64) -> usize {
+    time.partition_point(|&other| other <= t).saturating_sub(1)
+}
+
+/// The straight line through the samples about `t`, of which `k` is the last before it; at the ends their values.
+fn linear_at<const L: usize>(time: &[f64], values: &[[f64; L]], lane: usize, k: usize, t: f64) -> f64 {
+    let here = values[k][lane];
+    match values.get(k + 1) {
+        Some(next) if t > time[k] => here + (t - time[k]) / (time[k + 1] - time[k]) * (next[lane] - here),
+        _ => here,
     }
-    all
 }
 
 /// One step of a play of total width `width`: the output is dragged along once the gap is used up.
@@ -217,31 +281,5 @@ fn played<const L: usize>(last: Option<&[f64; L]>, signal: &[f64; L], width: &[f
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_play_drags_its_output_along_once_the_gap_is_used_up() {
-        let signal = [0.0, 0.4, 1.0, 0.8, 0.1, 0.5];
-        let mut path: Vec<[f64; 1]> = Vec::new();
-        for value in signal {
-            path.push(played(path.last(), &[value], &[1.0]));
-        }
-        // Half a unit behind, on either side.
-        assert_eq!(path.concat(), [0.0, 0.0, 0.5, 0.5, 0.5, 0.5]);
-        assert_eq!(played(Some(&[0.5]), &[-0.2], &[1.0]), [0.3]);
-    }
-
-    #[test]
-    fn a_late_held_input_enters_a_step_by_its_mean() {
-        let time = [0.0, 1.0, 2.0, 3.0];
-        let values: Vec<[f64; 1]> = vec![[0.0], [4.0], [4.0], [4.0]];
-        let integral = vec![[0.0], [0.0], [4.0], [8.0]];
-        let mut late =
-            History { values, shift: [0.25], shifted: true, integral, cursor: [0], started: [0.0], held: Vec::new() };
-        late.rewind(&time, 1.0, Hold::Zero);
-        // From 0.75 to 1.75 the input is at 4 for three quarters.
-        assert_eq!(late.step(&time, 1, 1.0, 2.0, Hold::Zero), [[3.0]; 3]);
-        assert_eq!(late.step(&time, 2, 2.0, 3.0, Hold::Zero), [[4.0]; 3]);
-    }
-}
+#[allow(clippy::unwrap_used)]
+mod tests;

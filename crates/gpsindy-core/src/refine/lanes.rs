@@ -3,15 +3,17 @@
 //! A lane is one set of parameters and initial states. Classical Runge-Kutta of order 4; a held
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
+mod following;
 pub(crate) mod lockstep;
 mod sticking;
 pub(crate) mod tangent;
 
 use super::experiment::{Log, Past};
-use super::history::{History, Stages, histories};
+use super::history::{Histories, Stages};
 use crate::data::Hold;
+use crate::model::System;
 use crate::model::sticking::Slots;
-use crate::model::{Follower, System};
+use following::Followed;
 
 /// What is rolled out, and who receives it: sample, state or column, values.
 struct Roll<'r, const L: usize> {
@@ -44,14 +46,14 @@ pub(crate) struct Lanes<'a, const L: usize> {
     log: &'a Log,
     hold: Hold,
     past: Past,
-    histories: Vec<History<L>>,
+    histories: Histories<'a, L>,
     /// How late each state is read: the delay, or the period and phase, s.
     late: Vec<[[f64; 2]; L]>,
     rates: Vec<[f64; L]>,
     outputs: Vec<[f64; L]>,
     parameters: Vec<[f64; L]>,
-    /// States that follow the inputs alone, at every sample of the log; computed when first wanted.
-    followed: Option<Vec<(usize, Vec<[f64; L]>)>>,
+    /// States that follow the inputs alone, as far as a rollout has asked for them.
+    followed: Option<Followed<L>>,
     /// What may hold a state at rest, where anything does in any lane.
     slots: Option<Box<Slots<'a, L>>>,
 }
@@ -68,7 +70,7 @@ struct Node<const L: usize> {
 impl<'a, const L: usize> Lanes<'a, L> {
     /// `parameters`: all of the system's, one value a lane.
     pub(crate) fn new(system: &'a System, log: &'a Log, (hold, past): (Hold, Past), parameters: &[[f64; L]]) -> Self {
-        let histories = histories(system, log, hold, parameters);
+        let histories = Histories::new(system, log, hold, parameters);
         let first = system.n_states() + system.n_controls() + histories.len();
         let mut rates = system.rates().registers::<L>();
         rates[first..first + parameters.len()].copy_from_slice(parameters);
@@ -89,59 +91,6 @@ impl<'a, const L: usize> Lanes<'a, L> {
         let slots = Slots::new(system, parameters).map(Box::new);
         let parameters = parameters.to_vec();
         Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None, slots }
-    }
-
-    /// States that follow the inputs alone, at every sample: settled at the first or as the model has it, then exact for a constant input
-    /// over a step where the rate is a straight line in the state; else in short steps of one such line each, from the
-    /// control that leaves it most at rest.
-    fn follow(&mut self) -> Vec<(usize, Vec<[f64; L]>)> {
-        let (time, n, m) = (&self.log.time, self.system.n_states(), self.system.n_controls());
-        let mut all = Vec::new();
-        for Follower { state, rate: tape, is_linear } in self.system.followers() {
-            let mut registers = tape.registers::<L>();
-            let first = n + m + self.histories.len();
-            registers[first..first + self.parameters.len()].copy_from_slice(&self.parameters);
-            self.histories.iter_mut().for_each(|h| h.rewind(time, time[0], self.hold));
-            let model = self.system.model();
-            let given = model.initial.get(&model.states[*state].name).copied();
-            let mut path: Vec<[f64; L]> = Vec::with_capacity(time.len());
-            for k in 0..time.len() - 1 {
-                let (a, b) = (time[k], time[k + 1]);
-                for (register, control) in registers[n..].iter_mut().zip(&self.log.controls) {
-                    let end = if self.hold == Hold::Linear { control[k + 1] } else { control[k] };
-                    *register = [0.5 * (control[k] + end); L];
-                }
-                for (register, history) in registers[n + m..].iter_mut().zip(&mut self.histories) {
-                    *register = history.step(time, k, a, b, self.hold)[1];
-                }
-                registers[tape.n_variables()] = [0.5 * (a + b); L];
-                let mut rate = |value: [f64; L]| {
-                    registers[*state] = value;
-                    tape.evaluate(&mut registers);
-                    tape.output(&registers, 0)
-                };
-                if !is_linear {
-                    if path.is_empty() {
-                        let starts = self.log.controls.iter().map(|c| c[0]);
-                        path.push([most_at_rest(starts, |value| rate([value; L])[0]); L]);
-                    }
-                    path.push(crept(path[k], b - a, rate));
-                    continue;
-                }
-                let (at_zero, at_one) = (rate([0.0; L]), rate([1.0; L]));
-                let settled: [f64; L] = std::array::from_fn(|lane| at_zero[lane] / (at_zero[lane] - at_one[lane]));
-                let now = *path.last().unwrap_or(&given.map_or(settled, |value| [value; L]));
-                if path.is_empty() {
-                    path.push(now);
-                }
-                path.push(std::array::from_fn(|lane| {
-                    let kept = ((at_one[lane] - at_zero[lane]) * (b - a)).exp();
-                    settled[lane] + kept * (now[lane] - settled[lane])
-                }));
-            }
-            all.push((*state, path));
-        }
-        all
     }
 
     /// The states themselves at the samples `first..=last`; `receive(sample, state, values)`.
@@ -180,17 +129,9 @@ impl<'a, const L: usize> Lanes<'a, L> {
         let Roll { span: (first, last), initial, substeps, columns, receive } = roll;
         let log = self.log;
         let n = self.system.n_states();
-        if first > 0 && self.followed.is_none() && !self.system.followers().is_empty() {
-            self.followed = Some(self.follow());
-        }
-        for history in &mut self.histories {
-            history.rewind(&log.time, log.time[first], self.hold);
-        }
         let mut x = initial.to_vec();
-        // What follows the inputs has its past in the log, where there is one.
-        for (state, path) in self.followed.iter().flatten().filter(|_| first > 0) {
-            x[*state] = path[first];
-        }
+        self.follow(first, &mut x);
+        self.histories.rewind(first);
         let mut sum = vec![[0.0; L]; n];
         let mut rate = vec![[0.0; L]; n];
         let mut stage = x.clone();
@@ -206,7 +147,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         for sample in first..=last {
             let t = log.time[sample];
             let is_last = sample == last;
-            let step = if is_last { 1.0 } else { (log.time[sample + 1] - t) / substeps as f64 };
+            let step = self.step_behind(sample) / substeps as f64;
             for part in 0..if is_last { 1 } else { substeps } {
                 let a = t + step * part as f64;
                 self.load_inputs(&mut inputs, sample, a, a + step);
@@ -292,9 +233,13 @@ impl<'a, const L: usize> Lanes<'a, L> {
                 _ => [[here; L]; 3],
             };
         }
-        for (history, stages) in self.histories.iter_mut().zip(&mut inputs[m..]) {
-            *stages = history.step(&log.time, sample, a, b, self.hold);
-        }
+        self.histories.step(sample, a, b, &mut inputs[m..]);
+    }
+
+    /// Time from a sample of the log to the next, s; behind the last any.
+    fn step_behind(&self, sample: usize) -> f64 {
+        let time = &self.log.time;
+        time.get(sample + 1).map_or(1.0, |next| next - time[sample])
     }
 
     #[inline(always)]
@@ -337,30 +282,6 @@ impl<'a, const L: usize> Lanes<'a, L> {
         self.outputs[n_variables] = [t; L];
         self.system.evaluate(simd, self.system.outputs(), &mut self.outputs);
     }
-}
-
-/// Of several values the one with the slowest rate.
-fn most_at_rest(values: impl Iterator<Item = f64>, mut rate: impl FnMut(f64) -> f64) -> f64 {
-    let rated = values.map(|value| (rate(value).abs(), value));
-    rated.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, value)| value)
-}
-
-/// A state after `time`, in short steps each of which is exact for the straight line through its rate.
-fn crept<const L: usize>(start: [f64; L], time: f64, mut rate: impl FnMut([f64; L]) -> [f64; L]) -> [f64; L] {
-    /// Enough for a state that stops where its rate turns from a constant to a decay.
-    const STEPS: usize = 8;
-    let h = time / STEPS as f64;
-    (0..STEPS).fold(start, |now, _| {
-        let here = rate(now);
-        // As far as an Euler step would go, so that the line sees where the rate ends.
-        let ahead = rate(std::array::from_fn(|lane| now[lane] + h * here[lane]));
-        std::array::from_fn(|lane| {
-            let moved = h * here[lane];
-            let slope = if moved == 0.0 { 0.0 } else { (ahead[lane] - here[lane]) / moved };
-            let grown = if (slope * h).abs() < 1e-9 { 1.0 } else { (slope * h).exp_m1() / (slope * h) };
-            now[lane] + grown * moved
-        })
-    })
 }
 
 /// Cubic Hermite value of a state at time `t`; before the first node its value where it stood still, else its tangent.

@@ -232,7 +232,7 @@ impl Excitation {
         let mut variables = vec![0.0; m + index];
         variables.extend_from_slice(&self.parameters);
         let outputs = input.tape.evaluate_once(&variables, 0.0);
-        let (amount, phase) = (outputs[1], outputs.get(2).copied().unwrap_or(0.0));
+        let (mut amount, phase) = (outputs[1], outputs.get(2).copied().unwrap_or(0.0));
         if !(amount.is_finite() && phase.is_finite()) {
             let what = match input.kind {
                 InputKind::Delay => "a delay",
@@ -250,20 +250,21 @@ impl Excitation {
         }
         self.varies |= input.tape.reads(input.tape.n_variables());
         let mut knots = self.tidy(knots);
+        if input.kind == InputKind::SampleHold && amount < SHORTEST_HOLD * self.period {
+            if amount < 0.0 {
+                return Err(Error::range("the period of a sample-and-hold", "0 or more", amount));
+            }
+            // The signal itself.
+            amount = 0.0;
+        }
         let mut history = History { kind: input.kind, amount, phase, knots: Vec::new(), play: Vec::new() };
         match input.kind {
             InputKind::Delay => knots.iter_mut().for_each(|t| *t += amount),
-            InputKind::SampleHold if amount >= SHORTEST_HOLD * self.period => {
+            InputKind::SampleHold if amount > 0.0 => {
                 let (first, last) = (sampled_at(self.time[0], phase, amount), self.time[self.time.len() - 1]);
                 knots = (1..).map(|k| first + amount * f64::from(k)).take_while(|&t| t <= last).collect();
             }
-            InputKind::SampleHold => {
-                return Err(Error::range(
-                    "the period of a sample-and-hold",
-                    &format!("at least {SHORTEST_HOLD} of the sampling step of the log"),
-                    amount,
-                ));
-            }
+            InputKind::SampleHold => {}
             InputKind::Play => {
                 let first = self.time[0];
                 let mut output = self.signal(system, index, Moment { time: first, lookup: first });
@@ -364,6 +365,21 @@ mod tests {
         let mut signals = Vec::new();
         excitation.signals(system, excitation.sample_moment(t), &mut signals);
         signals[2]
+    }
+
+    #[test]
+    fn a_hold_shorter_than_a_log_could_show_is_the_signal_itself() {
+        for hold in [Hold::Zero, Hold::Linear] {
+            for period in ["0", "0.001"] {
+                let system = system(&format!("sample_hold(u, {period}, 0) - x"));
+                let excitation = excitation(&system, &[0.0, 2.0, 1.0, 4.0], hold);
+                let values = [0.0, 1.0, 2.0, 2.5].map(|t| input(&system, &excitation, t));
+                let halfway = if hold == Hold::Zero { 1.0 } else { 2.5 };
+                for (found, expected) in values.into_iter().zip([0.0, 2.0, 1.0, halfway]) {
+                    assert!((found - expected).abs() < 1e-9, "{hold:?} {period}: {values:?}");
+                }
+            }
+        }
     }
 
     #[test]

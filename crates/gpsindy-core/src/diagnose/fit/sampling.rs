@@ -2,8 +2,8 @@
 //!
 //! Which moments are sampled changes in jumps when the period moves, and in a log of a thousand periods a change of a
 //! thousandth turns the last one by a whole period: a fit that follows derivatives gets nowhere. So a lattice of periods
-//! and phases is tried on the beginning of every log, where few periods make it coarse; the best go on to twice the length
-//! on a lattice twice as fine, to the end of the logs. Whole numbers of samples that begin with the log are tried throughout:
+//! and phases is tried on the beginning of what is rolled out, where few periods make it coarse; the best go on to twice the
+//! length on a lattice twice as fine, to the end. Whole numbers of samples that begin with the first log are tried throughout:
 //! that is what a log has that its own controller wrote.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Role};
@@ -47,8 +47,8 @@ pub(crate) fn settle(
             continue;
         }
         let bounds = (of_period.lower, of_period.upper);
-        let found = search(experiment, point.parameters[*period], bounds, |samples, trials| {
-            let (part, windows) = beginning(experiment, samples);
+        let found = search(experiment, point.parameters[*period], bounds, |until, trials| {
+            let (part, windows) = beginning(experiment, until);
             let initial: Vec<Vec<f64>> = windows.iter().map(|&w| point.initial[w].clone()).collect();
             let at = |trial: &Sampling| {
                 let mut parameters = point.parameters.clone();
@@ -67,33 +67,62 @@ pub(crate) fn settle(
 
 /// By how much a period or a phase may differ before a log samples another value at its end, s; nothing for other parameters.
 pub(crate) fn told_apart(experiment: &Experiment, added: &Added, value: f64) -> Option<f64> {
-    let (step, count) = grid(experiment);
+    let grid = Grid::new(experiment);
     match added.role {
-        Role::Period => Some(value / count as f64),
-        Role::Phase => Some(step),
+        Role::Period => Some(value * grid.step / (grid.end - grid.begin).max(grid.step)),
+        Role::Phase => Some(grid.step),
         Role::Plain | Role::Angle | Role::Corner => None,
     }
 }
 
-/// Sampling step (s) and number of samples of the longest log.
-fn grid(experiment: &Experiment) -> (f64, usize) {
-    let Some(log) = experiment.logs.iter().max_by_key(|log| log.time.len()) else { return (1.0, 1) };
-    let count = log.time.len();
-    ((log.time[count - 1] - log.time[0]) / (count - 1).max(1) as f64, count)
+/// The stamps of what is rolled out, s.
+struct Grid {
+    /// Sampling step of the longest log.
+    step: f64,
+    /// First and last stamp that are rolled out, of all logs: they have one clock.
+    begin: f64,
+    end: f64,
+    /// First stamp of the first log.
+    first: f64,
 }
 
-/// The sampling with the least cost near the period `start`; `costs(samples, trials)`: on so many first samples.
+impl Grid {
+    fn new(experiment: &Experiment) -> Self {
+        let stamps = |of: &dyn Fn(&Window) -> usize| -> Vec<f64> {
+            experiment.windows.iter().map(|w| experiment.logs[w.log].time[of(w)]).collect()
+        };
+        let longest = experiment.logs.iter().max_by_key(|log| log.time.len());
+        let step = longest
+            .map_or(1.0, |log| (log.time[log.time.len() - 1] - log.time[0]) / (log.time.len() - 1).max(1) as f64);
+        Self {
+            step,
+            begin: stamps(&|w| w.first).into_iter().reduce(f64::min).unwrap_or(0.0),
+            end: stamps(&|w| w.last).into_iter().reduce(f64::max).unwrap_or(0.0),
+            first: experiment.logs.first().map_or(0.0, |log| log.time[0]),
+        }
+    }
+
+    /// The phase, with the first of its moments at or behind the stamp `from`.
+    fn since(from: f64, phase: f64, period: f64) -> f64 {
+        from + (phase - from).rem_euclid(period)
+    }
+}
+
+/// The sampling with the least cost near the period `start`; `costs(until, trials)`: on what is rolled out before that stamp.
 fn search(
     experiment: &Experiment,
     start: f64,
     (lower, upper): (f64, f64),
-    costs: impl Fn(usize, &[Sampling]) -> Result<Vec<f64>>,
+    costs: impl Fn(f64, &[Sampling]) -> Result<Vec<f64>>,
 ) -> Result<Sampling> {
-    let (step, longest) = grid(experiment);
-    let begin = experiment.logs.first().map_or(0.0, |log| log.time[0]);
+    let grid = Grid::new(experiment);
+    let (step, begin) = (grid.step, grid.begin);
+    let whole = (grid.end - begin).max(step);
     let (low, high) = ((start / REACH).max(lower), (start * REACH).min(upper));
-    let whole = (1..).map(|k| f64::from(k) * step).skip_while(|&p| p < 0.999 * low).take_while(|&p| p <= 1.001 * high);
-    let whole: Vec<Sampling> = whole.map(|period| Sampling { period, phase: begin, apart: (0.0, 0.0) }).collect();
+    let in_step =
+        (1..).map(|k| f64::from(k) * step).skip_while(|&p| p < 0.999 * low).take_while(|&p| p <= 1.001 * high);
+    let in_step: Vec<Sampling> =
+        in_step.map(|period| Sampling { period, phase: grid.first, apart: (0.0, 0.0) }).collect();
     // After so many periods the neighbours' moments are a share of a period apart.
     let ratio = 1.0 + 1.0 / (CELLS * LATTICE);
     let periods = std::iter::successors(Some(low), |p| Some(p * ratio)).take_while(|&p| p <= high);
@@ -105,58 +134,61 @@ fn search(
         })
         .collect();
     let mut most = KEPT;
-    let mut samples = ((CELLS * start / step) as usize).clamp(1, longest);
+    let mut length = (CELLS * start).clamp(step, whole);
     loop {
-        trials.extend(&whole);
-        let found = costs(samples, &trials)?;
+        trials.extend(&in_step);
+        // The last sample is a part of the whole.
+        let found = costs(begin + length + 0.5 * step, &trials)?;
         let mut order: Vec<usize> = (0..trials.len()).collect();
         order.sort_by(|&a, &b| found[a].total_cmp(&found[b]));
-        let is_fine = |t: &Sampling| t.apart.0 * (longest as f64 * step / t.period) < FINE * step;
-        if samples >= longest && trials.iter().all(is_fine) {
+        let is_fine = |t: &Sampling| t.apart.0 * (whole / t.period) < FINE * step;
+        if length >= whole && trials.iter().all(is_fine) {
             let best = order.first().map(|&i| trials[i]);
             let Sampling { period, phase, apart } =
-                best.unwrap_or(Sampling { period: start, phase: begin, apart: (0.0, 0.0) });
+                best.unwrap_or(Sampling { period: start, phase: grid.first, apart: (0.0, 0.0) });
+            let phase = Grid::since(grid.first, phase, period);
             // Shortly before a period is over is shortly before the first sample.
-            let phase = if phase - begin > 0.5 * period { phase - period } else { phase };
+            let phase = if phase - grid.first > 0.5 * period { phase - period } else { phase };
             return Ok(Sampling { period, phase, apart });
         }
-        // Whole logs have no more to tell: from here on the best of them can be parted.
-        most = if samples >= longest { (most / 2).max(FEWEST) } else { most };
-        samples = (2 * samples).min(longest);
+        // The whole has no more to tell: from here on the best of it can be parted.
+        most = if length >= whole { (most / 2).max(FEWEST) } else { most };
+        length = (2.0 * length).min(whole);
         let mut kept: Vec<Sampling> = Vec::new();
         for trial in order.iter().map(|&i| trials[i]).filter(|t| t.apart.0 > 0.0) {
             if kept.len() < most && !kept.iter().any(|other| other.is_beside(&trial)) {
                 kept.push(trial);
             }
         }
-        trials = kept.into_iter().flat_map(|t| finer(t, (low, high), begin)).collect();
+        trials = kept.into_iter().flat_map(|t| finer(t, (low, high), &grid)).collect();
     }
 }
 
-/// The trial and its neighbours on a lattice twice as fine, and those periods that begin with the log: a controller often
+/// The trial and its neighbours on a lattice twice as fine, and those periods that begin with the first log: a controller often
 /// starts it.
-fn finer(trial: Sampling, (low, high): (f64, f64), begin: f64) -> Vec<Sampling> {
+fn finer(trial: Sampling, (low, high): (f64, f64), grid: &Grid) -> Vec<Sampling> {
     let apart = (0.5 * trial.apart.0, 0.5 * trial.apart.1);
     let steps = [-1.0, 0.0, 1.0];
     let all = steps.iter().flat_map(|&i| steps.iter().map(move |&j| (i, j)));
     let moved = |(i, j): (f64, f64)| {
         let period = (trial.period + i * apart.0).clamp(low, high);
-        Sampling { period, phase: begin + (trial.phase - begin + j * apart.1).rem_euclid(period), apart }
+        Sampling { period, phase: Grid::since(grid.begin, trial.phase + j * apart.1, period), apart }
     };
     let mut all: Vec<Sampling> = all.map(moved).collect();
     for i in steps {
         let in_step = moved((i, 0.0));
-        all.push(Sampling { phase: begin, ..in_step });
+        all.push(Sampling { phase: Grid::since(grid.begin, grid.first, in_step.period), ..in_step });
     }
     all
 }
 
-/// The first samples of every log, and which windows they are of.
-fn beginning(experiment: &Experiment, samples: usize) -> (Experiment, Vec<usize>) {
-    let inside = |w: &Window| w.first + 1 < samples;
-    let numbers = (0..experiment.windows.len()).filter(|&w| inside(&experiment.windows[w])).collect();
-    let cut = |w: &Window| Window { last: w.last.min(samples - 1), ..*w };
-    let windows = experiment.windows.iter().filter(|w| inside(w)).map(cut).collect();
+/// What is rolled out before the stamp `until`, s, and which windows that are.
+fn beginning(experiment: &Experiment, until: f64) -> (Experiment, Vec<usize>) {
+    let cut = |(number, w): (usize, &Window)| {
+        let last = experiment.logs[w.log].time.partition_point(|&t| t < until).saturating_sub(1).min(w.last);
+        (w.first < last).then_some((number, Window { last, ..*w }))
+    };
+    let (numbers, windows) = experiment.windows.iter().enumerate().filter_map(cut).unzip();
     (Experiment { windows, ..experiment.clone() }, numbers)
 }
 
@@ -198,8 +230,8 @@ mod tests {
         for (period, phase) in [(0.05, 0.0), (0.0732, 0.0), (0.1234, 0.051)] {
             let (system, experiment) = held(period, phase);
             let start = 1.2 * period;
-            let profile = |samples: usize, trials: &[Sampling]| {
-                let (part, _) = beginning(&experiment, samples);
+            let profile = |until: f64, trials: &[Sampling]| {
+                let (part, _) = beginning(&experiment, until);
                 let at = |t: &Sampling| Point { parameters: vec![t.period, t.phase], initial: vec![vec![0.3]] };
                 Profile::new(&system, &part, &at(&trials[0]), &[])
                     .map(|p| p.costs(&trials.iter().map(at).collect::<Vec<_>>()))

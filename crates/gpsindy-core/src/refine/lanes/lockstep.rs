@@ -203,11 +203,8 @@ impl<'a> Group<'a> {
         let parameters: Vec<[f64; L]> = (0..system.n_parameters()).map(|p| across(&|j| j.parameters[p])).collect();
         let mut x: Vec<[f64; L]> = (0..system.n_states()).map(|s| across(&|j| j.initial[s])).collect();
         let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
-        if window.first > 0 && !system.followers().is_empty() {
-            // What follows the inputs has its past in the log.
-            lanes.follow().into_iter().for_each(|(state, path)| x[state] = path[window.first]);
-        }
-        lanes.histories.iter_mut().for_each(|h| h.rewind(&log.time, log.time[window.first], experiment.hold));
+        lanes.follow(window.first, &mut x);
+        lanes.histories.rewind(window.first);
         let inputs = vec![[[0.0; L]; 3]; system.n_controls() + lanes.histories.len()];
         let behind = system.n_states() + inputs.len();
         let filled = |mut registers: Vec<[f64; L]>| {

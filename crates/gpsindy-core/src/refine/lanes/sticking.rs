@@ -59,7 +59,7 @@ impl<const L: usize> Lanes<'_, L> {
         for sample in first..=last {
             let t = log.time[sample];
             let is_last = sample == last;
-            let step = if is_last { 1.0 } else { (log.time[sample + 1] - t) / substeps as f64 };
+            let step = self.step_behind(sample) / substeps as f64;
             for part in 0..if is_last { 1 } else { substeps } {
                 let a = t + step * part as f64;
                 self.load_inputs(inputs, sample, a, a + step);
