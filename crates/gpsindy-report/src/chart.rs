@@ -4,7 +4,7 @@
 //! title and a description for readers who can't see it. The drawing area is narrow on purpose:
 //! a phone shows it at its full size, a wide screen puts two beside each other.
 
-use crate::words::{fixed, number};
+use crate::numbers::{fixed, number};
 use maud::{Markup, html};
 use std::fmt::Write;
 

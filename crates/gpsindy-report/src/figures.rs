@@ -1,7 +1,7 @@
 //! The figures of the page: residuals of the equations, held-out rollouts and their residuals, signals as logged.
 
 use crate::chart::{Chart, Mark};
-use crate::words::with_unit;
+use crate::numbers::with_unit;
 use gpsindy_core::diagnose::report::{
     Diagnosis, ResidualCheck, ResidualFigure, ResidualTrace, RolloutFigure, SignalFigure,
 };

@@ -2,7 +2,8 @@
 
 use crate::chart::{Chart, Mark};
 use crate::metadata::metadata;
-use crate::words::{effect_name, number, percent, with_unit};
+use crate::numbers::{number, percent, with_unit};
+use crate::words::effect_name;
 use gpsindy_core::fleet::report::{Change, FleetReport, Odd, Population, Shape, Unit};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::HashSet;

@@ -4,11 +4,11 @@ mod closure;
 
 use crate::figures::{Charts, residual_curve, residual_trace, signal};
 use crate::metadata::metadata;
+use crate::numbers::{number, p_value, percent, percent_closed, span, with_deviation, with_unit};
 use crate::provenance::{self, Provenance};
 use crate::words::{
-    cause_name, cause_place, effect_meaning, effect_name, excluded_name, interval, left_sentence, listed, number,
-    p_value, parameter_meaning, percent, percent_closed, span, stability_sentence, verdict_name, verdict_sentence,
-    with_deviation, with_unit,
+    cause_name, cause_place, effect_meaning, effect_name, excluded_name, interval, left_sentence, listed,
+    parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
 };
 use closure::closure;
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Figures, Verdict};

@@ -17,6 +17,7 @@ mod figures;
 pub mod fleet;
 mod html;
 mod metadata;
+mod numbers;
 mod pictures;
 mod power;
 mod provenance;

@@ -1,6 +1,7 @@
 //! The power study for people: which effects these logs could reveal, from what size, and which would be mistaken for others.
 
-use crate::words::{effect_name, listed, number, with_unit};
+use crate::numbers::{number, with_unit};
+use crate::words::{effect_name, listed};
 use gpsindy_core::diagnose::Effect;
 use gpsindy_core::diagnose::report::{PowerEffect, PowerReport, PowerRival};
 use maud::{Markup, html};

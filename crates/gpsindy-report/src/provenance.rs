@@ -1,6 +1,6 @@
 //! Provenance of a diagnosis, which the engine does not know: date, command, files and the unit of time.
 
-use crate::words::{number, with_unit};
+use crate::numbers::{number, with_unit};
 use maud::{Markup, html};
 
 /// When, by which command and from which files a diagnosis was made; what is empty is left out.

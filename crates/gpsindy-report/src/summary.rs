@@ -1,10 +1,10 @@
 //! The summary of a diagnosis for a terminal: one screenful, readable without a manual.
 
+use crate::numbers::{number, number_or, p_value, percent, span, with_deviation, with_unit};
 use crate::provenance::Provenance;
 use crate::words::{
     cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, is_random, left_sentence, listed,
-    number, number_or, p_value, parameter_meaning, percent, span, stability_sentence, verdict_name, verdict_sentence,
-    with_deviation, with_unit,
+    parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
 

@@ -6,6 +6,7 @@
 mod check;
 mod engine;
 mod export;
+mod inputs;
 mod port;
 pub(crate) mod sticking;
 mod system;
@@ -13,9 +14,11 @@ pub(crate) mod unit;
 
 pub use engine::{Rows, Steps};
 pub use export::{Export, Language};
+pub use inputs::{Input, InputKind};
+pub(crate) use inputs::{LateState, ROUNDING, SHORTEST_HOLD, sampled_at};
 pub use port::Port;
-pub use system::{Dynamics, Input, InputKind, System};
-pub(crate) use system::{Follower, LateState, ROUNDING, SHORTEST_HOLD, sampled_at};
+pub(crate) use system::Follower;
+pub use system::{Dynamics, System};
 
 use crate::data::Hold;
 use crate::error::Result;

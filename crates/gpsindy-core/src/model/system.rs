@@ -2,8 +2,9 @@
 
 use super::Model;
 use super::engine::{self, Drive, Rows, Steps};
+use super::inputs::{Extraction, Input, LateState, input_name, late_name};
 use crate::error::{Error, Result};
-use crate::expression::{Expression, Function, Tape};
+use crate::expression::{Expression, Tape};
 use crate::model::sticking::Sticks;
 
 use std::sync::{Arc, Mutex};
@@ -40,73 +41,6 @@ pub trait Dynamics: Send + Sync {
             self.derivative(t, &x[i * n..(i + 1) * n], &u[i * m..(i + 1) * m], &mut dx[i * n..(i + 1) * n])?;
         }
         Ok(())
-    }
-}
-
-/// How an input with a history is made from a signal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum InputKind {
-    /// The signal, `amount` seconds earlier.
-    Delay,
-    /// The signal through a play of total width `amount`, starting centred.
-    Play,
-    /// The signal as it was when last sampled, every `amount` seconds.
-    SampleHold,
-}
-
-impl InputKind {
-    /// The kind that a function of the language makes.
-    pub(super) fn of(function: Function) -> Self {
-        match function {
-            Function::Play => Self::Play,
-            Function::SampleHold => Self::SampleHold,
-            _ => Self::Delay,
-        }
-    }
-}
-
-/// Share of the period of a sample-and-hold that rounding may make of time stamps and of the period.
-pub(crate) const ROUNDING: f64 = 1e-6;
-
-/// Shortest period of a sample-and-hold, in sampling steps of a log: what is shorter holds nothing that the log could show.
-pub(crate) const SHORTEST_HOLD: f64 = 0.01;
-
-/// The moment at or before `t` at which a signal was last sampled, where it is sampled at `phase` and every `period` from there.
-///
-/// A moment that rounding puts just after `t` counts as `t`.
-pub(crate) fn sampled_at(t: f64, phase: f64, period: f64) -> f64 {
-    if period > 0.0 { phase + period * ((t - phase) / period + ROUNDING).floor() } else { t }
-}
-
-/// An input with a history, such as `delay(u, tau)`.
-#[derive(Debug, Clone)]
-pub struct Input {
-    /// What is done with the signal.
-    pub kind: InputKind,
-    /// Outputs: the signal, the amount and, of a [`InputKind::SampleHold`], its phase; of the variables controls, earlier
-    /// inputs, parameters.
-    pub tape: Tape,
-}
-
-/// A measured state that is read late: `delay(state, tau)` or `sample_hold(state, period, phase)` in `measured`.
-#[derive(Debug, Clone)]
-pub(crate) struct LateState {
-    /// Which state.
-    pub(crate) state: usize,
-    /// [`InputKind::Delay`] or [`InputKind::SampleHold`].
-    kind: InputKind,
-    /// The delay, or period and phase, in s, of the parameters.
-    pub(crate) amounts: Tape,
-}
-
-impl LateState {
-    /// The moment that a reading at `t` is of, s.
-    pub(crate) fn moment(&self, t: f64, amounts: [f64; 2]) -> f64 {
-        match self.kind {
-            InputKind::SampleHold => sampled_at(t, amounts[1], amounts[0]),
-            _ => t - amounts[0],
-        }
     }
 }
 
@@ -148,64 +82,6 @@ impl std::fmt::Debug for System {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("System").field("model", &self.model.name).field("inputs", &self.inputs.len()).finish()
     }
-}
-
-/// Replaces functions with a memory by new variables, and remembers what they stand for.
-struct Extraction<'a> {
-    model: &'a Model,
-    /// The kind, the signal and then its amounts.
-    inputs: Vec<(InputKind, Vec<Expression>)>,
-    late: Vec<(InputKind, usize, Vec<Expression>)>,
-}
-
-fn input_name(index: usize) -> String {
-    format!("input with a history {index}")
-}
-
-fn late_name(index: usize) -> String {
-    format!("late state {index}")
-}
-
-impl Extraction<'_> {
-    fn extract(&mut self, expression: &Expression) -> Expression {
-        match expression {
-            Expression::Call(function, arguments) if function.has_memory() => {
-                let kind = InputKind::of(*function);
-                if let Some(state) = self.late_state(&arguments[0]) {
-                    let entry = (kind, state, arguments[1..].to_vec());
-                    return Expression::Variable(late_name(place_of(&mut self.late, entry)));
-                }
-                let mut parts = arguments.clone();
-                parts[0] = self.extract(&parts[0]);
-                Expression::Variable(input_name(place_of(&mut self.inputs, (kind, parts))))
-            }
-            Expression::Number(_) | Expression::Pi | Expression::Time | Expression::Variable(_) => expression.clone(),
-            Expression::Negate(a) => Expression::Negate(self.extract(a).into()),
-            Expression::Binary(operator, a, b) => {
-                Expression::Binary(*operator, self.extract(a).into(), self.extract(b).into())
-            }
-            Expression::Call(function, arguments) => {
-                Expression::Call(*function, arguments.iter().map(|a| self.extract(a)).collect())
-            }
-            Expression::Simulator(output, arguments) => {
-                Expression::Simulator(*output, arguments.iter().map(|a| self.extract(a)).collect())
-            }
-        }
-    }
-
-    fn late_state(&self, argument: &Expression) -> Option<usize> {
-        match argument {
-            Expression::Variable(name) => self.model.state_index(name),
-            _ => None,
-        }
-    }
-}
-
-fn place_of<T: PartialEq>(list: &mut Vec<T>, entry: T) -> usize {
-    list.iter().position(|e| *e == entry).unwrap_or_else(|| {
-        list.push(entry);
-        list.len() - 1
-    })
 }
 
 impl System {
@@ -444,27 +320,5 @@ impl Dynamics for System {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::{Control, Model, Parameter, State};
-    use super::*;
-
-    #[test]
-    fn a_compiled_model_gives_the_rates_of_its_equations() {
-        let mut angle = State::new("phi", Expression::parse("om").unwrap());
-        angle.measured = Some(Expression::parse("delay(phi, 0.1) + c").unwrap());
-        let model = Model {
-            states: vec![angle, State::new("om", Expression::parse("-g*sin(phi) + delay(play(u, 0.1), tau)").unwrap())],
-            controls: vec![Control::new("u")],
-            parameters: vec![Parameter::new("g", 9.81), Parameter::new("c", 0.2), Parameter::new("tau", 0.05)],
-            ..Model::default()
-        };
-        let system = model.compile().unwrap();
-        assert_eq!(system.inputs().len(), 2);
-        assert_eq!(system.inputs()[0].kind, InputKind::Play);
-        let mut dx = [0.0; 2];
-        system.derivative(0.0, &[0.3, -0.4], &[2.0], &mut dx).unwrap();
-        assert_eq!(dx[0], -0.4);
-        assert!((dx[1] - (2.0 - 9.81 * 0.3_f64.sin())).abs() < 1e-15);
-        assert!(system.derivative(0.0, &[0.3], &[2.0], &mut dx).is_err());
-    }
-}
+#[allow(clippy::unwrap_used)]
+mod tests;

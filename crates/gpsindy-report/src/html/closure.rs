@@ -2,8 +2,9 @@
 
 use super::{bar, grid};
 use crate::figures::{Charts, autocorrelation, left_over, rollout};
+use crate::numbers::{number_or, percent_closed, with_unit};
 use crate::provenance::Provenance;
-use crate::words::{closure_sentence, number_or, percent_closed, with_unit};
+use crate::words::closure_sentence;
 use gpsindy_core::diagnose::report::{Diagnosis, Figures};
 use maud::{Markup, html};
 

@@ -1,7 +1,8 @@
 //! The score card as text.
 
 use super::{Judged, Kind, Rate, ScoreCard, Stratum};
-use crate::words::{fixed, number, verdict_name};
+use crate::numbers::{fixed, number};
+use crate::words::verdict_name;
 use std::fmt::Write;
 
 pub(super) fn text(card: &ScoreCard) -> String {

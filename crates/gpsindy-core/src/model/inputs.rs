@@ -1,0 +1,129 @@
+//! Inputs with a history and states that are read late: functions with a memory, as a compiled model has them.
+
+use super::Model;
+use crate::expression::{Expression, Function, Tape};
+
+/// How an input with a history is made from a signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum InputKind {
+    /// The signal, `amount` seconds earlier.
+    Delay,
+    /// The signal through a play of total width `amount`, starting centred.
+    Play,
+    /// The signal as it was when last sampled, every `amount` seconds.
+    SampleHold,
+}
+
+impl InputKind {
+    /// The kind that a function of the language makes.
+    pub(super) fn of(function: Function) -> Self {
+        match function {
+            Function::Play => Self::Play,
+            Function::SampleHold => Self::SampleHold,
+            _ => Self::Delay,
+        }
+    }
+}
+
+/// Share of the period of a sample-and-hold that rounding may make of time stamps and of the period.
+pub(crate) const ROUNDING: f64 = 1e-6;
+
+/// Shortest period of a sample-and-hold, in sampling steps of a log: what is shorter holds nothing that the log could show.
+pub(crate) const SHORTEST_HOLD: f64 = 0.01;
+
+/// The moment at or before `t` at which a signal was last sampled, where it is sampled at `phase` and every `period` from there.
+///
+/// A moment that rounding puts just after `t` counts as `t`.
+pub(crate) fn sampled_at(t: f64, phase: f64, period: f64) -> f64 {
+    if period > 0.0 { phase + period * ((t - phase) / period + ROUNDING).floor() } else { t }
+}
+
+/// An input with a history, such as `delay(u, tau)`.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// What is done with the signal.
+    pub kind: InputKind,
+    /// Outputs: the signal, the amount and, of a [`InputKind::SampleHold`], its phase; of the variables controls, earlier
+    /// inputs, parameters.
+    pub tape: Tape,
+}
+
+/// A measured state that is read late: `delay(state, tau)` or `sample_hold(state, period, phase)` in `measured`.
+#[derive(Debug, Clone)]
+pub(crate) struct LateState {
+    /// Which state.
+    pub(crate) state: usize,
+    /// [`InputKind::Delay`] or [`InputKind::SampleHold`].
+    pub(super) kind: InputKind,
+    /// The delay, or period and phase, in s, of the parameters.
+    pub(crate) amounts: Tape,
+}
+
+impl LateState {
+    /// The moment that a reading at `t` is of, s.
+    pub(crate) fn moment(&self, t: f64, amounts: [f64; 2]) -> f64 {
+        match self.kind {
+            InputKind::SampleHold => sampled_at(t, amounts[1], amounts[0]),
+            _ => t - amounts[0],
+        }
+    }
+}
+
+/// Replaces functions with a memory by new variables, and remembers what they stand for.
+pub(super) struct Extraction<'a> {
+    pub(super) model: &'a Model,
+    /// The kind, the signal and then its amounts.
+    pub(super) inputs: Vec<(InputKind, Vec<Expression>)>,
+    pub(super) late: Vec<(InputKind, usize, Vec<Expression>)>,
+}
+
+pub(super) fn input_name(index: usize) -> String {
+    format!("input with a history {index}")
+}
+
+pub(super) fn late_name(index: usize) -> String {
+    format!("late state {index}")
+}
+
+impl Extraction<'_> {
+    pub(super) fn extract(&mut self, expression: &Expression) -> Expression {
+        match expression {
+            Expression::Call(function, arguments) if function.has_memory() => {
+                let kind = InputKind::of(*function);
+                if let Some(state) = self.late_state(&arguments[0]) {
+                    let entry = (kind, state, arguments[1..].to_vec());
+                    return Expression::Variable(late_name(place_of(&mut self.late, entry)));
+                }
+                let mut parts = arguments.clone();
+                parts[0] = self.extract(&parts[0]);
+                Expression::Variable(input_name(place_of(&mut self.inputs, (kind, parts))))
+            }
+            Expression::Number(_) | Expression::Pi | Expression::Time | Expression::Variable(_) => expression.clone(),
+            Expression::Negate(a) => Expression::Negate(self.extract(a).into()),
+            Expression::Binary(operator, a, b) => {
+                Expression::Binary(*operator, self.extract(a).into(), self.extract(b).into())
+            }
+            Expression::Call(function, arguments) => {
+                Expression::Call(*function, arguments.iter().map(|a| self.extract(a)).collect())
+            }
+            Expression::Simulator(output, arguments) => {
+                Expression::Simulator(*output, arguments.iter().map(|a| self.extract(a)).collect())
+            }
+        }
+    }
+
+    fn late_state(&self, argument: &Expression) -> Option<usize> {
+        match argument {
+            Expression::Variable(name) => self.model.state_index(name),
+            _ => None,
+        }
+    }
+}
+
+fn place_of<T: PartialEq>(list: &mut Vec<T>, entry: T) -> usize {
+    list.iter().position(|e| *e == entry).unwrap_or_else(|| {
+        list.push(entry);
+        list.len() - 1
+    })
+}
