@@ -237,7 +237,7 @@ fn one_cause(report: &Diagnosis, cause: &Cause) -> Markup {
             @if !cause.parameters.is_empty() {
                 ul { @for parameter in &cause.parameters {
                     @let (value, range) = interval(parameter);
-                    li { code { (parameter.name) } (parameter_meaning(cause, &parameter.name)) " = " strong { (with_unit(&value, &parameter.unit)) }
+                    li { code { (parameter.name) } (parameter_meaning(cause, parameter)) " = " strong { (with_unit(&value, &parameter.unit)) }
                         @if let Some(range) = range { ", " (percent(report.level())) " interval " (range) } @else { ", no interval" } }
                 } }
             }

@@ -131,7 +131,7 @@ fn details(cause: &Cause) -> Vec<String> {
             .map(|parameter| {
                 let (value, range) = interval(parameter);
                 let range = range.map(|range| format!(" ({range})")).unwrap_or_default();
-                let meaning = parameter_meaning(cause, &parameter.name);
+                let meaning = parameter_meaning(cause, parameter);
                 format!("{}{meaning} = {}{range}", parameter.name, with_unit(&value, &parameter.unit))
             })
             .collect();

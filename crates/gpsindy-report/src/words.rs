@@ -90,13 +90,17 @@ pub(crate) fn stability_sentence(stability: &Stability) -> String {
     }
 }
 
-/// What a parameter means, where the form that is shown does not hold it: ` (speed within which the sign is smoothed)`.
-pub(crate) fn parameter_meaning(cause: &Cause, name: &str) -> String {
+/// What a parameter means at its value, where the form that is shown does not hold it: ` (speed within which the sign is smoothed)`.
+pub(crate) fn parameter_meaning(cause: &Cause, parameter: &Parameter) -> String {
+    let name = parameter.name.as_str();
     let is_shown = cause.form.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
     let told = Effect::from_id(&cause.effect).filter(|_| !is_shown).and_then(|effect| {
         effect.parameters().split(", ").find_map(|one| one.split_once(": ").filter(|(own, _)| *own == name))
     });
-    told.map_or(String::new(), |(_, meaning)| format!(" ({meaning})"))
+    let Some((_, meaning)) = told else { return String::new() };
+    // A value of zero may have a meaning of its own.
+    let (usual, at_zero) = meaning.split_once("; 0 where it ").unwrap_or((meaning, meaning));
+    format!(" ({})", if parameter.value == 0.0 { at_zero } else { usual })
 }
 
 /// How sure it is that structure is left beside noise, how much of the gap it makes up and what it depends on.
@@ -264,10 +268,14 @@ mod tests {
         let json = r#"{"effect": "coulomb_friction", "state": "v", "variables": ["v"], "included": true, "probability": 0.9,
             "form": "-c*sign(v)", "parameters": [], "equivalent": [], "next_experiment": null}"#;
         let cause: Cause = serde_json::from_str(json).unwrap();
-        assert_eq!(parameter_meaning(&cause, "c"), "");
-        let corner = " (speed within which the sign is smoothed; 0 where it holds at rest)";
-        assert_eq!(parameter_meaning(&cause, "w"), corner);
-        assert_eq!(parameter_meaning(&Cause { effect: "tyre_slip".into(), ..cause }, "w"), "");
+        let meaning = |cause: &Cause, name: &str, value: f64| {
+            let parameter = Parameter { name: name.into(), value, low: None, high: None, unit: String::new() };
+            parameter_meaning(cause, &parameter)
+        };
+        assert_eq!(meaning(&cause, "c", 2.0), "");
+        assert_eq!(meaning(&cause, "w", 0.1), " (speed within which the sign is smoothed)");
+        assert_eq!(meaning(&cause, "w", 0.0), " (holds at rest)");
+        assert_eq!(meaning(&Cause { effect: "tyre_slip".into(), ..cause }, "w", 0.1), "");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
-use crate::diagnose::catalogue::excursion::Excursion;
+use crate::diagnose::catalogue::excursion::{Excursion, turns};
 use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
 use crate::refine::Experiment;
@@ -10,6 +10,8 @@ use crate::refine::Experiment;
 pub(crate) struct Scene {
     pub(crate) states: Vec<Excursion>,
     pub(crate) controls: Vec<Excursion>,
+    /// Of an unlogged speed whose place is logged whether that goes either way; nothing of other states.
+    pub(crate) turns: Vec<Option<bool>>,
     /// Typical size of every state's rate, in its unit per second.
     pub(crate) rates: Vec<f64>,
     /// Median sampling period, s.
@@ -39,6 +41,10 @@ impl Scene {
                 Excursion::of(&logged.unwrap_or_else(|| paths.iter().flat_map(|p| p[j].iter().copied()).collect()))
             })
             .collect();
+        let place = |j: usize| system.model().integral_of(j).and_then(|i| experiment.column_of(i));
+        let turning = |c: usize| turns(experiment.logs.iter().map(|l| l.measured[c].as_slice()), experiment.noise[c]);
+        let is_unlogged = |j: &usize| experiment.column_of(*j).is_none();
+        let turns = (0..n).map(|j| Some(j).filter(is_unlogged).and_then(place).map(turning)).collect();
         let controls: Vec<Excursion> = (0..system.n_controls())
             .map(|c| {
                 let values: Vec<f64> = experiment.logs.iter().flat_map(|l| l.controls[c].iter().copied()).collect();
@@ -57,7 +63,7 @@ impl Scene {
         let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         let reach = Reach::new(system, &states, &controls, &rates);
         let window = experiment.longest_window();
-        Self { states, controls, rates, period, times, duration, window, peaks: Vec::new(), reach }
+        Self { states, controls, turns, rates, period, times, duration, window, peaks: Vec::new(), reach }
     }
 }
 

@@ -46,3 +46,32 @@ impl Excursion {
         if self.high > self.low { self.high - self.low } else { 0.0 }
     }
 }
+
+/// Whether a variable that is measured with `noise` goes back, in either direction, by more than ten deviations of it.
+///
+/// Differences of normal values reach seven in 10^12. `runs`: its values, run by run; NaN is a missing value.
+pub(crate) fn turns<'a>(runs: impl Iterator<Item = &'a [f64]>, noise: f64) -> bool {
+    let (mut up, mut down) = (0.0f64, 0.0f64);
+    for values in runs {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &value in values.iter().filter(|v| v.is_finite()) {
+            (low, high) = (low.min(value), high.max(value));
+            (up, down) = (up.max(value - low), down.max(high - value));
+        }
+    }
+    up.min(down) > 10.0 * noise
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fall_does_not_turn_and_a_swing_does() {
+        let fall: Vec<f64> = (0..50).map(|i| -0.02 * f64::from(i * i) + 0.1 * f64::from(i % 2)).collect();
+        let swing: Vec<f64> = (0..50).map(|i| (0.3 * f64::from(i)).sin()).collect();
+        assert!(!turns([fall.as_slice()].into_iter(), 0.05));
+        assert!(turns([swing.as_slice()].into_iter(), 0.05));
+        assert!(turns([fall.as_slice(), &[0.0, f64::NAN, 3.0]].into_iter(), 0.05));
+    }
+}

@@ -45,7 +45,12 @@ impl Sense {
             Self::Speed => may_be_speed(model, state),
             Self::Balance => !has_place(model, state),
             Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= 0.0),
-            Self::EitherSign(index) => excursion(index).is_none_or(reverses),
+            Self::EitherSign(index) => {
+                // What the logs say of its place: the start of a rollout may go the other way.
+                let state = variables.get(index).and_then(|name| model.state_index(name));
+                let turns = state.and_then(|j| scene.turns.get(j).copied().flatten());
+                turns.unwrap_or_else(|| excursion(index).is_none_or(reverses))
+            }
             Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > 0.01 * e.size()),
             Self::NotThermal => !is_temperature(&model.states[state].unit),
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
