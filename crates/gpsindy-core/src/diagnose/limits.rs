@@ -334,8 +334,9 @@ pub(crate) mod forcing {
     /// Steps from the best of them to the top: some twenty bring three digits.
     pub(crate) const STEPS: u64 = 40;
 
-    /// Longest correlation time, in durations of the longest log: what lasts longer is a constant there.
-    pub(crate) const LONGEST: f64 = 2.0;
+    /// Longest correlation time, as a share of all logs together: a force that changed fewer than five times was not seen to be
+    /// random, and takes the place of any function of the motion.
+    pub(crate) const LONGEST: f64 = 0.2;
 
     /// Readings after which no further stretch is filtered. It trades time for certainty, and was not varied: a function that
     /// explains a hundredth of what is left gains 60 in twice the log likelihood by then.

@@ -149,7 +149,9 @@ impl Account {
         let mut account =
             Self { fit: self.fit.clone(), filter, forces: self.forces.clone(), score: contest.prior(&self.fit) };
         let scene = &contest.scene;
-        let (rate, period, longest) = (scene.rates[row], scene.period, LONGEST * scene.duration);
+        let logs = &self.fit.experiment.logs;
+        let together: f64 = logs.iter().map(|log| log.time[log.time.len() - 1] - log.time[0]).sum();
+        let (rate, period, longest) = (scene.rates[row], scene.period, LONGEST * together);
         let step = |k: usize, of: usize| k as f64 / (of - 1) as f64;
         let starts = (0..DURATIONS).flat_map(|i| (0..LEVELS).map(move |k| (i, k)));
         let starts: Vec<[f64; 2]> = starts
