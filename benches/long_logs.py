@@ -10,13 +10,12 @@ thousand CSV files of a thousand rows. Prints seconds and the largest memory of 
 from __future__ import annotations
 
 import argparse
-import os
 import pathlib
 import subprocess
 import sys
 import tempfile
-import time
 
+import command
 import numpy as np
 
 ROWS = 1_000_000
@@ -92,15 +91,10 @@ def write(root: pathlib.Path, rows: int, files: int) -> None:
         save(root / "many" / f"run_{i:04}.csv", spring(1000, 2 + i))
 
 
-def measured(name: str, command: list[str], folder: str) -> float:
-    begin = time.perf_counter()
-    child = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    errors = child.stderr.read().decode()
-    _, status, usage = os.wait4(child.pid, 0)
-    seconds, memory = time.perf_counter() - begin, usage.ru_maxrss / 1024
-    outcome = "" if status == 0 else f"  status {os.waitstatus_to_exitcode(status)}: {errors.strip().splitlines()[-1:]}"
-    print(f"{name:34} {seconds:8.1f} s {memory:8.0f} MB{outcome}", flush=True)
-    return memory
+def measured(name: str, words: list[str], folder: str) -> float:
+    took = command.run(words, folder)
+    print(f"{name:34} {took.seconds:8.1f} s {took.megabytes:8.0f} MB{took.failure}", flush=True)
+    return took.megabytes
 
 
 def main() -> None:

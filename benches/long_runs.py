@@ -16,8 +16,8 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-import time
 
+import command
 import numpy as np
 
 MOST = 2000.0
@@ -66,15 +66,10 @@ def write(path: pathlib.Path, rows: int) -> None:
         np.savetxt(file, np.column_stack([t, states, u]), delimiter=",", fmt=["%.3f", "%.5f", "%.5f", "%.4f"])
 
 
-def measured(name: str, rows: int, command: list[str], folder: str) -> float:
-    begin = time.perf_counter()
-    child = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    errors = child.stderr.read().decode()
-    _, status, usage = os.wait4(child.pid, 0)
-    seconds, memory = time.perf_counter() - begin, usage.ru_maxrss / 1024
-    outcome = "" if status == 0 else f"  status {os.waitstatus_to_exitcode(status)}: {errors.strip().splitlines()[-1:]}"
-    print(f"| {name} | {rows} | {seconds:.1f} | {usage.ru_utime + usage.ru_stime:.1f} | {memory:.0f} |{outcome}", flush=True)
-    return memory
+def measured(name: str, rows: int, words: list[str], folder: str) -> float:
+    took = command.run(words, folder)
+    print(f"| {name} | {rows} | {took.seconds:.1f} | {took.busy:.1f} | {took.megabytes:.0f} |{took.failure}", flush=True)
+    return took.megabytes
 
 
 def main() -> None:
