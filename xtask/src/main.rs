@@ -21,6 +21,7 @@ cargo xtask package       every crate packs with its licences, builds from its p
 cargo xtask deny          licences, doubles, sources and advisories of all dependencies (cargo-deny)
 cargo xtask semver [REV]  the public interface against a tag or commit; without REV the latest tag (cargo-semver-checks)
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
+cargo xtask features      the readers of logs with each format alone and with none, warnings as errors; a part of `rust`
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         "deny" => tools::deny(),
         "semver" => tools::semver(argument.as_deref()),
         "msrv" => tools::msrv(),
+        "features" => tools::features(),
         "data" => data::write(),
         "picture" => picture::hare_lynx(),
         "effects" => site::effects(),
@@ -62,6 +64,7 @@ fn rust() -> Result<(), String> {
     let cargo = |arguments: &str| shell::run("cargo", arguments.split(' '), &[]);
     cargo("fmt --all --check")?;
     cargo("clippy --release --workspace --all-targets -- -D warnings")?;
+    tools::features()?;
     // The extension module is tested from Python: linking it into a test binary would need libpython.
     skipped::counted(|environment| {
         shell::run("cargo", "test --release --workspace --exclude gpsindy-py".split(' '), environment)

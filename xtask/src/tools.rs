@@ -61,6 +61,16 @@ pub(crate) fn msrv() -> Result<(), String> {
     check(&format!("--package gpsindy-core --no-default-features --target {FOR_32_BITS}"))
 }
 
+/// Nothing is unused whatever formats of logs are left out: each alone, and none.
+pub(crate) fn features() -> Result<(), String> {
+    for formats in ["", "mcap", "parquet", "ulog"] {
+        // The other crates only hand the features on.
+        let start = ["clippy", "--release", "--package", "gpsindy-files", "--lib", "--no-default-features"];
+        run("cargo", start.into_iter().chain(["--features", formats, "--", "-D", "warnings"]), &[])?;
+    }
+    Ok(())
+}
+
 /// `rust-version` of the workspace.
 fn promised() -> Result<String, String> {
     let path = root().join("Cargo.toml");

@@ -66,6 +66,7 @@ impl Input {
     }
 
     /// All of its bytes.
+    #[cfg(feature = "parquet")]
     pub(crate) fn bytes(&self) -> Result<Vec<u8>> {
         match &self.place {
             Place::Path(path) => std::fs::read(path).map_err(|e| self.failed(e)),

@@ -48,6 +48,7 @@ impl LogOptions {
     }
 
     /// The unit that the options give a column, empty where they give none.
+    #[cfg(any(feature = "mcap", feature = "ulog"))]
     pub(crate) fn unit_of(&self, name: &str) -> String {
         self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()
     }

@@ -2,9 +2,10 @@
 //!
 //! Source: OMG, DDS-XTypes 1.3, section 7.4 (PLAIN_CDR and PLAIN_CDR2).
 
+use crate::message::kind::{Kind, number};
 use crate::message::layout::Marks;
 use crate::message::path::Step;
-use crate::message::schema::{Kind, Many, Schema};
+use crate::message::schema::{Many, Schema};
 use crate::message::want::{Item, LISTS, Node, Slot, Wants};
 use std::cell::RefCell;
 
@@ -329,30 +330,5 @@ fn index_of(item: Item, slots: &[Slot]) -> Option<usize> {
     match item {
         Item::At(index) => Some(index),
         Item::Slot(slot) => slots[slot].index,
-    }
-}
-
-/// A number of `kind` in its bytes.
-pub(crate) fn number(kind: Kind, bytes: &[u8], big: bool) -> f64 {
-    // Most numbers of robots' logs.
-    if let (Kind::F64, false, Ok(eight)) = (kind, big, bytes.try_into()) {
-        return f64::from_le_bytes(eight);
-    }
-    let mut eight = [0_u8; 8];
-    for (i, slot) in eight.iter_mut().take(bytes.len()).enumerate() {
-        *slot = if big { bytes[bytes.len() - 1 - i] } else { bytes[i] };
-    }
-    let bits = u64::from_le_bytes(eight);
-    match kind {
-        Kind::Bool => f64::from(u8::from(bits != 0)),
-        Kind::I8 => f64::from(bits as u8 as i8),
-        Kind::U8 | Kind::U16 | Kind::U32 => f64::from(bits as u32),
-        Kind::I16 => f64::from(bits as u16 as i16),
-        Kind::I32 => f64::from(bits as u32 as i32),
-        Kind::I64 => bits as i64 as f64,
-        Kind::U64 => bits as f64,
-        Kind::F32 => f64::from(f32::from_bits(bits as u32)),
-        Kind::F64 => f64::from_bits(bits),
-        Kind::Text | Kind::WideText | Kind::Message(_) => f64::NAN,
     }
 }

@@ -3,6 +3,7 @@
 //! Written by hand: the crates that read it build on the arrow crate or need a newer compiler than the workspace's.
 //! Source: docs.ros.org, "About ROS 2 interfaces"; mcap.dev, registry of well-known schema encodings.
 
+use crate::message::kind::Kind;
 use std::collections::HashMap;
 
 /// Messages that use each other, the first one is that of the topic.
@@ -25,26 +26,6 @@ pub(crate) struct Field {
     pub(crate) many: Many,
 }
 
-/// What a value is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    Bool,
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-    Text,
-    WideText,
-    /// Index into the schema's messages.
-    Message(usize),
-}
-
 /// How many values a field has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Many {
@@ -59,17 +40,6 @@ pub(crate) enum Many {
 const DEEPEST: usize = 32;
 
 impl Kind {
-    /// Bytes of a number; `None` for text and messages.
-    pub(crate) fn size(self) -> Option<usize> {
-        Some(match self {
-            Self::Bool | Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-            Self::Text | Self::WideText | Self::Message(_) => return None,
-        })
-    }
-
     fn of(word: &str) -> Option<Self> {
         let text =
             |word: &str, name: &str| word.strip_prefix(name).is_some_and(|r| r.is_empty() || r.starts_with("<="));

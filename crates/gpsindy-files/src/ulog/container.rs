@@ -5,8 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::input::Input;
-use crate::message::cdr::number;
-use crate::message::schema::Kind;
+use crate::message::kind::{Kind, number};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 use std::io::{BufReader, Read, Seek, SeekFrom};
