@@ -178,7 +178,7 @@ impl Logs {
             }
             let aligned = align(log, &mut reading.topics, &names_of, &held, progress)?;
             offsets.extend(aligned);
-            let (found, told) = merge(&log.file, &reading.topics, Roles { held: &held, hold: task.hold })?;
+            let (found, told) = merge(&log.file, reading.topics, Roles { held: &held, hold: task.hold })?;
             runs.extend(found.into_iter().map(|run| Run { name: self.run_name(log, &run.name), ..run }));
             notes.extend(reading.notes.into_iter().chain(told));
         }

@@ -1,7 +1,7 @@
 //! MCAP: topics of messages in CDR with their `ros2msg` schemas, or in JSON.
 //!
-//! The container is read by the `mcap` crate from front to back, so that a file that breaks off gives what stands before
-//! the break; a message is kept only for as long as its wanted numbers take to be read.
+//! The container is read from front to back, so that a file that breaks off gives what stands before the break; a message is
+//! kept only for as long as its wanted numbers take to be read.
 
 use crate::error::{Error, Result};
 use crate::header::Header;
@@ -20,8 +20,10 @@ use gpsindy_core::Progress;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
+mod chunk;
 pub(crate) mod container;
 mod records;
+mod window;
 
 use container::{Channel, Event, scan};
 
@@ -73,8 +75,8 @@ struct Gathered {
     /// Place among the columns asked for, and the path, in the order of the outputs.
     columns: Vec<(usize, Vec<Step>)>,
     log: Vec<i64>,
-    /// The header's stamps; `None` where a message has none.
-    header: Vec<Option<i64>>,
+    /// The header's stamps, as long as every message has one.
+    header: Option<Vec<i64>>,
     values: Vec<Vec<f64>>,
     broken: usize,
     /// The names of the last message's fields, for suggestions.
@@ -102,24 +104,32 @@ impl Source for McapLog {
             gathered[at].values.push(Vec::new());
         }
         // By the part of the log and its number of the channel.
-        let mut readers: HashMap<(usize, u16), Option<(usize, Reader)>> = HashMap::new();
         let mut channels: HashMap<(usize, u16), Channel> = HashMap::new();
+        let mut places: HashMap<(usize, u16), usize> = HashMap::new();
+        let mut readers: Vec<Option<(usize, Reader)>> = Vec::new();
+        // Messages of a channel often follow each other.
+        let mut last = None;
         let mut outputs: Vec<f64> = Vec::new();
-        let broken = scan(&self.file, &self.inputs, progress, &mut |part, event| {
+        let broken = scan(&self.inputs, progress, &mut |part, event| {
             match event {
                 Event::Channel(id, channel) => {
                     channels.insert((part, id), channel);
                 }
                 Event::Message { channel, time, data } => {
                     let key = (part, channel);
-                    let reader = match readers.entry(key) {
-                        Entry::Occupied(known) => known.into_mut(),
-                        Entry::Vacant(place) => {
-                            let channel = channels.get(&key);
-                            place.insert(channel.map_or(Ok(None), |channel| self.reader(channel, &gathered))?)
-                        }
+                    let place = match last {
+                        Some((known, place)) if known == key => place,
+                        _ => match places.entry(key) {
+                            Entry::Occupied(known) => *known.get(),
+                            Entry::Vacant(free) => {
+                                let channel = channels.get(&key);
+                                readers.push(channel.map_or(Ok(None), |channel| self.reader(channel, &gathered))?);
+                                *free.insert(readers.len() - 1)
+                            }
+                        },
                     };
-                    if let Some((at, reader)) = reader {
+                    last = Some((key, place));
+                    if let Some((at, reader)) = &mut readers[place] {
                         gathered[*at].take(&self.file, reader, time, data, &mut outputs)?;
                     }
                 }
@@ -175,25 +185,24 @@ impl McapLog {
                 self.file, one.broken
             ));
         }
-        let every = one.header.iter().all(Option::is_some);
         // A header that nobody filled in has the same stamp throughout, mostly zero.
-        let moves = one.header.iter().any(|stamp| *stamp != one.header[0]);
-        let by_header = match self.stamp {
-            Stamp::Log => false,
-            Stamp::Header if !every => {
+        let moves = |header: &[i64]| header.iter().any(|stamp| *stamp != header[0]);
+        let stamps = match (self.stamp, one.header) {
+            (Stamp::Header, None) => {
                 return Err(wrong(format!(
                     "topic `{topic}` has messages without a stamp in a header; choose --stamp log"
                 )));
             }
-            Stamp::Header => true,
-            Stamp::Auto if every && !moves && one.log.len() > 1 => {
+            (Stamp::Header, Some(header)) => header,
+            (Stamp::Auto, Some(header)) if moves(&header) || header.len() == 1 => header,
+            (Stamp::Auto, Some(_)) => {
                 notes.push(format!(
                     "{}: topic `{topic}`: the stamp in the header never changes; the time of recording was taken",
                     self.file
                 ));
-                false
+                one.log
             }
-            Stamp::Auto => every,
+            (Stamp::Log, _) | (Stamp::Auto, None) => one.log,
         };
         for (values, (_, steps)) in one.values.iter().zip(&one.columns) {
             if values.iter().all(|v| v.is_nan()) {
@@ -204,7 +213,7 @@ impl McapLog {
             }
         }
         Ok(Series {
-            stamps: if by_header { one.header.into_iter().flatten().collect() } else { one.log },
+            stamps,
             topic: one.topic,
             columns: one.columns.into_iter().map(|(output, _)| output).zip(one.values).collect(),
         })
@@ -218,7 +227,7 @@ impl Gathered {
             topic,
             columns: Vec::new(),
             log: Vec::new(),
-            header: Vec::new(),
+            header: Some(Vec::new()),
             values: Vec::new(),
             broken: 0,
             last: Vec::new(),
@@ -238,7 +247,10 @@ impl Gathered {
             }
         };
         self.log.push(i64::try_from(time).unwrap_or(i64::MAX));
-        self.header.push(stamp);
+        match (&mut self.header, stamp) {
+            (Some(header), Some(stamp)) => header.push(stamp),
+            _ => self.header = None,
+        }
         for (values, &output) in self.values.iter_mut().zip(outputs.iter()) {
             // A dataset holds no infinite value: one in a message is a sensor's "nothing".
             values.push(if output.is_finite() { output } else { f64::NAN });

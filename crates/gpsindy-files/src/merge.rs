@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::topic::Topic;
 use faer::Mat;
 use gpsindy_core::{Hold, Run};
+use std::collections::HashMap;
 
 /// The columns of a task and how they go between their stamps.
 #[derive(Debug, Clone, Copy)]
@@ -21,61 +22,61 @@ pub(crate) struct Roles<'a> {
 ///
 /// # Errors
 /// Topics of one run that have no time in common.
-pub(crate) fn merge(file: &str, topics: &[Topic], roles: Roles<'_>) -> Result<(Vec<Run>, Vec<String>)> {
-    let mut names: Vec<&str> = Vec::new();
+pub(crate) fn merge(file: &str, topics: Vec<Topic>, roles: Roles<'_>) -> Result<(Vec<Run>, Vec<String>)> {
+    let mut names: Vec<String> = Vec::new();
+    let mut grouped: HashMap<String, Vec<Topic>> = HashMap::new();
     for topic in topics {
-        // Runs come one after the other, so the last name is nearly always the one.
-        if names.last() != Some(&topic.run.as_str()) && !names.contains(&topic.run.as_str()) {
-            names.push(&topic.run);
+        if !grouped.contains_key(&topic.run) {
+            names.push(topic.run.clone());
         }
-    }
-    let mut grouped: std::collections::HashMap<&str, Vec<&Topic>> = std::collections::HashMap::new();
-    for topic in topics {
-        grouped.entry(&topic.run).or_default().push(topic);
+        grouped.entry(topic.run.clone()).or_default().push(topic);
     }
     let (mut runs, mut notes) = (Vec::with_capacity(names.len()), Vec::new());
     for name in names {
-        let parts = grouped.remove(name).unwrap_or_default();
-        runs.push(run(file, name, &parts, roles, &mut notes)?);
+        let parts = grouped.remove(&name).unwrap_or_default();
+        runs.push(run(file, name, parts, roles, &mut notes)?);
     }
     Ok((runs, notes))
 }
 
-fn run(file: &str, name: &str, parts: &[&Topic], roles: Roles<'_>, notes: &mut Vec<String>) -> Result<Run> {
-    check_overlap(file, parts)?;
-    let mut time = union(parts);
+fn run(file: &str, name: String, mut parts: Vec<Topic>, roles: Roles<'_>, notes: &mut Vec<String>) -> Result<Run> {
+    check_overlap(file, &parts)?;
+    let alone = parts.len() == 1;
+    let mut time = if alone { std::mem::take(&mut parts[0].stamps) } else { union(&parts) };
     let mut values = Mat::full(time.len(), roles.held.len(), f64::NAN);
-    for part in parts {
-        let rows = rows_of(&part.stamps, &time);
-        for (column, samples) in &part.columns {
-            let target = values.col_as_slice_mut(*column);
-            for (&row, &sample) in rows.iter().zip(samples) {
+    for part in &mut parts {
+        let rows = if alone { Vec::new() } else { rows_of(&part.stamps, &time) };
+        // A long log is not held twice.
+        for (column, samples) in &mut part.columns {
+            let (column, samples) = (*column, std::mem::take(samples));
+            let target = values.col_as_slice_mut(column);
+            if alone {
+                target.copy_from_slice(&samples);
+            }
+            for (&row, &sample) in rows.iter().zip(&samples) {
                 target[row] = sample;
             }
-            if roles.held[*column] {
+            if roles.held[column] {
                 fill(&time, target, roles.hold);
             }
         }
     }
     let (mut first, mut last) = (0, time.len());
-    if parts.len() > 1 {
+    if !alone {
         let measured = |i: usize| (0..roles.held.len()).any(|j| !roles.held[j] && !values[(i, j)].is_nan());
         first = (0..time.len()).find(|&i| measured(i)).unwrap_or(0);
         last = (first..time.len()).rev().find(|&i| measured(i)).map_or(time.len(), |i| i + 1);
-        late_controls(file, parts, roles, time[first], notes);
+        late_controls(file, &parts, roles, time[first], notes);
     }
     if (first, last) != (0, time.len()) {
         time = time[first..last].to_vec();
         values = Mat::from_fn(last - first, roles.held.len(), |i, j| values[(first + i, j)]);
     }
-    Ok(Run { name: name.into(), time, values })
+    Ok(Run { name, time, values })
 }
 
 /// The stamps of all topics in order, each once.
-fn union(parts: &[&Topic]) -> Vec<f64> {
-    if let [only] = parts {
-        return only.stamps.clone();
-    }
+fn union(parts: &[Topic]) -> Vec<f64> {
     let mut time: Vec<f64> = parts.iter().flat_map(|p| p.stamps.iter().copied()).collect();
     time.sort_by(f64::total_cmp);
     time.dedup();
@@ -120,7 +121,7 @@ fn fill(time: &[f64], values: &mut [f64], hold: Hold) {
     }
 }
 
-fn check_overlap(file: &str, parts: &[&Topic]) -> Result<()> {
+fn check_overlap(file: &str, parts: &[Topic]) -> Result<()> {
     for (i, a) in parts.iter().enumerate() {
         for b in &parts[..i] {
             let (Some((a0, a1)), Some((b0, b1))) = (span(a), span(b)) else { continue };
@@ -142,7 +143,7 @@ fn span(topic: &Topic) -> Option<(f64, f64)> {
 }
 
 /// A control whose topic begins after the states is held back from its first value: the user should know.
-fn late_controls(file: &str, parts: &[&Topic], roles: Roles<'_>, begin: f64, notes: &mut Vec<String>) {
+fn late_controls(file: &str, parts: &[Topic], roles: Roles<'_>, begin: f64, notes: &mut Vec<String>) {
     for part in parts.iter().filter(|p| p.columns.iter().any(|(column, _)| roles.held[*column])) {
         let Some((first, last)) = span(part) else { continue };
         let step = (last - first) / part.stamps.len().max(2) as f64;
@@ -165,7 +166,7 @@ mod tests {
     }
 
     fn merged(topics: &[Topic], held: &[bool], hold: Hold) -> Run {
-        merge("log", topics, Roles { held, hold }).unwrap().0.remove(0)
+        merge("log", topics.to_vec(), Roles { held, hold }).unwrap().0.remove(0)
     }
 
     fn shown(values: &[f64]) -> String {
@@ -195,7 +196,8 @@ mod tests {
     #[test]
     fn topics_without_a_common_time_are_refused_by_name() {
         let topics = [topic("/q", 0, &[0.0, 1.0], &[1.0, 2.0]), topic("/u", 1, &[5.0, 6.0], &[4.0, 5.0])];
-        let error = merge("log", &topics, Roles { held: &[false, true], hold: Hold::Zero }).unwrap_err().to_string();
+        let error =
+            merge("log", topics.to_vec(), Roles { held: &[false, true], hold: Hold::Zero }).unwrap_err().to_string();
         assert!(error.contains("`/q` (0 s to 1 s) and `/u` (5 s to 6 s) have no time in common"), "{error}");
     }
 
@@ -204,7 +206,7 @@ mod tests {
         let mut topics = vec![topic("", 0, &[0.0, 1.0], &[1.0, f64::NAN]), topic("", 0, &[0.0, 2.0], &[3.0, 4.0])];
         topics[0].run = "b".into();
         topics[1].run = "a".into();
-        let (runs, _) = merge("log", &topics, Roles { held: &[false], hold: Hold::Zero }).unwrap();
+        let (runs, _) = merge("log", topics, Roles { held: &[false], hold: Hold::Zero }).unwrap();
         assert_eq!(runs.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["b", "a"]);
         assert_eq!(shown(runs[0].column(0)), "1 -");
     }
@@ -213,7 +215,7 @@ mod tests {
     fn a_control_that_begins_late_is_told() {
         let topics =
             [topic("q", 0, &[0.0, 1.0, 2.0], &[1.0, 2.0, 3.0]), topic("/u", 1, &[1.5, 1.6, 1.7], &[4.0, 5.0, 6.0])];
-        let (_, notes) = merge("log", &topics, Roles { held: &[false, true], hold: Hold::Zero }).unwrap();
+        let (_, notes) = merge("log", topics.to_vec(), Roles { held: &[false, true], hold: Hold::Zero }).unwrap();
         assert_eq!(
             notes,
             ["log: the controls of `/u` begin 1.500 s after the states; until then their first values are taken"]

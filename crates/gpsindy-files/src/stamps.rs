@@ -44,7 +44,7 @@ pub(crate) fn topics(
     let mut topics: Vec<Topic> = series
         .into_iter()
         .map(|s| Topic {
-            stamps: s.stamps.iter().map(|&t| (i128::from(t) - i128::from(origin)) as f64 / 1e9).collect(),
+            stamps: s.stamps.into_iter().map(|t| apart(t, origin)).collect(),
             name: s.topic,
             run: String::new(),
             columns: s.columns,
@@ -58,6 +58,14 @@ pub(crate) fn topics(
         }
     }
     Ok((topics, notes))
+}
+
+/// Seconds from one stamp to another.
+pub(crate) fn apart(stamp: i64, origin: i64) -> f64 {
+    match stamp.checked_sub(origin) {
+        Some(ns) => ns as f64 / 1e9,
+        None => (i128::from(stamp) - i128::from(origin)) as f64 / 1e9,
+    }
 }
 
 fn order(file: &str, one: &mut Series, clock_option: &str, notes: &mut Vec<String>) -> Result<()> {

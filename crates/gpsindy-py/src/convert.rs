@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use gpsindy_core::Error;
-use numpy::ndarray::Array2;
+use numpy::ndarray::{Array2, ShapeBuilder};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::create_exception;
 use pyo3::exceptions::{
@@ -37,6 +37,17 @@ pub(crate) fn vector(array: &Vector<'_>) -> Vec<f64> {
 /// A read-only array of shape (r, c).
 pub(crate) fn array2<'py>(py: Python<'py>, matrix: &Mat<f64>) -> Bound<'py, PyArray2<f64>> {
     let array = Array2::from_shape_fn((matrix.nrows(), matrix.ncols()), |(i, j)| matrix[(i, j)]).into_pyarray(py);
+    array.readwrite().make_nonwriteable();
+    array
+}
+
+/// A read-only array of shape (r, c) whose columns lie in one piece each, as those of a log do.
+pub(crate) fn columns<'py>(py: Python<'py>, matrix: &Mat<f64>) -> Bound<'py, PyArray2<f64>> {
+    let (rows, count) = (matrix.nrows(), matrix.ncols());
+    let mut values = Vec::with_capacity(rows * count);
+    (0..count).for_each(|column| values.extend_from_slice(matrix.col_as_slice(column)));
+    // The values are as many as the shape says.
+    let array = Array2::from_shape_vec((rows, count).f(), values).unwrap_or_default().into_pyarray(py);
     array.readwrite().make_nonwriteable();
     array
 }

@@ -1,6 +1,6 @@
 //! Logs: runs of arrays, or CSV files.
 
-use crate::convert::{Matrix, Vector, array1, array2, error, file_error, matrix, vector};
+use crate::convert::{Matrix, Vector, array1, columns, error, file_error, matrix, vector};
 use crate::watch::Watch;
 use gpsindy_core::{Channel, Dataset, Hold, Run};
 use gpsindy_files::{Header, LogOptions, Logs, Offset, Stamp, Task};
@@ -79,7 +79,7 @@ impl PyDataset {
     }
 
     fn values<'py>(&self, py: Python<'py>, run: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        Ok(array2(py, &self.run(run)?.values))
+        Ok(columns(py, &self.run(run)?.values))
     }
 
     /// The runs with these indices.

@@ -1,19 +1,78 @@
-//! Records that are checked before the `mcap` crate reads them.
+//! Records: their frames, and their contents, which are checked before the `mcap` crate reads them.
 //!
 //! The crate (0.26.0) reserves memory for as many bytes as a text says that it has, up to 4 GB, before it looks whether they
-//! are there; and its own reader of summaries hands such records on.
+//! are there; and its own reader of summaries hands such records on. Its reader of whole files asks for each record twice,
+//! unpacks and checks each by itself, with which reading took half as long again; so frames and chunks are read here.
 
 use super::container::Channel;
+use super::window::Window;
 use crate::input::Input;
 use mcap::records::{MessageHeader, Record, op};
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 
 /// Bytes before the length of a footer's fields, of these, and of the mark behind them.
 const RECORD: usize = 9;
 const FOOTER: usize = 20;
 const MAGIC: usize = 8;
+
+/// What stands next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// A record of a kind that matters here, and its bytes, all at hand.
+    Record(u8, usize),
+    /// Another one and its bytes, not yet read.
+    Other(u8, u64),
+    End,
+}
+
+/// The next record in a window that can still hold `left` bytes, of which a record takes at most `most`.
+///
+/// # Errors
+/// A record that breaks off, or that is longer than it may be.
+pub(super) fn next<R: Read>(window: &mut Window<R>, left: &mut u64, most: u64) -> mcap::McapResult<Found> {
+    if !window.load(RECORD).map_err(broken)? {
+        return if window.at_hand().is_empty() { Ok(Found::End) } else { Err(mcap::McapError::UnexpectedEof) };
+    }
+    let head = window.cut(RECORD);
+    let (opcode, mut length) = (head[0], [0; 8]);
+    length.copy_from_slice(&head[1..]);
+    let length = u64::from_le_bytes(length);
+    *left = left.saturating_sub(RECORD as u64);
+    if !matters(opcode) {
+        *left = left.saturating_sub(length);
+        return Ok(Found::Other(opcode, length));
+    }
+    // Nothing is read for a length that can't be.
+    *left = left.checked_sub(length).ok_or(mcap::McapError::UnexpectedEof)?;
+    let count = usize::try_from(length).ok().filter(|_| length <= most);
+    let count = count.ok_or(mcap::McapError::RecordTooLarge { opcode, len: length })?;
+    load(window, count)?;
+    Ok(Found::Record(opcode, count))
+}
+
+/// Has `count` bytes at hand.
+pub(super) fn load<R: Read>(window: &mut Window<R>, count: usize) -> mcap::McapResult<()> {
+    if window.load(count).map_err(broken)? { Ok(()) } else { Err(mcap::McapError::UnexpectedEof) }
+}
+
+/// Goes on by `count` bytes.
+pub(super) fn skip<R: Read>(window: &mut Window<R>, count: u64) -> mcap::McapResult<()> {
+    if window.skip(count).map_err(broken)? { Ok(()) } else { Err(mcap::McapError::UnexpectedEof) }
+}
+
+/// A stream that breaks off or can't be unpacked.
+pub(super) fn broken(error: io::Error) -> mcap::McapError {
+    match error.kind() {
+        ErrorKind::UnexpectedEof => mcap::McapError::UnexpectedEof,
+        _ => mcap::McapError::DecompressionError(error.to_string()),
+    }
+}
+
+fn matters(opcode: u8) -> bool {
+    matches!(opcode, op::MESSAGE | op::SCHEMA | op::CHANNEL | op::DATA_END | op::FOOTER)
+}
 
 /// Reads a record of the kinds that matter here; `None` for all others.
 ///

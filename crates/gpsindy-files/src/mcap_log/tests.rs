@@ -8,6 +8,8 @@ use mcap::{Compression, WriteOptions, Writer};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
+mod chunks;
+
 /// Writes plain CDR, aligned from the begin of the body.
 pub(crate) struct Cdr {
     bytes: Vec<u8>,

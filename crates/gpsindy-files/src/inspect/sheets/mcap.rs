@@ -13,6 +13,7 @@ use crate::message::path::{self, Step};
 use crate::message::schema::Schema;
 use crate::message::want::Wants;
 use crate::message::{cdr, json};
+use crate::stamps::apart;
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 
@@ -36,7 +37,7 @@ pub(crate) fn look(inputs: Vec<Input>, file: String, stamp: Stamp, progress: &dy
     let mut channels: HashMap<(usize, u16), Channel> = HashMap::new();
     let mut readers: HashMap<(usize, u16), (usize, Reader)> = HashMap::new();
     let mut outputs: Vec<f64> = Vec::new();
-    let broken = scan(&file, &inputs, progress, &mut |part, event| {
+    let broken = scan(&inputs, progress, &mut |part, event| {
         match event {
             Event::Channel(id, channel) => {
                 place(&mut topics, &channel);
@@ -147,7 +148,6 @@ impl Topic {
         let header: Vec<i64> = self.header.into_iter().flatten().collect();
         let chosen = if by_header { &header } else { &self.log };
         let first = chosen.first().copied().unwrap_or(0);
-        let apart = |a: i64, b: i64| (i128::from(a) - i128::from(b)) as f64 / 1e9;
         self.sheet.clock = if by_header { "header" } else { "log" }.into();
         self.sheet.stamps = chosen.iter().map(|t| apart(*t, first)).collect();
         self.sheet.origin = first as f64 / 1e9;
