@@ -27,10 +27,9 @@ const LARGE: usize = 200;
 const LARGE_ROUNDS: usize = 8;
 const LONG_LARGE_ROUNDS: usize = 300;
 
-/// Memory that a log may take: this many times its file, and what reading may take however short a file is. That is buffers,
-/// and one message of 16 MB: so large a one is read where it packs well, and a broken length may claim it.
+/// Memory that a log may take: this many times its file, and what reading may take however short a file is: buffers, tables.
 const TIMES: usize = 4;
-const ALWAYS: usize = 20 << 20;
+const ALWAYS: usize = 4 << 20;
 
 /// What became of the files of a format.
 #[derive(Default)]
