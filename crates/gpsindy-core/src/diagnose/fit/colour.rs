@@ -2,6 +2,7 @@
 //!
 //! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
 
+use crate::diagnose::fit::whitening::prediction_error;
 use crate::diagnose::limits::{FAR, MAX_ORDER, ROUGH};
 
 /// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
@@ -10,6 +11,9 @@ pub(crate) struct Colour {
     pub(crate) coefficients: Vec<f64>,
     /// Variance of the innovations, in squared noise units.
     pub(crate) innovation: f64,
+    /// Variance of the errors of the predictions, each as the values before it that are there allow: the geometric mean, as
+    /// the likelihood counts them. That of the innovations where nothing is missing.
+    pub(crate) error: f64,
     /// Variance of the residual itself, and its covariances up to one lag less than there are coefficients.
     pub(crate) covariance: Vec<f64>,
     /// Values that are there.
@@ -26,7 +30,9 @@ pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
             let variance =
                 series.iter().flatten().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>() / count.max(1) as f64;
             let covariance: Vec<f64> = (0..=MAX_ORDER).map(|lag| variance * autocorrelation(&series, lag)).collect();
-            levinson(&covariance, count)
+            let colour = levinson(&covariance, count);
+            let has_holes = count < series.iter().map(Vec::len).sum();
+            if has_holes { Colour { error: prediction_error(&colour, &series), ..colour } } else { colour }
         })
         .collect()
 }
@@ -83,7 +89,7 @@ fn levinson(covariance: &[f64], count: usize) -> Colour {
         }
     }
     let covariance = covariance[..best.1.len().max(1)].to_vec();
-    Colour { coefficients: best.1, innovation: best.2, covariance, count }
+    Colour { coefficients: best.1, innovation: best.2, error: best.2, covariance, count }
 }
 
 impl Colour {
@@ -99,7 +105,7 @@ impl Colour {
     /// would win over one that leaves a small rough one. Such a rest counts by its size, less what the slowest noise
     /// (a coefficient of 0.975) would keep of it.
     pub(crate) fn noise_like(&self) -> f64 {
-        self.innovation.max((self.variance() / FAR).min(self.innovation * self.innovation / ROUGH))
+        self.error.max((self.variance() / FAR).min(self.error * self.error / ROUGH))
     }
 }
 
@@ -161,6 +167,25 @@ mod tests {
         let products: f64 = series.iter().zip(&series[3..]).map(|(a, b)| a * b).sum();
         let squares: f64 = series.iter().map(|e| e * e).sum();
         assert!((autocorrelation(&[series], 3) - products / squares).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_large_smooth_rest_with_holes_is_predicted_no_better_than_its_noise_allows() {
+        let mut series = noise(5, 1500);
+        for (i, value) in series.iter_mut().enumerate() {
+            *value += 40.0 * (0.01 * i as f64).sin();
+            if i % 3 == 1 {
+                *value = f64::NAN;
+            }
+        }
+        let colour = colours(&[series], 1).remove(0);
+        assert!(colour.error > 1.0, "{colour:?}");
+        // Noise alone is what it is.
+        let mut alone = slow_noise(6, 3000);
+        alone.iter_mut().step_by(3).for_each(|v| *v = f64::NAN);
+        let colour = colours(&[alone], 1).remove(0);
+        // A hole makes the value behind it as uncertain as 1 + 0.8^2: the geometric mean over half of the values is 1.28.
+        assert!((colour.error - 1.28).abs() < 0.1, "{colour:?}");
     }
 
     #[test]

@@ -147,7 +147,8 @@ mod tests {
     #[test]
     fn a_large_smooth_rest_far_above_the_noise_does_not_beat_a_small_rough_one() {
         let rest = |variance: f64, innovation: f64| {
-            log_likelihood(&[Colour { coefficients: vec![0.9], innovation, covariance: vec![variance], count: 1000 }])
+            let (coefficients, covariance) = (vec![0.9], vec![variance]);
+            log_likelihood(&[Colour { coefficients, innovation, error: innovation, covariance, count: 1000 }])
         };
         assert!(rest(1e4, 5e2) > rest(1e6, 1e2));
         // Slow noise of a sensor keeps its innovations, which differences of samples see.

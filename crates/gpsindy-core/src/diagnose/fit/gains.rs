@@ -84,7 +84,13 @@ impl Basis {
             .colours
             .iter()
             .map(|c| match white {
-                true => Colour { coefficients: Vec::new(), innovation: 1.0, covariance: vec![1.0], count: c.count },
+                true => Colour {
+                    coefficients: Vec::new(),
+                    innovation: 1.0,
+                    error: 1.0,
+                    covariance: vec![1.0],
+                    count: c.count,
+                },
                 false => c.clone(),
             })
             .collect();

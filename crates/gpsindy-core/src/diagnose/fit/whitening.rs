@@ -60,6 +60,31 @@ impl Whitener {
     }
 }
 
+/// Variance of the errors with which `colour` predicts the values of `series` that are there from those before them: the
+/// geometric mean over the values, times what the errors are beyond it. Never less than that of the innovations.
+///
+/// Far above the noise the correlations of neighbours that are there and of those about a hole differ by more than what a
+/// prediction leaves, and the recursion's own figure is then none of these values.
+pub(crate) fn prediction_error(colour: &Colour, series: &[Vec<f64>]) -> f64 {
+    let (mut squares, mut logarithms, mut count) = (0.0, 0.0, 0.0);
+    for window in series {
+        let there = || window.iter().map(|v| v.is_finite());
+        let steps = steps(colour, there());
+        let scale = colour.innovation.sqrt().recip();
+        let mut values: Vec<f64> = window.iter().map(|&v| if v.is_finite() { v } else { 0.0 }).collect();
+        for step in steps.iter().take(values.len()) {
+            if let Step::Guessed(own, _) = step {
+                logarithms += 2.0 * (scale / own).ln();
+            }
+        }
+        Filter { coefficients: colour.coefficients.clone(), scale, steps }.run(values.iter_mut());
+        squares += values.iter().map(|v| v * v).sum::<f64>();
+        count += there().filter(|&is_there| is_there).count() as f64;
+    }
+    let found = colour.innovation * squares / f64::max(count, 1.0) * (logarithms / f64::max(count, 1.0)).exp();
+    if found.is_finite() { found.max(colour.innovation) } else { colour.innovation }
+}
+
 impl Filter {
     fn run<'a>(&self, series: impl Iterator<Item = &'a mut f64>) {
         // The last values, the latest first, as known or guessed.
@@ -143,7 +168,8 @@ mod tests {
         let (a, b, innovation) = (0.9, -0.5, 2.0);
         let first = a / (1.0 - b);
         let variance = innovation / (1.0 - a * first - b * (a * first + b));
-        Colour { coefficients: vec![a, b], innovation, covariance: vec![variance, first * variance], count: 40 }
+        let covariance = vec![variance, first * variance];
+        Colour { coefficients: vec![a, b], innovation, error: innovation, covariance, count: 40 }
     }
 
     #[test]
@@ -161,7 +187,7 @@ mod tests {
         let known = DVector::from_iterator(there.len(), there.iter().map(|&i| value(i)));
         let expected = dense.cholesky().map_or(f64::NAN, |c| known.dot(&c.solve(&known)));
         // Two columns, the other one of unit white noise.
-        let white = Colour { coefficients: Vec::new(), innovation: 1.0, covariance: vec![1.0], count: 40 };
+        let white = Colour { coefficients: Vec::new(), innovation: 1.0, error: 1.0, covariance: vec![1.0], count: 40 };
         let present: Vec<bool> = (0..80).map(|k| k % 2 == 1 || is_there(&(k / 2))).collect();
         let mut values = DVector::from_fn(80, |k, _| if present[k] { value(k / 2) } else { 0.0 });
         let other: Vec<f64> = values.iter().skip(1).step_by(2).copied().collect();

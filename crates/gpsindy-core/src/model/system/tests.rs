@@ -1,3 +1,4 @@
+use super::super::InputKind;
 use super::super::{Control, Model, Parameter, State};
 use super::*;
 
