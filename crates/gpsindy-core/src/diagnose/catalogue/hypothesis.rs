@@ -59,7 +59,7 @@ pub(crate) enum Role {
 }
 
 impl Added {
-    /// A value below its lower end that no fit can walk to, and that is tried where the fit comes near that end.
+    /// A value below its lower end that no fit can walk to, and that is tried beside what a fit finds.
     pub(crate) fn beyond(&self) -> Option<f64> {
         (self.role == Role::Corner).then_some(0.0)
     }

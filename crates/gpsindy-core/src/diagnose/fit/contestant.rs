@@ -82,13 +82,11 @@ impl Contestant {
         self.added[place].iter().map(|(index, _)| self.refined.parameters[*index]).collect()
     }
 
-    /// Free parameters that came near their lower ends, and the value beyond that is worth a try.
+    /// Free parameters that have a value beyond their lower ends, and that value.
     pub(crate) fn beyond(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let is_near = |index: usize, added: &Added| {
-            self.refined.parameters[index] < added.scale && self.free.iter().any(|f| f.parameter == index)
-        };
-        let all = self.added.iter().flatten();
-        all.filter_map(move |(index, added)| Some((*index, added.beyond().filter(|_| is_near(*index, added))?)))
+        let is_free = |index: usize| self.free.iter().any(|f| f.parameter == index);
+        let all = self.added.iter().flatten().filter(move |(index, _)| is_free(*index));
+        all.filter_map(|(index, added)| Some((*index, added.beyond()?)))
     }
 
     /// The effects at all places but those in `out`, with their values.

@@ -133,14 +133,15 @@ impl Fitter {
         if budget == Budget::Rough { Ok(with) } else { self.beyond(with, budget) }
     }
 
-    /// The same contestant with parameters beyond their lower ends, where the fit came near those and that is better.
+    /// The same contestant with parameters beyond their lower ends, where that is better.
     ///
-    /// Rivals are compared in the form that suits each of them: dry friction that holds at rest is the limit of a corner that
-    /// gets ever sharper, and one of another kind would use what is left of the corner.
+    /// Dry friction that holds at rest is the limit of a corner that gets ever sharper, but no fit goes there by itself: long
+    /// rollouts find another corner first that suits one of their stops. Rivals are compared in the form that suits each of
+    /// them, as one of another kind would use what is left of the corner.
     fn beyond(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        let near: Vec<(usize, f64)> = contestant.beyond().collect();
+        let all: Vec<(usize, f64)> = contestant.beyond().collect();
         let mut best = contestant;
-        for (parameter, value) in near {
+        for (parameter, value) in all {
             let mut other = best.clone();
             other.refined.parameters[parameter] = value;
             other.free.retain(|f| f.parameter != parameter);
