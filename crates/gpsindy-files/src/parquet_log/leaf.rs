@@ -1,6 +1,6 @@
 //! The leaves of a Parquet schema, and their values as numbers or text.
 
-use super::footer::claims_too_much;
+use super::footer::is_broken;
 use super::guard::guarded;
 use crate::error::{Error, Result};
 use crate::input::Input;
@@ -66,8 +66,8 @@ impl Rows {
 impl Table {
     pub(crate) fn open(input: &Input) -> Result<Self> {
         let failed = |e: ParquetError| broken(&input.file, &e);
-        if claims_too_much(input)? {
-            return Err(failed(ParquetError::General("a list in its footer is longer than the footer".into())));
+        if is_broken(input)? {
+            return Err(failed(ParquetError::General("its footer is broken".into())));
         }
         let reader: Box<dyn FileReader> = match input.as_file()? {
             Some(file) => Box::new(guarded(|| SerializedFileReader::new(file)).map_err(failed)?),
