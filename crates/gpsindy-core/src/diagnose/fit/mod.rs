@@ -1,5 +1,6 @@
 //! Contestants of the diagnosis, their fits to the logs, and their evidence.
 
+pub(crate) mod autoregression;
 pub(crate) mod bounded;
 pub(crate) mod colour;
 pub(crate) mod contestant;

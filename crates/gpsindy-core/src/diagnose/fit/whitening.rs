@@ -4,7 +4,7 @@
 //! Source: Jones 1980, Technometrics 22(3), "Maximum likelihood fitting of ARMA models to time series with missing
 //! observations", section 3.
 
-use crate::diagnose::fit::colour::Colour;
+use crate::diagnose::fit::autoregression::Colour;
 use crate::diagnose::limits::MAX_ORDER;
 use nalgebra::DVector;
 

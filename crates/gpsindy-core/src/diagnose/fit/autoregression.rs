@@ -1,0 +1,62 @@
+//! An autoregression: noise of which each value remembers those before it.
+//!
+//! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
+
+use crate::diagnose::limits::{FAR, ROUGH};
+
+/// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Colour {
+    pub(crate) coefficients: Vec<f64>,
+    /// Variance of the innovations, in squared noise units.
+    pub(crate) innovation: f64,
+    /// Variance of the errors of the predictions, each as the values before it that are there allow: the geometric mean, as
+    /// the likelihood counts them. That of the innovations where nothing is missing.
+    pub(crate) error: f64,
+    /// Variance of the residual itself, and its covariances up to one lag less than there are coefficients.
+    pub(crate) covariance: Vec<f64>,
+    /// Values that are there.
+    pub(crate) count: usize,
+}
+
+/// The autoregressive model of the order with the lowest BIC.
+pub(crate) fn levinson(covariance: &[f64], count: usize) -> Colour {
+    let tiny = f64::MIN_POSITIVE;
+    let mut coefficients: Vec<f64> = Vec::new();
+    let mut innovation = covariance[0].max(tiny);
+    let score = |v: f64, order: usize| count as f64 * v.ln() + (order as f64) * (count.max(2) as f64).ln();
+    let mut best = (score(innovation, 0), coefficients.clone(), innovation);
+    for order in 1..covariance.len().min(count / 10 + 1) {
+        let predicted: f64 = coefficients.iter().enumerate().map(|(k, a)| a * covariance[order - 1 - k]).sum();
+        let reflection = (covariance[order] - predicted) / innovation;
+        if !(reflection.abs() < 1.0) {
+            break;
+        }
+        let reversed: Vec<f64> = coefficients.iter().rev().map(|a| reflection * a).collect();
+        coefficients.iter_mut().zip(reversed).for_each(|(a, b)| *a -= b);
+        coefficients.push(reflection);
+        innovation = (innovation * (1.0 - reflection * reflection)).max(tiny);
+        if score(innovation, order) < best.0 {
+            best = (score(innovation, order), coefficients.clone(), innovation);
+        }
+    }
+    let covariance = covariance[..best.1.len().max(1)].to_vec();
+    Colour { coefficients: best.1, innovation: best.2, error: best.2, covariance, count }
+}
+
+impl Colour {
+    /// Variance of the residual, in squared noise units.
+    pub(crate) fn variance(&self) -> f64 {
+        self.covariance[0]
+    }
+
+    /// Variance of the innovations, as far as the residual can be noise.
+    ///
+    /// Differences of samples see a sensor's innovations, whatever its colour (a random walk's as 3.6). Innovations far
+    /// above that belong to structure, and say how smooth it is, not how large: an effect that leaves a large smooth rest
+    /// would win over one that leaves a small rough one. Such a rest counts by its size, less what the slowest noise
+    /// (a coefficient of 0.975) would keep of it.
+    pub(crate) fn noise_like(&self) -> f64 {
+        self.error.max((self.variance() / FAR).min(self.error * self.error / ROUGH))
+    }
+}
