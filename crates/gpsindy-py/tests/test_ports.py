@@ -107,8 +107,6 @@ def run(p, friction, rng, seconds=8.0, rate=100):
 FRICTIONS = ["coulomb_friction", "viscous_friction", "stribeck_friction", "quadratic_drag", "bias", "coupling"]
 
 
-# The joint is right, but Stribeck friction, which holds Coulomb friction, is named in its place.
-@pytest.mark.xfail(reason="names Stribeck friction where Coulomb friction is true", strict=False)
 @pytest.mark.parametrize("joint", [0, 1])
 def test_dry_friction_that_sticks_is_found_in_its_joint_and_nothing_else(joint):
     rng = np.random.default_rng(40 + joint)
