@@ -2,7 +2,7 @@
 
 use crate::shell::{complain, root, run};
 use crate::tools::PUBLISHED;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Files that every package carries.
@@ -22,9 +22,39 @@ pub(crate) fn check() -> Result<(), String> {
         ("CARGO_PROFILE_DEV_OPT_LEVEL", "2"),
         ("CARGO_PROFILE_DEV_DEBUG", "false"),
     ];
+    forget_unpacked(&target)?;
     let packages = PUBLISHED.iter().flat_map(|name| ["--package", name]);
     run("cargo", ["publish", "--dry-run", "--allow-dirty"].into_iter().chain(packages), &environment)?;
     demo(&target)
+}
+
+/// Removes what an earlier dry run unpacked and built: cargo keeps both by name and version, and would build the next package on
+/// them in place of the present ones.
+///
+/// A registry without a host, as the dry run makes one, has a folder whose name begins with a dash.
+fn forget_unpacked(target: &Path) -> Result<(), String> {
+    forget(&target.join("debug/.fingerprint"))?;
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let Some(home) = home.or_else(|| Some(std::env::home_dir()?.join(".cargo"))) else { return Ok(()) };
+    for kind in ["src", "cache"] {
+        let Ok(registries) = std::fs::read_dir(home.join("registry").join(kind)) else { continue };
+        for registry in registries.flatten().filter(|r| r.file_name().to_string_lossy().starts_with('-')) {
+            forget(&registry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes what bears the names of our packages from a folder, where there is one.
+fn forget(folder: &Path) -> Result<(), String> {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        if PUBLISHED.iter().any(|own| name.to_string_lossy().starts_with(&format!("{own}-"))) {
+            let removed = if path.is_dir() { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
+            removed.map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    Ok(())
 }
 
 /// The registry's limits, which a dry run does not look at: at most five keywords of at most 20 characters.
