@@ -334,7 +334,7 @@ pub(crate) mod forcing {
     pub(crate) const DURATIONS: usize = 6;
     pub(crate) const LEVELS: usize = 6;
 
-    /// Steps from the best of them to the top: some twenty bring three digits.
+    /// Steps from the best of them to the top for each process: some twenty bring three digits.
     pub(crate) const STEPS: u64 = 40;
 
     /// Longest correlation time, as a share of all logs together: a force that changed fewer than five times was not seen to be

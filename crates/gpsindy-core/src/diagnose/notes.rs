@@ -99,6 +99,17 @@ pub enum Note {
         /// Its correlation time, s.
         time: f64,
     },
+    /// The errors of a sensor have a memory, and are all that is left beside random forces.
+    ColouredNoise {
+        /// The column.
+        column: String,
+        /// Standard deviation of these errors, in `unit`.
+        deviation: f64,
+        /// Unit of the column.
+        unit: String,
+        /// Their correlation time, s.
+        time: f64,
+    },
     /// The search ended before it was through, because time was up.
     TimeUp {
         /// The limit, s.
@@ -150,6 +161,10 @@ impl std::fmt::Display for Note {
             Self::RandomForce { state, deviation, unit, time } => write!(
                 f,
                 "the equation of {state} is driven at random (rms {deviation:.3e} {unit}, correlation time {time:.3} s); rollouts can't follow that, and no function of states, controls or time explains it"
+            ),
+            Self::ColouredNoise { column, deviation, unit, time } => write!(
+                f,
+                "the noise of {column} is coloured (rms {deviation:.3e} {unit}, correlation time {time:.3} s): that explains what a white noise would leave, and no function of states, controls or time does better"
             ),
             Self::TimeUp { seconds } => write!(
                 f,

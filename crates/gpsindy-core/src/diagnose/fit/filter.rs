@@ -1,8 +1,8 @@
-//! An extended Kalman filter: the likelihood of logs whose machine is also driven at random.
+//! An extended Kalman filter: the likelihood of logs whose machine is also driven at random, or whose sensors err with a memory.
 //!
 //! A random force in a row is a state of its own that forgets, `d' = -d/tau`, driven by white noise to a standard deviation
-//! (an Ornstein-Uhlenbeck process; Dryden's gusts have the same spectrum). The sensors' noise is known up to one factor for all
-//! of them, which is fitted in closed form.
+//! (an Ornstein-Uhlenbeck process; Dryden's gusts have the same spectrum). The same process on a column is an error of its sensor
+//! beside the white one. The white noise of the sensors is known up to one factor for all of them, which is fitted in closed form.
 //!
 //! Source: Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8; the likelihood by innovations is Schweppe's
 //! (1965, IEEE Trans. Inf. Theory 11(1)).
@@ -22,18 +22,39 @@ use pass::Pass;
 /// Share of a function's information below which nothing of it is left beside the others: rounding.
 const NOTHING: f64 = 1e-9;
 
-/// A random force: in which row, its standard deviation in the row's unit, and how long it lasts, s.
+/// Where something acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Acts {
+    /// In the equation of a state.
+    Row(usize),
+    /// On what a column reads, by its number among the logged ones.
+    Column(usize),
+}
+
+/// An Ornstein-Uhlenbeck process: where it acts, its standard deviation in the unit there, and its correlation time, s.
+///
+/// In a row it is a random force, on a column coloured noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Force {
-    pub(crate) row: usize,
+pub(crate) struct Process {
+    pub(crate) acts: Acts,
     pub(crate) deviation: f64,
     pub(crate) time: f64,
 }
 
-/// A model with a random force in some rows.
+impl Process {
+    /// The row that it forces.
+    pub(crate) fn row(&self) -> Option<usize> {
+        match self.acts {
+            Acts::Row(row) => Some(row),
+            Acts::Column(_) => None,
+        }
+    }
+}
+
+/// A model with random processes in some rows and on some columns.
 pub(crate) struct Filter {
     system: System,
-    /// Number of the machine's own states; one a forced row follows.
+    /// Number of the machine's own states; one a process follows.
     n: usize,
     /// Parameters of the machine.
     p: usize,
@@ -78,7 +99,7 @@ pub(crate) struct Filtered {
     pub(crate) likelihood: f64,
     pub(crate) count: usize,
     /// Variance of the innovations beside what the filter expects.
-    level: f64,
+    pub(crate) level: f64,
     /// For every stretch its log and its samples; empty where they were not asked for.
     stretches: Vec<(usize, Vec<Sample>)>,
 }
@@ -92,8 +113,8 @@ impl Filter {
         system.late_states().is_empty() && system.simulator().is_none()
     }
 
-    /// The machine with a random force in each of `rows`; nothing where no filter takes it.
-    pub(crate) fn new(system: &System, rows: &[usize]) -> Result<Option<Self>> {
+    /// The machine with a random process at each of `places`; nothing where no filter takes it.
+    pub(crate) fn new(system: &System, places: impl IntoIterator<Item = Acts>) -> Result<Option<Self>> {
         if !Self::takes(system) {
             return Ok(None);
         }
@@ -104,11 +125,14 @@ impl Filter {
             model.states[j].equation = model.states[j].equation.clone().plus(Expression::variable(name.clone()));
             model.parameters.push(Parameter::new(name, 0.0));
         }
-        for &row in rows {
-            let (force, rate) = (format!("random_force__{row}"), format!("random_rate__{row}"));
-            model.states[row].equation = model.states[row].equation.clone().plus(Expression::variable(force.clone()));
-            let decay = Expression::variable(rate.clone()).times(Expression::variable(force.clone())).negated();
-            model.states.push(State::new(force, decay));
+        for (k, acts) in places.into_iter().enumerate() {
+            let (process, rate) = (format!("random__{k}"), format!("random_rate__{k}"));
+            if let Acts::Row(row) = acts {
+                let equation = &mut model.states[row].equation;
+                *equation = equation.clone().plus(Expression::variable(process.clone()));
+            }
+            let decay = Expression::variable(rate.clone()).times(Expression::variable(process.clone())).negated();
+            model.states.push(State::new(process, decay));
             model.parameters.push(Parameter::new(rate, 1.0));
         }
         Ok(Some(Self { system: System::new(&model)?, n, p }))
@@ -121,19 +145,19 @@ impl Filter {
         &self,
         experiment: &Experiment,
         (parameters, starts): (&[f64], &[Vec<f64>]),
-        forces: &[Force],
+        processes: &[Process],
         keep: bool,
     ) -> Option<Filtered> {
         let mut values = parameters[..self.p].to_vec();
         values.extend((0..self.n).map(|_| 0.0));
-        values.extend(forces.iter().map(|f| 1.0 / f.time));
+        values.extend(processes.iter().map(|process| 1.0 / process.time));
         let mut all = Filtered { likelihood: 0.0, count: 0, level: 0.0, stretches: Vec::new() };
         let (mut logarithms, mut squares) = (0.0, 0.0);
         for (window, start) in stretches(&experiment.windows, starts) {
             if all.count > MOST_READINGS {
                 break;
             }
-            let mut pass = Pass::new(self, experiment, window, (&values, start), forces, keep);
+            let mut pass = Pass::new(self, experiment, window, (&values, start), processes, keep);
             let samples = pass.run(window);
             logarithms += pass.logarithms;
             squares += pass.squares;
@@ -157,15 +181,6 @@ fn stretches<'a>(windows: &[Window], starts: &'a [Vec<f64>]) -> Vec<(Window, &'a
         }
     }
     all
-}
-
-/// Where a function acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Acts {
-    /// In the equation of a state.
-    Row(usize),
-    /// On what a column reads, by its number among the logged ones.
-    Column(usize),
 }
 
 impl Filtered {

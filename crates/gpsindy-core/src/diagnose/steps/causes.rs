@@ -188,15 +188,15 @@ fn cause(
 /// A random force as a cause: its intensity is the spectral density at low frequency, `2 deviation^2 tau`.
 pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, told: &Told) -> Cause {
     let effect = Effect::ProcessNoise;
-    let (state, z) = (&model.states[told.force.row], normal_quantile(0.5 + 0.5 * confidence));
+    let (state, z) = (&model.states[told.state], normal_quantile(0.5 + 0.5 * confidence));
     let rate = state.rate_unit();
-    let (force, [[a, b], [_, c]]) = (told.force, told.covariance);
+    let [[a, b], [_, c]] = told.covariance;
     // Each is a product of powers of the two, and its logarithm is nearly normal.
     let one = |name: &str, value: f64, variance: f64, unit: String| {
         let factor = (z * variance.sqrt()).exp();
         Parameter { name: name.into(), value, low: finite(value / factor), high: finite(value * factor), unit }
     };
-    let intensity = 2.0 * force.deviation.powi(2) * force.time;
+    let intensity = 2.0 * told.deviation.powi(2) * told.time;
     Cause {
         effect: effect.id().into(),
         state: state.name.clone(),
@@ -207,8 +207,8 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
         form: effect.form().into(),
         parameters: vec![
             one("q", intensity, 4.0 * a + c + 4.0 * b, unit::product(&[(&rate, 2), ("s", 1)])),
-            one("tau", force.time, c, "s".into()),
-            one("rms", force.deviation, a, rate),
+            one("tau", told.time, c, "s".into()),
+            one("rms", told.deviation, a, rate),
         ],
         equivalent: Vec::new(),
         next_experiment: None,

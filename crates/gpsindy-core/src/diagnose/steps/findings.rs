@@ -1,7 +1,6 @@
 //! The results that steps pass on to later steps.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::filter::Force;
 use crate::diagnose::limits::weigh::{CROWDED, TWINS};
 use crate::diagnose::steps::screen::Summary;
 
@@ -53,18 +52,23 @@ pub(crate) fn crowding(chance: f64) -> f64 {
     CROWDED * chance.clamp(1e-12, 1.0).powf(CROWDED - 1.0)
 }
 
-/// A random force as it is told.
+/// A random process as it is told: of a force in a state's row, or of an error of its sensor.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Told {
-    pub(crate) force: Force,
+    pub(crate) state: usize,
+    /// In the unit of the row or the column, and s.
+    pub(crate) deviation: f64,
+    pub(crate) time: f64,
     /// Covariance of the logarithms of its standard deviation and its correlation time.
     pub(crate) covariance: [[f64; 2]; 2],
 }
 
-/// Random forces that are all that is left.
+/// Random processes that are all that is left.
 #[derive(Debug, Clone)]
 pub(crate) struct Forcing {
-    pub(crate) told: Vec<Told>,
+    pub(crate) forces: Vec<Told>,
+    /// Coloured noise of sensors.
+    pub(crate) errors: Vec<Told>,
     /// Chance that the best function without a name gains as much beside them by noise.
     pub(crate) p_value: f64,
 }

@@ -63,15 +63,16 @@ pub(crate) fn report(
     };
     let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
     let stated = Causes { confidence, contest, nominal, outcome, stabilities: &stabilities, credible: &credible, keep };
-    for told in forcing.iter().flat_map(|forcing| &forcing.told) {
-        contest.run.notes.say(random(model, told));
+    if let Some(forcing) = forcing {
+        forcing.forces.iter().for_each(|told| contest.run.notes.say(random(model, told)));
+        forcing.errors.iter().for_each(|told| contest.run.notes.say(coloured(model, told)));
     }
     let mut causes = if detected.gap { stated.all() } else { Vec::new() };
     if let Some(forcing) = forcing {
         let first = causes.iter().position(|c| !c.included).unwrap_or(causes.len());
         // What is left is random only if the causes beside it are right.
         let probability = forcing.probability() * credible.iter().product::<f64>();
-        let told = forcing.told.iter().map(|told| random_force(confidence, model, probability, told));
+        let told = forcing.forces.iter().map(|told| random_force(confidence, model, probability, told));
         causes.splice(first..first, told);
     }
     let augmented = if keep { augmented } else { nominal.system.model().clone() };
@@ -121,12 +122,18 @@ fn disagreement(cause: &Cause) -> Option<Note> {
 
 /// What is to be said of a random force.
 fn random(model: &Model, told: &Told) -> Note {
-    let state = &model.states[told.force.row];
-    Note::RandomForce {
-        state: state.name.clone(),
-        deviation: told.force.deviation,
-        unit: state.rate_unit(),
-        time: told.force.time,
+    let state = &model.states[told.state];
+    Note::RandomForce { state: state.name.clone(), deviation: told.deviation, unit: state.rate_unit(), time: told.time }
+}
+
+/// What is to be said of a sensor whose errors have a memory.
+fn coloured(model: &Model, told: &Told) -> Note {
+    let state = &model.states[told.state];
+    Note::ColouredNoise {
+        column: state.name.clone(),
+        deviation: told.deviation,
+        unit: state.unit.clone(),
+        time: told.time,
     }
 }
 

@@ -1,6 +1,6 @@
 //! What white noise does to the states of a linear system over one step.
 
-use super::Force;
+use super::Process;
 use nalgebra::{DMatrix, DVector};
 
 /// Logarithm of a matrix near one, by its series; of one that is not, the first term.
@@ -17,12 +17,17 @@ pub(super) fn logarithm(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     if power.amax() < 0.1 * beyond.amax() { sum } else { beyond }
 }
 
-/// Adds what the white noise of a random force does to the states over a step: the integral of `e^(A s) e_d e_d' e^(A' s)` over
+/// Adds what the white noise of a random process does to the states over a step: the integral of `e^(A s) e_d e_d' e^(A' s)` over
 /// the step, by three points of Gauss and Legendre.
-pub(super) fn driven(covariance: &mut DMatrix<f64>, rates: &DMatrix<f64>, (place, force): (usize, Force), step: f64) {
-    /// Terms of the exponential: a force may decay by e^2 within a step.
+pub(super) fn driven(
+    covariance: &mut DMatrix<f64>,
+    rates: &DMatrix<f64>,
+    (place, process): (usize, Process),
+    step: f64,
+) {
+    /// Terms of the exponential: a process may decay by e^2 within a step.
     const TERMS: i32 = 10;
-    let density = 2.0 * force.deviation * force.deviation / force.time;
+    let density = 2.0 * process.deviation * process.deviation / process.time;
     let far = 0.6f64.sqrt();
     for (point, weight) in [(-far, 5.0 / 18.0), (0.0, 8.0 / 18.0), (far, 5.0 / 18.0)] {
         let time = 0.5 * step * (1.0 + point);

@@ -1,7 +1,7 @@
 //! The filter along one stretch of a log.
 
 use super::driven::{driven, logarithm};
-use super::{Filter, Force, Reading, Sample};
+use super::{Acts, Filter, Process, Reading, Sample};
 use crate::refine::lanes::Lanes;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
@@ -30,7 +30,7 @@ pub(super) struct Pass<'a> {
     /// The same with a force in each row, a lane a row; empty where the samples are not kept.
     pushed: Vec<Lanes<'a, LANES>>,
     scale: Vec<f64>,
-    forces: &'a [Force],
+    processes: &'a [Process],
     state: DVector<f64>,
     covariance: DMatrix<f64>,
     pub(super) logarithms: f64,
@@ -46,7 +46,7 @@ impl<'a> Pass<'a> {
         experiment: &'a Experiment,
         window: Window,
         (values, start): (&[f64], &[f64]),
-        forces: &'a [Force],
+        processes: &'a [Process],
         keep: bool,
     ) -> Self {
         let (log, past) = (&experiment.logs[window.log], (experiment.hold, experiment.past));
@@ -61,7 +61,7 @@ impl<'a> Pass<'a> {
         };
         let pushed = blocks(filter.n).filter(|_| keep).map(of_rows).collect();
         let mut scale = experiment.scale[..filter.n].to_vec();
-        scale.extend(forces.iter().map(|f| f.deviation.max(f64::MIN_POSITIVE)));
+        scale.extend(processes.iter().map(|f| f.deviation.max(f64::MIN_POSITIVE)));
         let size = scale.len();
         let mut state = DVector::zeros(size);
         state.rows_mut(0, filter.n).copy_from_slice(&start[..filter.n]);
@@ -73,7 +73,7 @@ impl<'a> Pass<'a> {
             lanes,
             pushed,
             scale,
-            forces,
+            processes,
             state,
             covariance,
             logarithms: 0.0,
@@ -97,8 +97,8 @@ impl<'a> Pass<'a> {
             let time = &self.experiment.logs[window.log].time;
             let step = time[number + 1] - time[number];
             let rates = logarithm(&transition) / step;
-            for (k, force) in self.forces.iter().enumerate() {
-                driven(&mut self.covariance, &rates, (self.filter.n + k, *force), step);
+            for (k, process) in self.processes.iter().enumerate() {
+                driven(&mut self.covariance, &rates, (self.filter.n + k, *process), step);
             }
             if self.keep {
                 let pushed = self.push(number, &next);
@@ -165,6 +165,12 @@ impl<'a> Pass<'a> {
                     slopes[(c, place)] = (values[lane] - values[0]) / (STEP * scale[place]);
                 }
             });
+        }
+        for (k, process) in self.processes.iter().enumerate() {
+            if let Acts::Column(c) = process.acts {
+                expected[c] += self.state[self.filter.n + k];
+                slopes[(c, self.filter.n + k)] = 1.0;
+            }
         }
         (expected, slopes)
     }

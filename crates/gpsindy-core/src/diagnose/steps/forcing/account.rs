@@ -1,0 +1,264 @@
+//! An account of the logs: a contestant beside random processes, and how well the logs speak of both.
+
+use crate::diagnose::catalogue::rival::{self, Rival};
+use crate::diagnose::fit::contestant::{Contestant, Searches};
+use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
+use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Process};
+use crate::diagnose::fit::functions::courses;
+use crate::diagnose::limits::CONVINCING;
+use crate::diagnose::limits::forcing::{DURATIONS, LEVELS, LONGEST, STEPS, UNSEEN};
+use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::findings::{Forcing, Told};
+use crate::error::Result;
+use crate::parallel::*;
+use argmin::core::{CostFunction, Executor, State};
+use argmin::solver::neldermead::NelderMead;
+use nalgebra::Matrix2;
+
+/// A contestant beside random processes, and how well the logs speak of both.
+pub(super) struct Account {
+    pub(super) fit: Contestant,
+    filter: Filter,
+    pub(super) processes: Vec<Process>,
+    pub(super) score: f64,
+}
+
+impl Account {
+    /// `fit` with `processes` as they are; nothing where it can't be filtered.
+    pub(super) fn of(contest: &Contest<'_>, fit: &Contestant, processes: &[Process]) -> Result<Option<Self>> {
+        let Some(filter) = Filter::new(&fit.system, processes.iter().map(|p| p.acts))? else { return Ok(None) };
+        let account = Self { fit: fit.clone(), filter, processes: processes.to_vec(), score: contest.prior(fit) };
+        Ok(account.charged())
+    }
+
+    /// `fit` with coloured noise on its columns, where that convinces.
+    pub(super) fn unforced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+        Self::grown(contest, fit, &columns(fit))
+    }
+
+    /// `fit` with random forces in its rows and coloured noise on its columns, where they convince.
+    pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+        let model = fit.system.model();
+        let rows = (0..fit.nominal_states()).filter(|&j| !model.is_kinematic(j)).map(Acts::Row);
+        Self::grown(contest, fit, &rows.chain(columns(fit)).collect::<Vec<_>>())
+    }
+
+    /// `fit` with random processes at some of `places`, the best first, while they convince.
+    fn grown(contest: &Contest<'_>, fit: &Contestant, places: &[Acts]) -> Result<Option<Self>> {
+        let Some(mut best) = Self::of(contest, fit, &[])? else { return Ok(None) };
+        while best.processes.len() < places.len() {
+            let mut next: Option<Self> = None;
+            for &acts in places.iter().filter(|&&acts| best.processes.iter().all(|p| p.acts != acts)) {
+                let with = best.with(contest, acts)?;
+                if with.as_ref().is_some_and(|with| next.as_ref().is_none_or(|next| with.score > next.score)) {
+                    next = with;
+                }
+            }
+            match next {
+                Some(next) if next.score > best.score + CONVINCING => best = next,
+                _ => break,
+            }
+        }
+        Ok(Some(best))
+    }
+
+    /// Whether a force is among its processes.
+    pub(super) fn is_forced(&self) -> bool {
+        self.processes.iter().any(|process| process.row().is_some())
+    }
+
+    /// The same with one more random process, where all of them are at their best.
+    fn with(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Self>> {
+        let places = self.processes.iter().map(|p| p.acts).chain([acts]);
+        let Some(filter) = Filter::new(&self.fit.system, places)? else { return Ok(None) };
+        let mut account =
+            Self { fit: self.fit.clone(), filter, processes: self.processes.clone(), score: contest.prior(&self.fit) };
+        let ranges: Vec<Range> =
+            account.processes.iter().map(|p| p.acts).chain([acts]).map(|a| range(contest, &self.fit, a)).collect();
+        let range = &ranges[ranges.len() - 1];
+        let starts: Vec<Vec<Process>> =
+            range.starts().map(|p| self.processes.iter().copied().chain([p]).collect()).collect();
+        let cost = Cost { account: &account, ranges: &ranges };
+        let values: Vec<f64> = starts.par_iter().map(|start| cost.at(start)).collect();
+        let Some(best) = (0..starts.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])) else { return Ok(None) };
+        let centre = logarithms(&starts[best]);
+        // The first of two processes bore what both do, so all of them move.
+        let corner = |k: usize| {
+            let mut place = centre.clone();
+            place[k] += 0.5;
+            place
+        };
+        let around = std::iter::once(centre.clone()).chain((0..centre.len()).map(corner)).collect();
+        let solver = NelderMead::new(around).with_sd_tolerance(1e-3);
+        let steps = STEPS * ranges.len() as u64;
+        let found = solver.ok().and_then(|s| Executor::new(cost, s).configure(|c| c.max_iters(steps)).run().ok());
+        let Some(place) = found.and_then(|found| found.state().get_best_param().cloned()) else { return Ok(None) };
+        account.processes = processes(&ranges, &place);
+        Ok(account.charged())
+    }
+
+    fn filtered(&self, processes: &[Process], keep: bool) -> Option<Filtered> {
+        let refined = &self.fit.refined;
+        self.filter.run(&self.fit.experiment, (&refined.parameters, &refined.initial), processes, keep)
+    }
+
+    /// With the likelihood in its score, less half the logarithm of the sample size for every parameter; nothing where the filter
+    /// diverges.
+    fn charged(mut self) -> Option<Self> {
+        let found = self.filtered(&self.processes, false)?;
+        let parameters = self.fit.evidence.complexity() + 2 * self.processes.len();
+        self.score += found.likelihood - 0.5 * parameters as f64 * (found.count.max(2) as f64).ln();
+        Some(self)
+    }
+
+    /// The processes in their own units, with what the curvature of the likelihood says of them; `p_value` of what is left.
+    ///
+    /// The filter knows deviations beside that of the sensors' noise, whose own size is found last.
+    pub(super) fn told(&self, p_value: f64) -> Forcing {
+        // Wide enough to see the curve beside the rounding, narrow enough to be one.
+        const WIDE: f64 = 0.1;
+        let one = |place: usize| {
+            let process = &self.processes[place];
+            let at = |a: f64, b: f64| {
+                let mut processes = self.processes.clone();
+                processes[place].deviation *= (a * WIDE).exp();
+                processes[place].time *= (b * WIDE).exp();
+                self.filtered(&processes, false)
+            };
+            let centre = at(0.0, 0.0)?;
+            let sides = [at(1.0, 0.0)?, at(-1.0, 0.0)?, at(0.0, 1.0)?, at(0.0, -1.0)?];
+            let corners = [at(1.0, 1.0)?, at(-1.0, -1.0)?, at(1.0, -1.0)?, at(-1.0, 1.0)?];
+            let second = |plus: &Filtered, minus: &Filtered| {
+                -(plus.likelihood + minus.likelihood - 2.0 * centre.likelihood) / (WIDE * WIDE)
+            };
+            let mixed =
+                -(corners[0].likelihood + corners[1].likelihood - corners[2].likelihood - corners[3].likelihood)
+                    / (4.0 * WIDE * WIDE);
+            let information = Matrix2::new(second(&sides[0], &sides[1]), mixed, mixed, second(&sides[2], &sides[3]));
+            // The logarithm of the noise's deviation moves with both, and has an error of its own.
+            let moved = |plus: &Filtered, minus: &Filtered| 0.5 * (plus.level / minus.level).ln() / (2.0 * WIDE);
+            let own = Matrix2::new(1.0 + moved(&sides[0], &sides[1]), moved(&sides[2], &sides[3]), 0.0, 1.0);
+            let level = Matrix2::new(0.5 / centre.count.max(1) as f64, 0.0, 0.0, 0.0);
+            let covariance = information.cholesky().map(|c| own * c.inverse() * own.transpose() + level);
+            let covariance =
+                covariance.map_or([[f64::NAN; 2]; 2], |c| [[c[(0, 0)], c[(0, 1)]], [c[(1, 0)], c[(1, 1)]]]);
+            let deviation = process.deviation * centre.level.sqrt();
+            let state = match process.acts {
+                Acts::Row(row) => row,
+                Acts::Column(column) => self.fit.experiment.columns[column],
+            };
+            Some(Told { state, deviation, time: process.time, covariance })
+        };
+        let (forces, errors): (Vec<_>, Vec<_>) =
+            (0..self.processes.len()).partition(|&place| self.processes[place].row().is_some());
+        let of = |places: Vec<usize>| places.into_iter().filter_map(one).collect();
+        Forcing { forces: of(forces), errors: of(errors), p_value }
+    }
+
+    /// Chance that noise gives the best function without a name, in a row or in what a column reads, as large a gain.
+    pub(super) fn functions(&self, contest: &Contest<'_>) -> Result<f64> {
+        let Some(found) = self.filtered(&self.processes, true) else { return Ok(0.0) };
+        let experiment = &self.fit.experiment;
+        let of_columns = rival::of_columns(self.fit.system.model(), &contest.scene, &experiment.columns);
+        let in_rows = contest.rivals.iter().map(|r| (Acts::Row(r.state), r));
+        let on_columns = of_columns.iter().filter_map(|r| Some((Acts::Column(experiment.column_of(r.state)?), r)));
+        let all: Vec<(Acts, &Rival)> = in_rows.chain(on_columns).collect();
+        let spent = self.fit.evidence.spent() + 2 * self.processes.len();
+        let chance = |(acts, rival): &(Acts, &Rival)| -> Result<f64> {
+            let along: Vec<Course> = courses(rival, *acts, &self.fit, &found)?;
+            let (gain, degrees) = found.gain(*acts, &along);
+            Ok(gain_tail(with_fitted_level(gain, found.count), degrees, found.count, spent))
+        };
+        let chances = all.par_iter().map(chance).collect::<Result<Vec<f64>>>()?;
+        Ok(Searches::of(chances.len()).pay(chances.into_iter().fold(1.0, f64::min)))
+    }
+}
+
+/// The columns that may have coloured noise.
+fn columns(fit: &Contestant) -> Vec<Acts> {
+    (0..fit.experiment.columns.len()).map(Acts::Column).collect()
+}
+
+/// Where a process acts, and between what its standard deviation and its correlation time lie.
+struct Range {
+    acts: Acts,
+    /// Those that are tried first.
+    tried: [(f64, f64); 2],
+    /// Those that may be found.
+    bounds: [(f64, f64); 2],
+}
+
+impl Range {
+    fn starts(&self) -> impl Iterator<Item = Process> {
+        let between =
+            |(low, high): (f64, f64), k: usize, of: usize| low * (high / low).powf(k as f64 / (of - 1) as f64);
+        (0..DURATIONS * LEVELS).map(move |k| Process {
+            acts: self.acts,
+            deviation: between(self.tried[0], k % LEVELS, LEVELS),
+            time: between(self.tried[1], k / LEVELS, DURATIONS),
+        })
+    }
+
+    fn holds(&self, process: &Process) -> bool {
+        let is_inside = |value: f64, (low, high): (f64, f64)| (low..=high).contains(&value);
+        is_inside(process.deviation, self.bounds[0]) && is_inside(process.time, self.bounds[1])
+    }
+}
+
+/// What a process may be that acts on `fit`.
+fn range(contest: &Contest<'_>, fit: &Contestant, acts: Acts) -> Range {
+    let experiment = &fit.experiment;
+    let together: f64 = experiment.logs.iter().map(|log| log.time[log.time.len() - 1] - log.time[0]).sum();
+    let (period, longest) = (contest.scene.period, LONGEST * together);
+    let (tried, widest) = match acts {
+        Acts::Row(row) => {
+            let rate = contest.scene.rates[row];
+            ((rate * UNSEEN, rate), rate / UNSEEN)
+        }
+        Acts::Column(column) => {
+            let motion = experiment.scale[experiment.columns[column]];
+            ((experiment.noise[column].min(motion), motion), motion / UNSEEN)
+        }
+    };
+    Range {
+        acts,
+        tried: [tried, (period, 0.5 * longest)],
+        bounds: [(tried.0 * UNSEEN, widest), (0.5 * period, longest)],
+    }
+}
+
+/// The logarithms of every process's standard deviation and correlation time.
+fn logarithms(processes: &[Process]) -> Vec<f64> {
+    processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
+}
+
+/// The processes that have these logarithms.
+fn processes(ranges: &[Range], logarithms: &[f64]) -> Vec<Process> {
+    let one =
+        |(range, pair): (&Range, &[f64])| Process { acts: range.acts, deviation: pair[0].exp(), time: pair[1].exp() };
+    ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+}
+
+/// What random processes cost.
+struct Cost<'a> {
+    account: &'a Account,
+    ranges: &'a [Range],
+}
+
+impl Cost<'_> {
+    fn at(&self, processes: &[Process]) -> f64 {
+        if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
+            return f64::INFINITY;
+        }
+        self.account.filtered(processes, false).map_or(f64::INFINITY, |found| -found.likelihood)
+    }
+}
+
+impl CostFunction for Cost<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    fn cost(&self, place: &Self::Param) -> std::result::Result<f64, argmin::core::Error> {
+        Ok(self.at(&processes(self.ranges, place)))
+    }
+}
