@@ -16,6 +16,7 @@ mod rollout;
 mod score;
 mod simulator;
 mod smooth;
+mod stepper;
 mod watch;
 
 use pyo3::prelude::*;

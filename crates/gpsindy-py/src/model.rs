@@ -4,12 +4,13 @@ use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, ve
 use crate::dataset::PyDataset;
 use crate::rollout::{self, Arrays, How, NamedArrays, arrays, said, settings};
 use crate::simulator::{Kind, Simulator};
+use crate::stepper::Stepper;
 use crate::watch::Watch;
 
 use gpsindy_core::expression::Tape;
 use gpsindy_core::{
-    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Model, Parameter, Port, Result, Run,
-    Simulate, State, System,
+    Control, Dynamics, Error, Excitation, Export, Expression, Hold, Language, Model, Port, Result, Run, Simulate,
+    State, System,
 };
 use gpsindy_files::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 use numpy::PyArray2;
@@ -24,26 +25,6 @@ type Table<'py> = Bound<'py, PyArray2<f64>>;
 /// Terms, three tables of one row a state and one column a term (no row where there is none), lambda.
 type Record<'py> =
     (Vec<String>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<f64>);
-
-/// (name, variable, unit, position, [(effect, parameter of the simulator)])
-type PortParts = (String, String, String, Option<String>, Vec<(String, String)>);
-
-/// (name, value, unit, tolerance, range, scale)
-type ParameterParts = (String, f64, String, Option<f64>, Option<(f64, f64)>, Option<f64>);
-
-/// What a simulator that steps is made of, handed over by name.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Stepper {
-    states: Vec<(String, String)>,
-    controls: Vec<(String, String)>,
-    kinematic: Vec<(String, String)>,
-    ports: Vec<PortParts>,
-    parameters: Vec<ParameterParts>,
-    initial: Vec<(String, f64)>,
-    /// State, and what its column reads as an expression.
-    measured: Vec<(String, String)>,
-}
 
 /// A model, with the user's own simulator where its equations call one.
 #[pyclass(frozen, name = "Model", module = "gpsindy._gpsindy")]
@@ -113,47 +94,14 @@ impl PyModel {
     /// `kinematic` holds pairs (x, v) of states with `x' = v`; what a log's column reads is an expression of the states.
     #[staticmethod]
     fn from_stepper(function: Py<PyAny>, name: String, period: f64, parts: Stepper) -> PyResult<Self> {
-        let Stepper { states, controls, kinematic, ports, parameters, initial, measured } = parts;
         if !(period.is_finite() && period > 0.0) {
             return Err(error(Error::range("dt", "above 0 s", period)));
         }
-        let index = |name: &str| {
-            let found = states.iter().position(|(known, ..)| known == name);
-            found.ok_or_else(|| error(Error::unknown("state", name, states.iter().map(|s| &s.0))))
-        };
-        let kinematic =
-            kinematic.iter().map(|(x, v)| Ok((index(x)?, index(v)?))).collect::<PyResult<Vec<(usize, usize)>>>()?;
-        let state = |(name, unit): &(String, String)| State { unit: unit.clone(), ..State::new(name, Expression::Pi) };
-        let port = |(name, variable, unit, position, carried): &PortParts| Port {
-            unit: unit.clone(),
-            position: position.clone(),
-            carried: carried.clone(),
-            ..Port::new(name, variable)
-        };
-        let parameter = |(name, value, unit, tolerance, range, scale): &ParameterParts| Parameter {
-            unit: unit.clone(),
-            tolerance: *tolerance,
-            range: *range,
-            scale: *scale,
-            ..Parameter::new(name, *value)
-        };
-        let mut model = Model {
-            name,
-            states: states.iter().map(state).collect(),
-            controls: controls.iter().map(|(name, unit)| Control { name: name.clone(), unit: unit.clone() }).collect(),
-            ports: ports.iter().map(port).collect(),
-            parameters: parameters.iter().map(parameter).collect(),
-            initial: initial.into_iter().collect(),
-            ..Model::default()
-        };
-        for (state, reads) in &measured {
-            model.states[index(state)?].measured = Some(Expression::parse(reads).map_err(error)?);
-        }
-        model.call_simulator(&kinematic);
-        model.check().map_err(error)?;
+        let (n_states, n_controls) = parts.size();
+        let model = parts.model(name)?;
         let parameters = model.parameters.iter().map(|p| p.value).collect();
         let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters };
-        let simulator = Simulator { function, n_states: states.len(), n_controls: controls.len(), kind };
+        let simulator = Simulator { function, n_states, n_controls, kind };
         Ok(Self { simulator: Some(simulator), model })
     }
 

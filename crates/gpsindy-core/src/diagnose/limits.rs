@@ -3,6 +3,9 @@
 //! "Development seeds" are those of the generator of random systems in `tests/suite`, 0 to 9,999. Guards against rounding
 //! and exact mathematics stand where they are used.
 
+pub(crate) mod verify;
+pub(crate) mod weigh;
+
 use crate::refine::Refine;
 
 // Fits.
@@ -345,6 +348,13 @@ pub(crate) mod forcing {
     /// twice the log likelihood by then. A count like [`super::BEAM`].
     pub(crate) const MOST_READINGS: usize = 6000;
 
+    /// The same where only the neighbourhood of the top is looked for: on a fourth of the readings it moves by twice the width of
+    /// an interval, less than the starts lie apart.
+    pub(crate) const SKETCHED: usize = 1500;
+
+    /// Places that are climbed, those with the highest sketches first: these see a part of the logs, which may exchange the first two.
+    pub(crate) const CLIMBED: usize = 2;
+
     /// Share of a row's typical rate below which a random force is not looked for.
     pub(crate) const UNSEEN: f64 = 1e-3;
 }
@@ -381,59 +391,4 @@ pub(crate) mod stability {
 
     /// Share of a column's information below which nothing of it is left beside the others: half the digits of a double.
     pub(crate) const NOTHING: f64 = 1e-6;
-}
-
-/// The check on held-out logs.
-pub(crate) mod verify {
-    /// Blocks of a run for the interval, and bootstrap draws: the end of a 95 % interval then scatters by a tenth of it.
-    pub(crate) const BLOCKS: usize = 8;
-    pub(crate) const DRAWS: usize = 400;
-
-    /// Share of the floor below which there is no gap to close: the floor itself is known no better: 800 samples tell
-    /// a variance to a twentieth.
-    pub(crate) const NO_GAP: f64 = 0.05;
-
-    /// Squared error of a column beyond its floor's, as a share of it, that the noise still allows a right model: its
-    /// parameters and starts are fitted, and the floor is estimated. Set on development seeds 0 to 400 and 5000 to 5040.
-    pub(crate) const ALLOWED: f64 = 0.25;
-
-    /// Odds beforehand that something is missing where a fit on the training logs shows nothing: drawn cases outside the
-    /// catalogue to the others, one in six of the generator's mixed suite.
-    pub(crate) const RARELY: f64 = 0.2;
-
-    /// Part of a column's gap that may be left: what remains is then below a hundredth.
-    pub(crate) const LEFT: f64 = 0.01;
-
-    /// Values that differ by less than this share of their size are one: the rounding of a log's digits.
-    pub(crate) const ROUNDING: f64 = 1e-9;
-}
-
-/// Probabilities and the verdict.
-pub(crate) mod weigh {
-    /// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-    /// told apart: odds below twenty to one.
-    pub(crate) const TWINS: f64 = 6.0;
-
-    /// Odds that a cause is one of the machine's, for the whole of the gap that it removes; a tenth of it has a tenth of them.
-    ///
-    /// This and the two below are a logistic regression on the logarithm of the share, the probability of a rest and "three or
-    /// more": 115 causes of 53 drawn cases (single, pair, outside, beside; development seeds 5000 to 5145 in part), weighted as
-    /// half, a tenth, three twentieths and a tenth of all. The slope on the logarithm came out as 1.05.
-    pub(crate) const REAL: f64 = 35.0;
-    /// By how much the odds are less where a rest is certain.
-    pub(crate) const REST_LEFT: f64 = 11.0;
-    /// By how much the odds are less where as many effects as [`FEW`] or more are named.
-    pub(crate) const MANY: f64 = 15.0;
-    pub(crate) const FEW: usize = 3;
-
-    /// Share of imitations whose disagreement between parts shows, and how fast its chance falls: as `p^(CROWDED - 1)`. In 12
-    /// of the 75 imitations of the same cases the chance was below a hundredth.
-    pub(crate) const CROWDING: f64 = 0.2;
-    pub(crate) const CROWDED: f64 = 0.15;
-
-    /// Probability above which a statement counts, in the verdict and in words.
-    pub(crate) const LIKELY: f64 = 0.5;
-
-    /// Part of the gap on held-out logs that causes must close to explain a part of it.
-    pub(crate) const PART: f64 = 0.5;
 }

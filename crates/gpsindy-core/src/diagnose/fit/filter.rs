@@ -11,7 +11,7 @@ mod driven;
 mod pass;
 
 use crate::diagnose::fit::elimination;
-use crate::diagnose::limits::forcing::MOST_READINGS;
+use crate::diagnose::limits::forcing::{MOST_READINGS, SKETCHED};
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State, System};
@@ -58,6 +58,17 @@ pub(crate) struct Filter {
     n: usize,
     /// Parameters of the machine.
     p: usize,
+}
+
+/// What a pass of the filter is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pace {
+    /// To find where the likelihood is high: the first of the logs.
+    Sketch,
+    /// For the likelihood.
+    Likelihood,
+    /// For the likelihood and what the filter saw on the way.
+    Samples,
 }
 
 /// One reading as the filter took it in.
@@ -146,18 +157,19 @@ impl Filter {
         experiment: &Experiment,
         (parameters, starts): (&[f64], &[Vec<f64>]),
         processes: &[Process],
-        keep: bool,
+        pace: Pace,
     ) -> Option<Filtered> {
+        let most = if pace == Pace::Sketch { SKETCHED } else { MOST_READINGS };
         let mut values = parameters[..self.p].to_vec();
         values.extend((0..self.n).map(|_| 0.0));
         values.extend(processes.iter().map(|process| 1.0 / process.time));
         let mut all = Filtered { likelihood: 0.0, count: 0, level: 0.0, stretches: Vec::new() };
         let (mut logarithms, mut squares) = (0.0, 0.0);
         for (window, start) in stretches(&experiment.windows, starts) {
-            if all.count > MOST_READINGS {
+            if all.count > most {
                 break;
             }
-            let mut pass = Pass::new(self, experiment, window, (&values, start), processes, keep);
+            let mut pass = Pass::new(self, experiment, window, (&values, start), processes, pace == Pace::Samples);
             let samples = pass.run(window);
             logarithms += pass.logarithms;
             squares += pass.squares;

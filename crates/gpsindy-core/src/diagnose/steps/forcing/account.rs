@@ -3,10 +3,10 @@
 use crate::diagnose::catalogue::rival::{self, Rival};
 use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
-use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Process};
+use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Pace, Process};
 use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::CONVINCING;
-use crate::diagnose::limits::forcing::{DURATIONS, LEVELS, LONGEST, STEPS, UNSEEN};
+use crate::diagnose::limits::forcing::{CLIMBED, DURATIONS, LEVELS, LONGEST, STEPS, UNSEEN};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::error::Result;
@@ -47,14 +47,13 @@ impl Account {
     fn grown(contest: &Contest<'_>, fit: &Contestant, places: &[Acts]) -> Result<Option<Self>> {
         let Some(mut best) = Self::of(contest, fit, &[])? else { return Ok(None) };
         while best.processes.len() < places.len() {
-            let mut next: Option<Self> = None;
+            let mut sketches = Vec::new();
             for &acts in places.iter().filter(|&&acts| best.processes.iter().all(|p| p.acts != acts)) {
-                let with = best.with(contest, acts)?;
-                if with.as_ref().is_some_and(|with| next.as_ref().is_none_or(|next| with.score > next.score)) {
-                    next = with;
-                }
+                sketches.extend(best.sketched(contest, acts)?);
             }
-            match next {
+            sketches.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let tops = sketches.into_iter().take(CLIMBED).filter_map(Sketch::climbed);
+            match tops.max_by(|a, b| a.score.total_cmp(&b.score)) {
                 Some(next) if next.score > best.score + CONVINCING => best = next,
                 _ => break,
             }
@@ -67,45 +66,30 @@ impl Account {
         self.processes.iter().any(|process| process.row().is_some())
     }
 
-    /// The same with one more random process, where all of them are at their best.
-    fn with(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Self>> {
-        let places = self.processes.iter().map(|p| p.acts).chain([acts]);
-        let Some(filter) = Filter::new(&self.fit.system, places)? else { return Ok(None) };
-        let mut account =
-            Self { fit: self.fit.clone(), filter, processes: self.processes.clone(), score: contest.prior(&self.fit) };
-        let ranges: Vec<Range> =
-            account.processes.iter().map(|p| p.acts).chain([acts]).map(|a| range(contest, &self.fit, a)).collect();
-        let range = &ranges[ranges.len() - 1];
-        let starts: Vec<Vec<Process>> =
-            range.starts().map(|p| self.processes.iter().copied().chain([p]).collect()).collect();
-        let cost = Cost { account: &account, ranges: &ranges };
-        let values: Vec<f64> = starts.par_iter().map(|start| cost.at(start)).collect();
-        let Some(best) = (0..starts.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])) else { return Ok(None) };
-        let centre = logarithms(&starts[best]);
-        // The first of two processes bore what both do, so all of them move.
-        let corner = |k: usize| {
-            let mut place = centre.clone();
-            place[k] += 0.5;
-            place
-        };
-        let around = std::iter::once(centre.clone()).chain((0..centre.len()).map(corner)).collect();
-        let solver = NelderMead::new(around).with_sd_tolerance(1e-3);
-        let steps = STEPS * ranges.len() as u64;
-        let found = solver.ok().and_then(|s| Executor::new(cost, s).configure(|c| c.max_iters(steps)).run().ok());
-        let Some(place) = found.and_then(|found| found.state().get_best_param().cloned()) else { return Ok(None) };
-        account.processes = processes(&ranges, &place);
-        Ok(account.charged())
+    /// The same with one more random process, about where it is at its best.
+    fn sketched(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Sketch>> {
+        let places: Vec<Acts> = self.processes.iter().map(|p| p.acts).chain([acts]).collect();
+        let Some(filter) = Filter::new(&self.fit.system, places.iter().copied())? else { return Ok(None) };
+        let score = contest.prior(&self.fit);
+        let account = Self { fit: self.fit.clone(), filter, processes: Vec::new(), score };
+        let ranges: Vec<Range> = places.into_iter().map(|acts| range(contest, &self.fit, acts)).collect();
+        let start = |process: Process| self.processes.iter().copied().chain([process]).collect();
+        let starts: Vec<Vec<Process>> = ranges[ranges.len() - 1].starts().map(start).collect();
+        let climb = Climb { account, ranges };
+        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, Pace::Sketch)).collect();
+        let best = starts.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1));
+        Ok(best.map(|(start, cost)| Sketch { climb, start, cost }))
     }
 
-    fn filtered(&self, processes: &[Process], keep: bool) -> Option<Filtered> {
+    fn filtered(&self, processes: &[Process], pace: Pace) -> Option<Filtered> {
         let refined = &self.fit.refined;
-        self.filter.run(&self.fit.experiment, (&refined.parameters, &refined.initial), processes, keep)
+        self.filter.run(&self.fit.experiment, (&refined.parameters, &refined.initial), processes, pace)
     }
 
     /// With the likelihood in its score, less half the logarithm of the sample size for every parameter; nothing where the filter
     /// diverges.
     fn charged(mut self) -> Option<Self> {
-        let found = self.filtered(&self.processes, false)?;
+        let found = self.filtered(&self.processes, Pace::Likelihood)?;
         let parameters = self.fit.evidence.complexity() + 2 * self.processes.len();
         self.score += found.likelihood - 0.5 * parameters as f64 * (found.count.max(2) as f64).ln();
         Some(self)
@@ -123,7 +107,7 @@ impl Account {
                 let mut processes = self.processes.clone();
                 processes[place].deviation *= (a * WIDE).exp();
                 processes[place].time *= (b * WIDE).exp();
-                self.filtered(&processes, false)
+                self.filtered(&processes, Pace::Likelihood)
             };
             let centre = at(0.0, 0.0)?;
             let sides = [at(1.0, 0.0)?, at(-1.0, 0.0)?, at(0.0, 1.0)?, at(0.0, -1.0)?];
@@ -157,7 +141,7 @@ impl Account {
 
     /// Chance that noise gives the best function without a name, in a row or in what a column reads, as large a gain.
     pub(super) fn functions(&self, contest: &Contest<'_>) -> Result<f64> {
-        let Some(found) = self.filtered(&self.processes, true) else { return Ok(0.0) };
+        let Some(found) = self.filtered(&self.processes, Pace::Samples) else { return Ok(0.0) };
         let experiment = &self.fit.experiment;
         let of_columns = rival::of_columns(self.fit.system.model(), &contest.scene, &experiment.columns);
         let in_rows = contest.rivals.iter().map(|r| (Acts::Row(r.state), r));
@@ -232,33 +216,62 @@ fn logarithms(processes: &[Process]) -> Vec<f64> {
     processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
 }
 
-/// The processes that have these logarithms.
-fn processes(ranges: &[Range], logarithms: &[f64]) -> Vec<Process> {
-    let one =
-        |(range, pair): (&Range, &[f64])| Process { acts: range.acts, deviation: pair[0].exp(), time: pair[1].exp() };
-    ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+/// Random processes about where they are at their best.
+struct Sketch {
+    climb: Climb,
+    start: Vec<Process>,
+    cost: f64,
 }
 
-/// What random processes cost.
-struct Cost<'a> {
-    account: &'a Account,
-    ranges: &'a [Range],
-}
-
-impl Cost<'_> {
-    fn at(&self, processes: &[Process]) -> f64 {
-        if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
-            return f64::INFINITY;
-        }
-        self.account.filtered(processes, false).map_or(f64::INFINITY, |found| -found.likelihood)
+impl Sketch {
+    /// The account with all of its processes at their best: the first of two bore what both do, so all of them move.
+    fn climbed(self) -> Option<Account> {
+        let Self { climb, start, .. } = self;
+        let centre = logarithms(&start);
+        let corner = |k: usize| {
+            let mut place = centre.clone();
+            place[k] += 0.5;
+            place
+        };
+        let around = std::iter::once(centre.clone()).chain((0..centre.len()).map(corner)).collect();
+        let solver = NelderMead::new(around).with_sd_tolerance(1e-3).ok()?;
+        let steps = STEPS * start.len() as u64;
+        let found = Executor::new(&climb, solver).configure(|state| state.max_iters(steps)).run().ok()?;
+        let processes = climb.processes(found.state().get_best_param()?);
+        Account { processes, ..climb.account }.charged()
     }
 }
 
-impl CostFunction for Cost<'_> {
+/// What random processes cost beside the machine of an account.
+struct Climb {
+    account: Account,
+    ranges: Vec<Range>,
+}
+
+impl Climb {
+    fn cost_of(&self, processes: &[Process], pace: Pace) -> f64 {
+        if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
+            return f64::INFINITY;
+        }
+        self.account.filtered(processes, pace).map_or(f64::INFINITY, |found| -found.likelihood)
+    }
+
+    /// The processes that have these logarithms.
+    fn processes(&self, logarithms: &[f64]) -> Vec<Process> {
+        let one = |(range, pair): (&Range, &[f64])| Process {
+            acts: range.acts,
+            deviation: pair[0].exp(),
+            time: pair[1].exp(),
+        };
+        self.ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+    }
+}
+
+impl CostFunction for &Climb {
     type Param = Vec<f64>;
     type Output = f64;
 
     fn cost(&self, place: &Self::Param) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.at(&processes(self.ranges, place)))
+        Ok(self.cost_of(&self.processes(place), Pace::Likelihood))
     }
 }
