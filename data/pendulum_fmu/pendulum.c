@@ -1,0 +1,78 @@
+/* A pendulum as an FMU of FMI 2, for model exchange and co-simulation (steps of Euler, 0.1 ms):
+   th' = w, w' = (u + f - b w)/m - 9.81 sin(th). */
+#include <stdlib.h>
+#include <math.h>
+typedef struct { double v[8]; } Copy; /* th, w, der(th), der(w), u, f, m, b */
+static void rates(Copy *c) {
+  c->v[2] = c->v[1];
+  c->v[3] = (c->v[4] + c->v[5] - c->v[7]*c->v[1])/c->v[6] - 9.81*sin(c->v[0]);
+}
+static void start(Copy *c) { for (int i = 0; i < 8; i++) c->v[i] = 0; c->v[6] = 0.8; c->v[7] = 0.2; }
+const char *fmi2GetTypesPlatform(void) { return "default"; }
+const char *fmi2GetVersion(void) { return "2.0"; }
+void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, const void *f, int v, int l) {
+  Copy *c = malloc(sizeof(Copy)); start(c); return c;
+}
+void fmi2FreeInstance(void *c) { free(c); }
+int fmi2SetupExperiment(void *c, int td, double t, double s, int sd, double e) { return 0; }
+int fmi2EnterInitializationMode(void *c) { return 0; }
+int fmi2ExitInitializationMode(void *c) { return 0; }
+int fmi2Terminate(void *c) { return 0; }
+int fmi2Reset(void *c) { start(c); return 0; }
+int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *v) {
+  for (size_t i = 0; i < n; i++) ((Copy*)c)->v[r[i]] = v[i];
+  return 0;
+}
+int fmi2GetReal(void *c, const unsigned *r, size_t n, double *v) {
+  rates(c);
+  for (size_t i = 0; i < n; i++) v[i] = ((Copy*)c)->v[r[i]];
+  return 0;
+}
+typedef struct { int more, stop, nominals, values, timed; double next; } Event;
+int fmi2NewDiscreteStates(void *c, Event *e) { Event none = {0}; *e = none; return 0; }
+int fmi2CompletedIntegratorStep(void *c, int k, int *e, int *t) { *e = *t = 0; return 0; }
+int fmi2EnterEventMode(void *c) { return 0; }
+int fmi2EnterContinuousTimeMode(void *c) { return 0; }
+int fmi2SetTime(void *c, double t) { return 0; }
+int fmi2SetContinuousStates(void *c, const double *x, size_t n) {
+  for (size_t i = 0; i < n; i++) ((Copy*)c)->v[i] = x[i];
+  return 0;
+}
+int fmi2GetDerivatives(void *c, double *d, size_t n) {
+  rates(c);
+  for (size_t i = 0; i < n; i++) d[i] = ((Copy*)c)->v[2 + i];
+  return 0;
+}
+int fmi2DoStep(void *c, double t, double h, int k) {
+  Copy *p = c;
+  int steps = (int)ceil(h/1e-4 - 1e-9);
+  for (int i = 0; i < steps; i++) { rates(p); p->v[1] += h/steps*p->v[3]; p->v[0] += h/steps*p->v[1]; }
+  return 0;
+}
+
+/* What a library must have, though nobody calls it here. */
+int fmi2SetDebugLogging(void) { return 3; }
+int fmi2GetInteger(void) { return 3; }
+int fmi2GetBoolean(void) { return 3; }
+int fmi2GetString(void) { return 3; }
+int fmi2SetInteger(void) { return 3; }
+int fmi2SetBoolean(void) { return 3; }
+int fmi2SetString(void) { return 3; }
+int fmi2GetFMUstate(void) { return 3; }
+int fmi2SetFMUstate(void) { return 3; }
+int fmi2FreeFMUstate(void) { return 3; }
+int fmi2SerializedFMUstateSize(void) { return 3; }
+int fmi2SerializeFMUstate(void) { return 3; }
+int fmi2DeSerializeFMUstate(void) { return 3; }
+int fmi2GetDirectionalDerivative(void) { return 3; }
+int fmi2GetEventIndicators(void) { return 3; }
+int fmi2GetContinuousStates(void) { return 3; }
+int fmi2GetNominalsOfContinuousStates(void) { return 3; }
+int fmi2SetRealInputDerivatives(void) { return 3; }
+int fmi2GetRealOutputDerivatives(void) { return 3; }
+int fmi2CancelStep(void) { return 3; }
+int fmi2GetStatus(void) { return 3; }
+int fmi2GetRealStatus(void) { return 3; }
+int fmi2GetIntegerStatus(void) { return 3; }
+int fmi2GetBooleanStatus(void) { return 3; }
+int fmi2GetStringStatus(void) { return 3; }
