@@ -1,7 +1,8 @@
 //! Output files appear whole or not at all.
 
 use crate::error::{Error, Result};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -18,10 +19,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let Some(name) = path.file_name() else {
         return Err(Error::file(&path.display().to_string(), "not a file's name"));
     };
-    let mut hidden = OsString::from(".");
-    hidden.push(name);
-    hidden.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(hidden);
+    let part = path.with_file_name(part_name(name));
     let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let written = std::fs::File::create(&part)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
@@ -30,6 +28,16 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         let _ = std::fs::remove_file(&part);
         failed(source)
     })
+}
+
+/// A hidden name that no other writer has: processes of two computers that share a disk may have the same number, so it is drawn.
+fn part_name(name: &OsStr) -> OsString {
+    // The keys of a new state are from the random numbers of the system.
+    let drawn = RandomState::new().build_hasher().finish();
+    let mut hidden = OsString::from(".");
+    hidden.push(name);
+    hidden.push(format!(".{drawn:016x}.part"));
+    hidden
 }
 
 /// Waits for a file that [`write_whole`] is writing, and lets none begin: for a process that is about to end.
@@ -51,6 +59,17 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn no_two_part_files_share_a_name() {
+        let name = |_| part_name(OsStr::new("report.json")).into_string().unwrap();
+        // A new thread draws its keys anew, as another process does.
+        let drawn = move || (0..100).map(name).collect::<Vec<String>>();
+        let threads: Vec<_> = (0..20).map(|_| std::thread::spawn(drawn)).collect();
+        let names: Vec<String> = threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect();
+        assert!(names.iter().all(|n| n.starts_with(".report.json.") && n.ends_with(".part")), "{names:?}");
+        assert_eq!(names.iter().collect::<std::collections::HashSet<_>>().len(), 2000);
     }
 
     #[test]
