@@ -1,72 +1,21 @@
 //! Counts on drawn fleets what their comparison finds, for the tables of docs/results.md.
 //!
-//! `cargo run --release --example fleets -- [FIRST_SEED]`
+//! `cargo run --release --example fleets -- [FIRST_SEED [odd|year|warm]]`
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use gpsindy_core::fleet::report::{Change, Odd};
 use gpsindy_core::fleet::{Compare, Observation, Quantity};
-use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+
+#[path = "../src/fleet/drawn.rs"]
+mod drawn;
+use drawn::{Draw, ODD, SPREAD, WORN, Wear, at_once, fleet, no_wear, warm_year, year};
 
 /// Fleets of each kind.
 const FLEETS: u64 = 200;
 /// Years of each kind.
 const YEARS: u64 = 100;
-/// Spread between units.
-const SPREAD: f64 = 0.1;
-/// Odd units, of 200.
-const ODD: usize = 5;
-/// The day on which wear begins.
-const WORN: f64 = 180.0;
-
-/// Normal numbers from an explicit seed (Box and Muller 1958).
-struct Draw(ChaCha8Rng);
-
-impl Draw {
-    fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    fn uniform(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        let (u, v) = (self.uniform().max(1e-300), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-    }
-
-    /// The standard error of an estimate.
-    fn error(&mut self) -> f64 {
-        0.03 + 0.05 * self.uniform()
-    }
-}
-
-fn quantity(covariates: &[&str], observations: Vec<Observation>) -> Quantity {
-    Quantity {
-        effect: "coulomb_friction".into(),
-        state: "v".into(),
-        parameter: "c".into(),
-        unit: "N".into(),
-        covariates: covariates.iter().map(|c| (*c).to_string()).collect(),
-        observations,
-    }
-}
-
 fn number(unit: &str) -> usize {
     unit["unit ".len()..].parse().unwrap()
-}
-
-/// 200 units of mean 1; the first five are off by `off` spreads.
-fn fleet(seed: u64, off: f64) -> Quantity {
-    let mut draw = Draw::new(seed);
-    let one = |unit: usize| {
-        let deviation = draw.error();
-        let shift = if unit < ODD { off * SPREAD } else { SPREAD * draw.normal() };
-        let value = 1.0 + shift + deviation * draw.normal();
-        Observation { unit: format!("unit {unit}"), since: None, value, deviation, covariates: Vec::new() }
-    };
-    quantity(&[], (0..200).map(one).collect())
 }
 
 /// Share of the odd units that the best rule finds of which one finding in twenty is false.
@@ -113,48 +62,20 @@ fn odd_units(first: u64) {
     }
 }
 
-/// What wear does to a unit until a day, as a share of all it does.
-type Wear = fn(f64) -> f64;
-
-/// A year of 26 fortnights: friction follows load and temperature; unit 0 wears by `wear` of the mean.
-fn year(seed: u64, count: usize, (wear, shape): (f64, Wear)) -> Quantity {
-    let mut draw = Draw::new(seed);
-    let mut all = Vec::new();
-    for unit in 0..count {
-        let own = 1.0 + 0.05 * draw.normal();
-        let phase = draw.uniform();
-        for k in 0..26 {
-            let day = 14.0 * f64::from(k);
-            let temperature = 20.0 + 8.0 * (std::f64::consts::TAU * (day / 365.0 + 0.1 * phase)).sin() + draw.normal();
-            let load = 1.0 + 2.0 * draw.uniform();
-            let worn = if unit == 0 { wear * shape(day) } else { 0.0 };
-            let value = own + worn - 0.02 * (temperature - 20.0) + 0.1 * (load - 2.0) + 0.03 * draw.normal();
-            let covariates = vec![temperature, load];
-            all.push(Observation {
-                unit: format!("unit {unit}"),
-                since: Some(day),
-                value,
-                deviation: 0.03,
-                covariates,
-            });
-        }
-    }
-    quantity(&["temperature", "load"], all)
-}
-
-fn wear(first: u64) {
+/// Counts over the years of one kind of fleet, of 30 units of which one wears, and of 20 units without wear.
+fn years(first: u64, drawn: impl Fn(u64, usize, Wear) -> Quantity) {
     // Name, course, and the day on which it is half begun.
     let shapes: [(&str, Wear, f64); 3] = [
-        ("at once at mid-year", |day| if day >= WORN { 1.0 } else { 0.0 }, WORN),
-        ("evenly from mid-year on", |day| ((day - WORN) / (350.0 - WORN)).max(0.0), WORN),
-        ("within a month from mid-year on", |day| ((day - WORN) / 30.0).clamp(0.0, 1.0), WORN + 15.0),
+        ("at once at mid-year", at_once, WORN),
+        ("evenly from mid-year on", |day| 0.2 * ((day - WORN) / (350.0 - WORN)).max(0.0), WORN),
+        ("within a month from mid-year on", |day| 0.2 * ((day - WORN) / 30.0).clamp(0.0, 1.0), WORN + 15.0),
     ];
-    println!("\n| wear of 20 % | named | within 30 days | inside its 90 % interval | other units named |");
+    println!("| wear of 20 % | named | within 30 days | inside its 90 % interval | other units named |");
     println!("| --- | --- | --- | --- | --- |");
-    for (name, shape, day) in shapes {
+    for (name, wear, day) in shapes {
         let (mut named, mut dated, mut covered, mut others) = (0, 0, 0, 0);
         for seed in 0..YEARS {
-            let changes: Vec<Change> = Compare::default().run(&[year(first + seed, 30, (0.2, shape))]).unwrap().changes;
+            let changes: Vec<Change> = Compare::default().run(&[drawn(first + seed, 30, wear)]).unwrap().changes;
             others += changes.iter().filter(|c| c.unit != "unit 0").count();
             let Some(change) = changes.iter().find(|c| c.unit == "unit 0") else { continue };
             named += 1;
@@ -164,13 +85,26 @@ fn wear(first: u64) {
         }
         println!("| {name} | {named} of {YEARS} | {dated} | {covered} | {others} |");
     }
-    let without =
-        |seed: &u64| !Compare::default().run(&[year(first + seed, 20, (0.0, |_| 0.0))]).unwrap().changes.is_empty();
-    println!("\nfleets of 20 units without wear, with an alarm: {} of {YEARS}", (0..YEARS).filter(without).count());
+    let without = |seed: &u64| !Compare::default().run(&[drawn(first + seed, 20, no_wear)]).unwrap().changes.is_empty();
+    println!("| none | {} of {YEARS} fleets | | | |", (0..YEARS).filter(without).count());
 }
 
 fn main() {
-    let first = std::env::args().nth(1).map_or(10_000, |text| text.parse().unwrap());
-    odd_units(first);
-    wear(first);
+    let mut arguments = std::env::args().skip(1);
+    let first = arguments.next().map_or(10_000, |text| text.parse().unwrap());
+    let only = arguments.next();
+    let wanted = |what: &str| only.as_deref().is_none_or(|only| only == what);
+    if wanted("odd") {
+        odd_units(first);
+    }
+    if wanted("year") {
+        println!("\nload and temperature:");
+        years(first, year);
+    }
+    for apart in [0.0, 0.2] {
+        if wanted("warm") {
+            println!("\nwarm-up, of a height that differs by {apart} of itself between units:");
+            years(first, |seed, count, wear| warm_year(seed, count, wear, apart));
+        }
+    }
 }

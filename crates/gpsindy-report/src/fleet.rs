@@ -116,12 +116,6 @@ fn unit_of<'a>(report: &'a FleetReport, effect: &str, state: &str, parameter: &s
     population_of(report, effect, state, parameter).map_or("", |p| p.unit.as_str())
 }
 
-/// Mean of a covariate over the reports.
-fn mean_of(report: &FleetReport, covariate: &str) -> f64 {
-    let values: Vec<f64> = report.units.iter().filter_map(|u| u.covariates.get(covariate).copied()).collect();
-    values.iter().sum::<f64>() / values.len().max(1) as f64
-}
-
 /// The size of an effect in one unit and period, where it was found.
 fn size_of(unit: &Unit, effect: &str, state: &str, parameter: &str) -> Option<f64> {
     let cause = unit.causes.iter().find(|c| c.effect == effect && c.state == state)?;
@@ -160,14 +154,10 @@ fn changes(report: &FleetReport) -> Markup {
 fn history(report: &FleetReport, change: &Change, id: usize) -> Markup {
     let own = report.units.iter().filter(|u| u.unit == change.unit);
     let population = population_of(report, &change.effect, &change.state, &change.parameter);
-    let slopes: Vec<(&str, f64, f64)> = population
-        .iter()
-        .flat_map(|p| &p.covariates)
-        .map(|slope| (slope.covariate.as_str(), slope.value, mean_of(report, &slope.covariate)))
-        .collect();
     // As it would be at the fleet's mean covariates.
     let held = |u: &Unit| {
-        let moved = slopes.iter().map(|(name, slope, mean)| slope * (u.covariates.get(*name).unwrap_or(mean) - mean));
+        let slopes = population.iter().flat_map(|p| &p.covariates);
+        let moved = slopes.filter_map(|slope| Some(slope.effect(*u.covariates.get(&slope.covariate)?)));
         size_of(u, &change.effect, &change.state, &change.parameter).map(|size| size - moved.sum::<f64>())
     };
     let mut periods: Vec<(&str, f64)> = own.filter_map(|u| Some((u.since.as_deref()?, held(u)?))).collect();
@@ -228,7 +218,9 @@ fn populations(report: &FleetReport) -> Markup {
                     None => { "one value for all units" },
                 }
             }
-            td data-label="covariates" { @for slope in &p.covariates { (slope.covariate) ": " (number(slope.value)) " ± " (number(slope.deviation)) br; } }
+            td data-label="covariates" { @for slope in &p.covariates {
+                (slope.covariate) ": " (number(slope.value)) " ± " (number(slope.deviation)) @if slope.curve.is_some() { ", bent" } br;
+            } }
         } }
     };
     html! {

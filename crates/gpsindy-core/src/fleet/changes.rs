@@ -1,23 +1,17 @@
 //! When a unit changed: tests a step or a drift of one unit, with the covariates held, against a constant.
 //!
-//! `r_j = level + delta g(t_j) + e_j`, with g a step at t0 or a straight rise from t0 on, and `delta ~ N(0, size^2)`. The level is
+//! `r_j = level + delta g(t_j) + e_j`, with g a step at t0 or a straight rise from t0 on, `delta ~ N(0, size^2)`, and e with the covariance
+//! of `held.rs`, in which all stands that the covariates may explain of this unit. The level is
 //! integrated out, every day between two periods and both shapes weigh alike, and the share of series that change is learnt from the
 //! fleet (empirical Bayes). The listed changes keep the expected share of false ones below the rate that was asked for.
 //!
 //! Source: Barry and Hartigan 1993 (product partition models); Efron 2008, section 3 (two groups, Bayesian false discovery rate).
 
 use super::Quantity;
-use super::limits::{FEWEST_PERIODS, PRIOR_CHANGE, SIZES};
-use super::population::{Group, Row, Table};
+use super::held::{Inverse, Series};
+use super::limits::{PRIOR_CHANGE, SIZES};
 use super::report::{Change, Shape};
-
-/// The history of a unit with the covariates held.
-pub(super) struct Series {
-    unit: String,
-    time: Vec<f64>,
-    value: Vec<f64>,
-    variance: Vec<f64>,
-}
+use nalgebra::DVector;
 
 /// A possible change and its weight beside a constant.
 struct Candidate {
@@ -27,23 +21,6 @@ struct Candidate {
     factor: f64,
     level: f64,
     delta: f64,
-}
-
-/// Histories of the units of one quantity that are long enough.
-pub(super) fn series(table: &Table, odd: &[usize]) -> Vec<Series> {
-    let Some(fit) = table.without(odd).fit(None) else { return Vec::new() };
-    let one = |group: &Group| {
-        let rows: Vec<_> = group.rows.iter().filter_map(|row| row.since.map(|t| (t, row))).collect();
-        // What the covariates say is taken off; the level itself stays.
-        let held = |row: &Row| row.value - row.design.dot(&fit.beta) + fit.beta[0];
-        Series {
-            unit: group.unit.clone(),
-            time: rows.iter().map(|(t, _)| *t).collect(),
-            value: rows.iter().map(|(_, row)| held(row)).collect(),
-            variance: rows.iter().map(|(_, row)| row.variance + fit.within).collect(),
-        }
-    };
-    table.groups.iter().map(one).filter(|s| s.time.len() >= FEWEST_PERIODS).collect()
 }
 
 /// The changes of all series, the surest first.
@@ -101,31 +78,40 @@ fn share_that_changes(factors: &[f64]) -> f64 {
 impl Series {
     /// Every shape on every day between two periods, with two periods at least on either side.
     fn candidates(&self) -> Vec<Candidate> {
+        let Some(inverse) = self.inverse() else { return Vec::new() };
+        let weighed = inverse.times(&DVector::repeat(self.time.len(), 1.0));
         let mut all = Vec::new();
         for k in 2..=self.time.len() - 2 {
             let day = 0.5 * (self.time[k - 1] + self.time[k]);
             let last = self.time[self.time.len() - 1];
             let step = |t: f64| if t > day { 1.0 } else { 0.0 };
             let drift = |t: f64| (t - day).max(0.0) / (last - day);
-            all.extend(self.candidate(Shape::Step, day, &self.time.iter().map(|&t| step(t)).collect::<Vec<_>>()));
-            all.extend(self.candidate(Shape::Drift, day, &self.time.iter().map(|&t| drift(t)).collect::<Vec<_>>()));
+            let form =
+                |g: &dyn Fn(f64) -> f64| DVector::from_iterator(self.time.len(), self.time.iter().map(|&t| g(t)));
+            all.extend(self.candidate(Shape::Step, day, &form(&step), (&inverse, &weighed)));
+            all.extend(self.candidate(Shape::Drift, day, &form(&drift), (&inverse, &weighed)));
         }
         all
     }
 
-    fn candidate(&self, shape: Shape, day: f64, form: &[f64]) -> Option<Candidate> {
-        let weights: Vec<f64> = self.variance.iter().map(|v| 1.0 / v).collect();
-        let total: f64 = weights.iter().sum();
-        let mean = |values: &[f64]| values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>() / total;
-        let (level, middle) = (mean(&self.value), mean(form));
-        let rows = || self.value.iter().zip(form).zip(&weights);
-        let information: f64 = rows().map(|((_, g), w)| w * (g - middle).powi(2)).sum();
+    /// `ones` is the inverse of the covariance times a one for every period.
+    fn candidate(
+        &self,
+        shape: Shape,
+        day: f64,
+        form: &DVector<f64>,
+        (inverse, ones): (&Inverse, &DVector<f64>),
+    ) -> Option<Candidate> {
+        let total = ones.sum();
+        let (level, middle) = (ones.dot(&self.value) / total, ones.dot(form) / total);
+        let weighed = inverse.times(form);
+        let information = weighed.dot(form) - total * middle * middle;
         if information.is_nan() || information <= 0.0 {
             return None;
         }
-        let delta = rows().map(|((r, g), w)| w * (g - middle) * (r - level)).sum::<f64>() / information;
+        let delta = (weighed.dot(&self.value) - total * middle * level) / information;
         let variance = 1.0 / information;
-        let scatter = self.variance.len() as f64 / total;
+        let scatter = self.variance.len() as f64 / self.variance.iter().map(|v| 1.0 / v).sum::<f64>();
         let of = |size: &f64| {
             let prior = size * size * scatter;
             let exponent = 0.5 * delta * delta * (1.0 / variance - 1.0 / (variance + prior));

@@ -26,3 +26,16 @@ pub(super) const LADDER: [i32; 5] = [2401, 343, 49, 7, 1];
 
 /// Decades of the finest rung.
 pub(super) const FINEST: f64 = 0.5 / 2401.0;
+
+/// Fewest different values of a covariate that can show a curve: with fewer a line and a curve can't be parted from a scatter.
+pub(super) const FEWEST_VALUES: usize = 6;
+
+/// Scales of a curve, of the range of its covariate: the first bends within a thirtieth of it, the last over all of it, nearly as a parabola.
+/// A curve between two of them is a few per cent of its size away from the nearer one, beside a line.
+pub(super) const BENDS: [f64; 6] = [1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0, 1.0 / 2.0, 1.0];
+
+/// Rounds in which the spread of the units' own slopes is looked for, one column after the other. The columns hardly share anything.
+pub(super) const SLOPE_ROUNDS: usize = 2;
+
+/// How many steps of the ladder that spread needs: it is a weight, and a fourteenth of a decade moves no probability by much.
+pub(super) const SLOPE_STEPS: usize = 2;

@@ -2,13 +2,15 @@
 //!
 //! The estimates of the units are draws from a population, so that estimates from short logs shrink towards it (empirical
 //! Bayes). Covariates such as load
-//! and temperature are regressed out first: they move friction more than wear does. A unit is odd if the rest of the fleet does not
+//! and temperature are regressed out first, bent ones too: they move friction more than wear does. A unit is odd if the rest of the fleet does not
 //! predict it; a change is a step or a drift that a constant does not explain.
 //!
 //! Source: Robbins 1956 (empirical Bayes); Benjamini and Hochberg 1995 (false discovery rate); Bittencourt 2014, Linköping dissertation
 //! 1617 (temperature and load change friction more than wear does).
 
 mod changes;
+mod columns;
+mod held;
 mod limits;
 mod odd;
 mod population;
@@ -17,7 +19,8 @@ pub mod report;
 pub use report::FleetReport;
 
 use crate::error::{Error, Result};
-use changes::{Series, changes};
+use changes::changes;
+use held::Series;
 use odd::odd;
 use population::Table;
 use report::{Change, Odd, Population};
@@ -116,7 +119,7 @@ impl Compare {
         let tables: Vec<Table> = quantities.iter().map(Table::new).collect();
         let unusual: Vec<Vec<usize>> = tables.iter().map(|table| odd(table, self.false_discovery_rate)).collect();
         let odd = odd::discoveries(quantities, &tables, &unusual, self.false_discovery_rate);
-        let series: Vec<Vec<Series>> = tables.iter().zip(&unusual).map(|(t, u)| changes::series(t, u)).collect();
+        let series: Vec<Vec<Series>> = tables.iter().zip(&unusual).map(|(t, u)| held::series(t, u)).collect();
         let changes = changes(quantities, &series, self.false_discovery_rate);
         let population = quantities.iter().zip(&tables).zip(&unusual);
         Ok(Comparison { population: population.map(|((q, t), u)| t.report(q, u)).collect(), odd, changes })

@@ -1,12 +1,14 @@
 //! The population of a quantity: mean, spread between units, scatter within a unit, slopes of the covariates.
 //!
-//! `y_ij = beta' x_ij + u_i + e_ij`, `u_i ~ N(0, tau^2)`, `e_ij ~ N(0, s_ij^2 + omega^2)`; x_ij is 1 and the covariates less their mean.
+//! `y_ij = beta' x_ij + u_i + e_ij`, `u_i ~ N(0, tau^2)`, `e_ij ~ N(0, s_ij^2 + omega^2)`; x_ij is 1, the covariates less their mean, and the
+//! curves of those that the fleet shows to bend.
 //! tau and omega by restricted maximum likelihood, beta by generalised least squares, a unit's estimate by its posterior.
 //!
 //! Source: Harville 1977, Maximum likelihood approaches to variance component estimation, equation 5.5.
 
+use super::columns::{self, Column};
 use super::limits::{FINEST, LADDER, LOWEST_DECADE};
-use super::report::{Population, Shrunk, Slope};
+use super::report::{Population, Shrunk};
 use super::{Observation, Quantity};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -19,7 +21,7 @@ pub(super) struct Row {
     pub(super) since: Option<f64>,
     pub(super) value: f64,
     pub(super) variance: f64,
-    /// 1 and the centred covariates.
+    /// 1, the centred covariates and their curves.
     pub(super) design: DVector<f64>,
 }
 
@@ -33,6 +35,7 @@ pub(super) struct Group {
 pub(super) struct Table {
     pub(super) groups: Vec<Group>,
     n_columns: usize,
+    columns: Vec<Column>,
     has_history: bool,
 }
 
@@ -44,7 +47,7 @@ pub(super) struct Fit {
     /// omega^2.
     pub(super) within: f64,
     pub(super) beta: DVector<f64>,
-    covariance: DMatrix<f64>,
+    pub(super) covariance: DMatrix<f64>,
     /// Units less columns of the design.
     pub(super) freedom: usize,
 }
@@ -61,20 +64,24 @@ pub(super) struct Level {
 
 impl Table {
     pub(super) fn new(quantity: &Quantity) -> Self {
+        let mut table = Self::with(quantity, columns::straight(quantity));
+        while let Some(column) = columns::next(quantity, &table) {
+            let known = table.columns.iter().cloned();
+            table = Self::with(quantity, known.chain([column]).collect());
+        }
+        table
+    }
+
+    /// The table with these columns beside the level.
+    pub(super) fn with(quantity: &Quantity, columns: Vec<Column>) -> Self {
         let all = &quantity.observations;
-        let count = all.len().max(1) as f64;
-        let k = quantity.covariates.len();
-        let means: Vec<f64> = (0..k).map(|c| all.iter().map(|o| o.covariates[c]).sum::<f64>() / count).collect();
-        // A covariate that never changes tells nothing and can't be parted from the mean.
-        let moving: Vec<usize> =
-            (0..k).filter(|&c| all.iter().any(|o| o.covariates[c] != all[0].covariates[c])).collect();
         let row = |o: &Observation| Row {
             since: o.since,
             value: o.value,
             variance: o.deviation * o.deviation,
             design: DVector::from_iterator(
-                1 + moving.len(),
-                std::iter::once(1.0).chain(moving.iter().map(|&c| o.covariates[c] - means[c])),
+                1 + columns.len(),
+                std::iter::once(1.0).chain(columns.iter().map(|column| column.at(&o.covariates))),
             ),
         };
         let mut groups: Vec<Group> = Vec::new();
@@ -89,7 +96,7 @@ impl Table {
         let at = |row: &Row| row.since.unwrap_or(f64::NEG_INFINITY);
         groups.iter_mut().for_each(|g| g.rows.sort_by(|a, b| at(a).total_cmp(&at(b))));
         let has_history = groups.iter().any(|g| g.rows.len() > 1);
-        Self { groups, n_columns: 1 + moving.len(), has_history }
+        Self { groups, n_columns: 1 + columns.len(), columns, has_history }
     }
 
     /// The units but the odd ones, from which populations are fitted.
@@ -103,8 +110,13 @@ impl Table {
         Kept { table: self, kept, size, sums: RefCell::default() }
     }
 
+    /// What the columns beside the level are.
+    pub(super) fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
     /// What one unit adds to the sums of the likelihood.
-    fn sums(&self, group: &Group, between: f64, within: f64) -> Sums {
+    pub(super) fn sums(&self, group: &Group, between: f64, within: f64) -> Sums {
         let mut sums = Sums::zero(self.n_columns);
         let (mut weight, mut x, mut y) = (0.0, DVector::zeros(self.n_columns), 0.0);
         for row in &group.rows {
@@ -165,16 +177,6 @@ impl Table {
             Some(fit) => (fit.beta[0], fit.between.sqrt()),
             None => (estimates.iter().map(|e| e.value).sum::<f64>() / estimates.len().max(1) as f64, 0.0),
         };
-        let moving = quantity.covariates.iter().enumerate().filter(|(c, _)| {
-            quantity.observations.iter().any(|o| o.covariates[*c] != quantity.observations[0].covariates[*c])
-        });
-        let slopes = fit.iter().flat_map(|fit| {
-            moving.clone().enumerate().map(|(place, (_, name))| Slope {
-                covariate: name.clone(),
-                value: fit.beta[1 + place],
-                deviation: fit.covariance[(1 + place, 1 + place)].sqrt(),
-            })
-        });
         Population {
             effect: quantity.effect.clone(),
             state: quantity.state.clone(),
@@ -185,7 +187,7 @@ impl Table {
             spread_p_value,
             scatter: fit.as_ref().filter(|_| self.has_history).map(|f| f.within.sqrt()),
             units: self.groups.len(),
-            covariates: slopes.collect(),
+            covariates: fit.as_ref().map_or_else(Vec::new, |fit| columns::slopes(quantity, &self.columns, fit)),
             randomise: (spread_p_value < 0.05).then_some((mean - 2.0 * spread, mean + 2.0 * spread)),
             estimates,
         }
@@ -194,7 +196,7 @@ impl Table {
 
 /// What the likelihood needs of some units at given variances; units add up.
 #[derive(Debug, Clone)]
-struct Sums {
+pub(super) struct Sums {
     xx: DMatrix<f64>,
     xy: DVector<f64>,
     yy: f64,
@@ -206,11 +208,16 @@ impl Sums {
         Self { xx: DMatrix::zeros(k, k), xy: DVector::zeros(k), yy: 0.0, log_det: 0.0 }
     }
 
-    fn add(&mut self, other: &Self, sign: f64) {
+    pub(super) fn add(&mut self, other: &Self, sign: f64) {
         self.xx += &other.xx * sign;
         self.xy.axpy(sign, &other.xy, 1.0);
         self.yy += sign * other.yy;
         self.log_det += sign * other.log_det;
+    }
+
+    /// Squares that the best coefficients leave.
+    pub(super) fn misfit(&self) -> Option<f64> {
+        Some(self.yy - self.xx.clone().cholesky()?.solve(&self.xy).dot(&self.xy))
     }
 
     /// Restricted log likelihood and coefficients.
@@ -224,7 +231,7 @@ impl Sums {
 
 /// A variance as a rung of a ladder of its logarithm; none is zero. Rungs are whole numbers, so that fits that differ by one unit ask
 /// for the same sums.
-type Rung = Option<i32>;
+pub(super) type Rung = Option<i32>;
 
 /// Units of a table from which populations are fitted, all of them or all but one.
 ///
@@ -247,9 +254,9 @@ impl Kept<'_> {
         let (mut between, mut within) = (None, None);
         // One variance at a time: two of them, nearly orthogonal, settle in a few rounds.
         for _ in 0..if self.table.has_history { 4 } else { 1 } {
-            between = best_rung(|rung| likelihood(rung, within));
+            between = best_rung(LADDER.len(), |rung| likelihood(rung, within));
             if self.table.has_history {
-                within = best_rung(|rung| likelihood(between, rung));
+                within = best_rung(LADDER.len(), |rung| likelihood(between, rung));
             }
         }
         let sums = self.at(between, within, but);
@@ -259,7 +266,7 @@ impl Kept<'_> {
     }
 
     fn variance(&self, rung: Rung) -> f64 {
-        rung.map_or(0.0, |m| self.size * 10f64.powf(LOWEST_DECADE + f64::from(m) * FINEST))
+        self.size * rung_share(rung)
     }
 
     /// The sums at two rungs, less those of one unit.
@@ -301,11 +308,16 @@ impl Kept<'_> {
     }
 }
 
-/// The rung of the largest likelihood: zero, or the best of the ladder, looked at finer and finer.
-fn best_rung(likelihood: impl Fn(Rung) -> f64) -> Rung {
+/// The variance of a rung, of the scale of its ladder.
+pub(super) fn rung_share(rung: Rung) -> f64 {
+    rung.map_or(0.0, |m| 10f64.powf(LOWEST_DECADE + f64::from(m) * FINEST))
+}
+
+/// The rung of the largest likelihood: zero, or the best of the ladder, looked at finer and finer in so many steps.
+pub(super) fn best_rung(steps: usize, likelihood: impl Fn(Rung) -> f64) -> Rung {
     let mut best = (f64::NEG_INFINITY, 0);
     let mut low = 0;
-    for step in LADDER {
+    for &step in LADDER.iter().take(steps) {
         for k in 0..=14 {
             let value = likelihood(Some(low + step * k));
             if value > best.0 {

@@ -114,16 +114,53 @@ pub struct Population {
     pub estimates: Vec<Shrunk>,
 }
 
-/// What a covariate does to a quantity.
+/// What a covariate does to a quantity: `value * (x - mean)`, and a curve where the fleet shows one.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Slope {
     /// Name of the covariate.
     pub covariate: String,
-    /// Change of the quantity for one unit of it.
+    /// Change of the quantity for one unit of it, at its mean.
     pub value: f64,
     /// Standard error.
     pub deviation: f64,
+    /// Mean of the covariate over the fleet.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub mean: f64,
+    /// What the effect has beside the straight line; absent where a line is enough.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub curve: Option<Curve>,
+}
+
+impl Slope {
+    /// What the covariate adds to the quantity at `x`, beside its mean.
+    pub fn effect(&self, x: f64) -> f64 {
+        let bent = self.curve.as_ref().map_or(0.0, |curve| curve.size * curve.form(x, self.mean));
+        self.value * (x - self.mean) + bent
+    }
+}
+
+/// An effect that is steep at one end of a covariate's range and flat at the other, as of a warm-up: `size * exp(-(x - from) / scale)`,
+/// less its value and its slope at the mean of the covariate.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct Curve {
+    /// The end at which it is steep.
+    pub from: f64,
+    /// Within what it falls to a share of 1/e; below 0 where `from` is the upper end.
+    pub scale: f64,
+    /// Its size.
+    pub size: f64,
+    /// Standard error.
+    pub deviation: f64,
+}
+
+impl Curve {
+    /// The curve of size 1.
+    pub(super) fn form(&self, x: f64, mean: f64) -> f64 {
+        let at = |x: f64| (-(x - self.from) / self.scale).exp();
+        at(x) - at(mean) * (1.0 - (x - mean) / self.scale)
+    }
 }
 
 /// A unit's estimate after it has borrowed from the fleet.
