@@ -34,7 +34,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from multiprocessing import get_context
 
 import numpy as np
@@ -311,8 +311,9 @@ def main() -> None:
     found = options.parse_args()
     if found.what == "run":
         manifest, out = map(pathlib.Path, found.places)
-        executor = pool(found.workers) if found.workers else None
-        diagnose(manifest, out, executor)
+        # A pool that is left open is closed by two threads at once when Python ends.
+        with pool(found.workers) if found.workers else nullcontext() as executor:
+            diagnose(manifest, out, executor)
         return
     if found.what == "compare":
         from gpsindy._gpsindy import FleetManifest

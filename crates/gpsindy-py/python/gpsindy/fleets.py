@@ -182,7 +182,9 @@ def _spread(
             lost = _round(pool, tasks, results, progress)
         finally:
             if not isinstance(executor, Executor):
-                pool.shutdown(wait=False)
+                # A pool of processes that still closes when Python ends is closed by two threads at once. A worker that hangs is not
+                # waited for.
+                pool.shutdown(wait=len(results) == len(tasks))
         if lost is None:
             continue
         fruitless = fruitless + 1 if len(results) == before else 0
