@@ -5,7 +5,7 @@ use crate::manifest::Manifest;
 use crate::run::Attempt;
 use crate::store::Store;
 use crate::task::{self, Task};
-use gpsindy_core::diagnose::report::{Cause, Diagnosis};
+use gpsindy_core::diagnose::report::{Cause, Diagnosis, Parameter};
 use gpsindy_core::fleet::report::{Failed, FleetReport, Unit, UnitCause};
 use gpsindy_core::fleet::{Compare, Observation, Quantity};
 use gpsindy_files::Result;
@@ -78,16 +78,23 @@ pub fn compare(manifest: &Manifest, attempts: &[Attempt], store: &dyn Store) -> 
     Ok(report)
 }
 
+/// Standard error of a size by its interval.
+fn error(parameter: &Parameter) -> Option<f64> {
+    Some((parameter.high? - parameter.low?) / INTERVAL).filter(|error| *error > 0.0)
+}
+
 fn unit(task: &Task, diagnosis: &Diagnosis, key: String) -> Unit {
     let cause = |cause: &Cause| UnitCause {
         effect: cause.effect.clone(),
         state: cause.state.clone(),
         probability: cause.probability,
         sizes: cause.parameters.iter().map(|p| (p.name.clone(), p.value)).collect(),
+        errors: cause.parameters.iter().filter_map(|p| Some((p.name.clone(), error(p)?))).collect(),
     };
     Unit {
         unit: task.unit.clone(),
         since: task.since.clone(),
+        day: task.since.as_deref().and_then(date::days),
         verdict: diagnosis.verdict.to_string(),
         causes: diagnosis.included().map(cause).collect(),
         closure: diagnosis.closure.closed,
@@ -112,9 +119,7 @@ impl Sizes {
                 _ => name.to_string(),
             };
             for parameter in &cause.parameters {
-                let (Some(low), Some(high)) = (parameter.low, parameter.high) else { continue };
-                let deviation = (high - low) / INTERVAL;
-                if deviation > 0.0 {
+                if let Some(deviation) = error(parameter) {
                     let name = (cause.effect.clone(), cause.state.clone(), of(&parameter.name));
                     self.units.entry(name.clone()).or_insert_with(|| parameter.unit.clone());
                     self.found.entry(name).or_default().push(observation(parameter.value, deviation));

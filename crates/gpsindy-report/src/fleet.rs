@@ -6,7 +6,9 @@ use crate::numbers::{number, percent, with_unit};
 use crate::words::effect_name;
 use gpsindy_core::fleet::report::{Change, FleetReport, Odd, Population, Shape, Unit};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
+
+mod history;
 
 /// Charts of one kind on the page; more are left to the JSON.
 const CHARTS: usize = 24;
@@ -16,6 +18,7 @@ const LISTED: usize = 2000;
 
 /// What this page needs beside the style of all pages: the marks of odd units, and on a narrow screen no labels without a value.
 const STYLE: &str = "svg .period { stroke: var(--measured); stroke-width: 5; stroke-linecap: round; opacity: .6; }
+svg .error { stroke: var(--measured); stroke-width: 1; }
 svg .odd { stroke: var(--bad); stroke-width: 6; stroke-linecap: round; }
 @media (max-width: 36rem) { .stack td:empty { display: none !important; } }";
 
@@ -116,10 +119,11 @@ fn unit_of<'a>(report: &'a FleetReport, effect: &str, state: &str, parameter: &s
     population_of(report, effect, state, parameter).map_or("", |p| p.unit.as_str())
 }
 
-/// The size of an effect in one unit and period, where it was found.
-fn size_of(unit: &Unit, effect: &str, state: &str, parameter: &str) -> Option<f64> {
+/// The size of an effect in one unit and period, where it was found, and its standard error.
+fn size_of(unit: &Unit, effect: &str, state: &str, parameter: &str) -> Option<(f64, f64)> {
     let cause = unit.causes.iter().find(|c| c.effect == effect && c.state == state)?;
-    cause.sizes.get(parameter).or_else(|| cause.sizes.get("value")).copied()
+    let of = |values: &BTreeMap<String, f64>| values.get(parameter).or_else(|| values.get("value")).copied();
+    Some((of(&cause.sizes)?, of(&cause.errors).unwrap_or(0.0)))
 }
 
 fn changes(report: &FleetReport) -> Markup {
@@ -144,57 +148,10 @@ fn changes(report: &FleetReport) -> Markup {
                         th.n scope="col" { "to" } th.n scope="col" { "probability" } } }
                     tbody { @for one in &report.changes { (row(one)) } }
                 } }
-                div.figures { @for (k, one) in report.changes.iter().take(CHARTS).enumerate() { (history(report, one, k)) } }
             }
+            (history::charts(report))
         }
     }
-}
-
-/// One unit's estimates over its periods, and what changed of them.
-fn history(report: &FleetReport, change: &Change, id: usize) -> Markup {
-    let own = report.units.iter().filter(|u| u.unit == change.unit);
-    let population = population_of(report, &change.effect, &change.state, &change.parameter);
-    // As it would be at the fleet's mean covariates.
-    let held = |u: &Unit| {
-        let slopes = population.iter().flat_map(|p| &p.covariates);
-        let moved = slopes.filter_map(|slope| Some(slope.effect(*u.covariates.get(&slope.covariate)?)));
-        size_of(u, &change.effect, &change.state, &change.parameter).map(|size| size - moved.sum::<f64>())
-    };
-    let mut periods: Vec<(&str, f64)> = own.filter_map(|u| Some((u.since.as_deref()?, held(u)?))).collect();
-    periods.sort_by(|a, b| match (a.0.parse::<f64>(), b.0.parse::<f64>()) {
-        (Ok(a), Ok(b)) => a.total_cmp(&b),
-        _ => a.0.cmp(b.0),
-    });
-    // Dates of one form are in the order of their letters.
-    let is_before = |since: &str| match since.parse::<f64>() {
-        Ok(day) => day <= change.since,
-        Err(_) => since <= change.date.as_str(),
-    };
-    let before = periods.iter().filter(|(since, _)| is_before(since)).count();
-    let (count, first) = (periods.len(), before as f64 + 0.5);
-    let (places, path): (Vec<f64>, Vec<f64>) = match change.shape {
-        Shape::Step => (vec![1.0, first, first, count as f64], vec![change.from, change.from, change.to, change.to]),
-        _ => (vec![1.0, first, count as f64], vec![change.from, change.from, change.to]),
-    };
-    let at: Vec<f64> = (1..=count).map(|k| k as f64).collect();
-    let title = format!("{}: {}", change.unit, name(&change.effect, &change.state, &change.parameter));
-    let x_label = match (periods.first(), periods.last()) {
-        (Some(first), Some(last)) => format!("period, {} to {}", first.0, last.0),
-        _ => "period".into(),
-    };
-    let chart = Chart {
-        title: title.clone(),
-        description: "One dot per period. Line: the change. Both at the mean covariates of the fleet.".into(),
-        x_label,
-        y_label: with_unit(&change.parameter, unit_of(report, &change.effect, &change.state, &change.parameter)),
-        y_range: range(periods.iter().map(|(_, v)| *v).chain([change.from, change.to])),
-        marks: vec![
-            Mark::Dots("period", &at, periods.iter().map(|(_, v)| Some(*v)).collect()),
-            Mark::Line("after", &places, path.into_iter().map(Some).collect()),
-        ],
-        shades: Vec::new(),
-    };
-    html! { figure { figcaption { (title) } (chart.draw(1000 + id)) } }
 }
 
 /// The range of some values with a tenth of room at either end.
@@ -317,12 +274,12 @@ fn units(report: &FleetReport) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::collections::BTreeMap;
 
     fn unit(name: &str, verdict: &str) -> Unit {
         Unit {
             unit: name.into(),
             since: None,
+            day: None,
             verdict: verdict.into(),
             causes: Vec::new(),
             closure: None,

@@ -10,6 +10,7 @@
 
 mod changes;
 mod columns;
+mod curved;
 mod held;
 mod limits;
 mod odd;
@@ -116,7 +117,7 @@ impl Compare {
     /// ```
     pub fn run(&self, quantities: &[Quantity]) -> Result<Comparison> {
         self.check(quantities)?;
-        let tables: Vec<Table> = quantities.iter().map(Table::new).collect();
+        let tables: Vec<Table> = quantities.iter().map(curved::table).collect();
         let unusual: Vec<Vec<usize>> = tables.iter().map(|table| odd(table, self.false_discovery_rate)).collect();
         let odd = odd::discoveries(quantities, &tables, &unusual, self.false_discovery_rate);
         let series: Vec<Vec<Series>> = tables.iter().zip(&unusual).map(|(t, u)| held::series(t, u)).collect();

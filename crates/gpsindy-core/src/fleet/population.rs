@@ -63,17 +63,8 @@ pub(super) struct Level {
 }
 
 impl Table {
-    pub(super) fn new(quantity: &Quantity) -> Self {
-        let mut table = Self::with(quantity, columns::straight(quantity));
-        while let Some(column) = columns::next(quantity, &table) {
-            let known = table.columns.iter().cloned();
-            table = Self::with(quantity, known.chain([column]).collect());
-        }
-        table
-    }
-
     /// The table with these columns beside the level.
-    pub(super) fn with(quantity: &Quantity, columns: Vec<Column>) -> Self {
+    pub(super) fn new(quantity: &Quantity, columns: Vec<Column>) -> Self {
         let all = &quantity.observations;
         let row = |o: &Observation| Row {
             since: o.since,
@@ -187,7 +178,9 @@ impl Table {
             spread_p_value,
             scatter: fit.as_ref().filter(|_| self.has_history).map(|f| f.within.sqrt()),
             units: self.groups.len(),
-            covariates: fit.as_ref().map_or_else(Vec::new, |fit| columns::slopes(quantity, &self.columns, fit)),
+            covariates: fit
+                .as_ref()
+                .map_or_else(Vec::new, |fit| columns::slopes(quantity, &self.columns, (&fit.beta, &fit.covariance))),
             randomise: (spread_p_value < 0.05).then_some((mean - 2.0 * spread, mean + 2.0 * spread)),
             estimates,
         }

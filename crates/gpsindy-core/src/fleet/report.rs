@@ -58,6 +58,9 @@ pub struct Unit {
     /// When the period began, as the manifest says it.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub since: Option<String>,
+    /// The same as a day, counted as in [`Change::since`].
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub day: Option<f64>,
     /// Verdict of its diagnosis.
     pub verdict: String,
     /// Included causes: effect, state and sizes by name.
@@ -82,6 +85,9 @@ pub struct UnitCause {
     pub probability: f64,
     /// Sizes by name.
     pub sizes: BTreeMap<String, f64>,
+    /// Standard errors of the sizes, where they are known.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub errors: BTreeMap<String, f64>,
 }
 
 /// One quantity over the fleet.
