@@ -14,6 +14,7 @@ use drawn::{Draw, ODD, SPREAD, WORN, Wear, at_once, fleet, no_wear, warm_year, y
 const FLEETS: u64 = 200;
 /// Years of each kind.
 const YEARS: u64 = 100;
+
 fn number(unit: &str) -> usize {
     unit["unit ".len()..].parse().unwrap()
 }

@@ -288,12 +288,10 @@ mod tests {
         }
     }
 
-    #[test]
-    fn units_that_stand_out_come_first_and_an_empty_column_is_left_out() {
-        let mut report = FleetReport::new();
-        report.units = vec![unit("calm", "explained"), unit("open", "unexplained"), unit("off", "explained")];
-        report.odd = vec![Odd {
-            unit: "off".into(),
+    /// An odd bias.
+    pub(super) fn odd(unit: &str) -> Odd {
+        Odd {
+            unit: unit.into(),
             effect: "bias".into(),
             state: "v".into(),
             parameter: "c".into(),
@@ -301,7 +299,14 @@ mod tests {
             population: 1.0,
             spread: 0.1,
             false_discovery_rate: 0.01,
-        }];
+        }
+    }
+
+    #[test]
+    fn units_that_stand_out_come_first_and_an_empty_column_is_left_out() {
+        let mut report = FleetReport::new();
+        report.units = vec![unit("calm", "explained"), unit("open", "unexplained"), unit("off", "explained")];
+        report.odd = vec![odd("off")];
         let page = render(&report);
         let list = page.split("Every report").nth(1).unwrap();
         let places = ["key-off", "key-open", "key-calm"].map(|key| list.find(key).unwrap());

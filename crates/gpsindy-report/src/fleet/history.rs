@@ -3,11 +3,14 @@
 use super::{CHARTS, link, name, population_of, range, size_of};
 use crate::chart::{Chart, Mark};
 use crate::numbers::with_unit;
-use gpsindy_core::fleet::report::{Change, FleetReport, Odd, Shape, Unit};
+use gpsindy_core::fleet::report::{Change, FleetReport, Odd, Population, Shape, Unit};
 use maud::{Markup, html};
 
 /// Standard errors on either side of an estimate: 95 %.
 const INTERVAL: f64 = 1.96;
+
+/// Number of the first chart: below it are those of the populations.
+const FIRST: usize = 1000;
 
 /// A size of a unit over its periods.
 struct History<'a> {
@@ -16,17 +19,19 @@ struct History<'a> {
     state: &'a str,
     parameter: &'a str,
     change: Option<&'a Change>,
+    /// A number that no other chart of the page has.
+    id: usize,
 }
 
 /// The charts, the changes first and then the odd units, in the order of the tables.
 pub(super) fn charts(report: &FleetReport) -> Markup {
-    let changed = report.changes.iter().map(|change| {
+    let changed = (FIRST..).zip(&report.changes).map(|(id, change)| {
         let Change { unit, effect, state, parameter, .. } = change;
-        History { unit, effect, state, parameter, change: Some(change) }
+        History { unit, effect, state, parameter, change: Some(change), id }
     });
-    let odd = report.odd.iter().map(|odd| {
+    let odd = (FIRST + report.changes.len()..).zip(&report.odd).map(|(id, odd)| {
         let Odd { unit, effect, state, parameter, .. } = odd;
-        History { unit, effect, state, parameter, change: None }
+        History { unit, effect, state, parameter, change: None, id }
     });
     let odd = odd.filter(|o| !report.changes.iter().any(|change| o.is_of(change)));
     let drawn: Vec<Markup> = changed.chain(odd).filter_map(|history| history.figure(report)).take(CHARTS).collect();
@@ -40,8 +45,7 @@ impl History<'_> {
     }
 
     /// Day, size at the fleet's mean covariates, and standard error of every period in which the size was found.
-    fn periods(&self, report: &FleetReport) -> Vec<(f64, f64, f64)> {
-        let population = population_of(report, self.effect, self.state, self.parameter);
+    fn periods(&self, report: &FleetReport, population: Option<&Population>) -> Vec<(f64, f64, f64)> {
         let one = |u: &Unit| {
             let slopes = population.iter().flat_map(|p| &p.covariates);
             let moved: f64 = slopes.filter_map(|slope| Some(slope.effect(*u.covariates.get(&slope.covariate)?))).sum();
@@ -55,12 +59,12 @@ impl History<'_> {
 
     /// None for a unit without a history.
     fn figure(&self, report: &FleetReport) -> Option<Markup> {
-        let periods = self.periods(report);
+        let population = population_of(report, self.effect, self.state, self.parameter);
+        let periods = self.periods(report, population);
         let (first, last) = (periods.first()?.0, periods.last()?.0);
         if last <= first {
             return None;
         }
-        let population = population_of(report, self.effect, self.state, self.parameter);
         let days: Vec<f64> = periods.iter().map(|p| p.0 - first).collect();
         // A stroke from the low end to the high one, and a gap before the next.
         let at: Vec<f64> = days.iter().flat_map(|&day| [day; 3]).collect();
@@ -104,22 +108,13 @@ impl History<'_> {
             marks,
             shades: Vec::new(),
         };
-        Some(html! { figure { figcaption { (link(report, self.unit)) ": " (about) } (chart.draw(self.id(report))) } })
-    }
-
-    /// A number that no other chart of the page has.
-    fn id(&self, report: &FleetReport) -> usize {
-        let same = |o: &&Odd| {
-            (&*o.unit, &*o.effect, &*o.state, &*o.parameter) == (self.unit, self.effect, self.state, self.parameter)
-        };
-        let change = report.changes.iter().position(|change| self.is_of(change));
-        let odd = report.odd.iter().position(|o| same(&o)).unwrap_or_default();
-        change.map_or(1000 + report.changes.len() + odd, |k| 1000 + k)
+        Some(html! { figure { figcaption { (link(report, self.unit)) ": " (about) } (chart.draw(self.id)) } })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::odd;
     use super::*;
     use gpsindy_core::fleet::report::UnitCause;
     use std::collections::BTreeMap;
@@ -159,16 +154,6 @@ mod tests {
             probability: 1.0,
             held: Vec::new(),
         }];
-        let odd = |unit: &str| Odd {
-            unit: unit.into(),
-            effect: "bias".into(),
-            state: "v".into(),
-            parameter: "c".into(),
-            value: 2.0,
-            population: 1.0,
-            spread: 0.1,
-            false_discovery_rate: 0.01,
-        };
         report.odd = vec![odd("a"), odd("b")];
         let page = charts(&report).into_string();
         assert_eq!(page.matches("<svg viewBox=\"0 0 440").count(), 2, "{page}");

@@ -37,12 +37,6 @@ pub(crate) fn forced(
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;
-    // A winner that no filter takes has a sensor that reads late, whose delay shows as a function of the rates.
-    let unforced = |fit: &Contestant| Account::unforced(contest, fit);
-    let Some(plain) = unforced(&judged.outcome.best)?.map_or_else(|| unforced(&judged.nominal), |a| Ok(Some(a)))?
-    else {
-        return Ok(judged);
-    };
     let Some(mut found) = Account::forced(contest, &judged.nominal)? else { return Ok(judged) };
     stage.advance()?;
     if !judged.outcome.best.hypotheses.is_empty()
@@ -53,7 +47,7 @@ pub(crate) fn forced(
     }
     stage.advance()?;
     let is_account = if found.is_forced() {
-        found.score > plain.score + CONVINCING
+        without_forces(contest, &judged)?.is_some_and(|plain| found.score > plain.score + CONVINCING)
     } else {
         // Coloured noise alone explains what the nominal model leaves, or stands beside causes that stay as they are.
         found.fit.hypotheses.is_empty() && !found.processes.is_empty()
@@ -68,6 +62,14 @@ pub(crate) fn forced(
         return Ok(judged);
     }
     Ok(replaced(judged, found.fit, forcing))
+}
+
+/// The winner with coloured noise alone.
+///
+/// Where no filter takes it, the nominal model: such a winner has a sensor that reads late, whose delay shows as a function of the rates.
+fn without_forces(contest: &Contest<'_>, judged: &Judged) -> Result<Option<Account>> {
+    let winner = Account::unforced(contest, &judged.outcome.best)?;
+    winner.map_or_else(|| Account::unforced(contest, &judged.nominal), |account| Ok(Some(account)))
 }
 
 /// The verdict with `fit` in the place of the winner, and random forces.

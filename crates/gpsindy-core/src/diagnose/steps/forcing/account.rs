@@ -26,9 +26,14 @@ pub(super) struct Account {
 impl Account {
     /// `fit` with `processes` as they are; nothing where it can't be filtered.
     pub(super) fn of(contest: &Contest<'_>, fit: &Contestant, processes: &[Process]) -> Result<Option<Self>> {
-        let Some(filter) = Filter::new(&fit.system, processes.iter().map(|p| p.acts))? else { return Ok(None) };
-        let account = Self { fit: fit.clone(), filter, processes: processes.to_vec(), score: contest.prior(fit) };
-        Ok(account.charged())
+        let bare = Self::bare(contest, fit, processes.iter().map(|p| p.acts))?;
+        Ok(bare.and_then(|bare| Self { processes: processes.to_vec(), ..bare }.charged()))
+    }
+
+    /// `fit` beside processes at `places` that are still to be found; nothing where it can't be filtered.
+    fn bare(contest: &Contest<'_>, fit: &Contestant, places: impl Iterator<Item = Acts>) -> Result<Option<Self>> {
+        let filter = Filter::new(&fit.system, places)?;
+        Ok(filter.map(|filter| Self { fit: fit.clone(), filter, processes: Vec::new(), score: contest.prior(fit) }))
     }
 
     /// `fit` with coloured noise on its columns, where that convinces.
@@ -69,9 +74,7 @@ impl Account {
     /// The same with one more random process, about where it is at its best.
     fn sketched(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Sketch>> {
         let places: Vec<Acts> = self.processes.iter().map(|p| p.acts).chain([acts]).collect();
-        let Some(filter) = Filter::new(&self.fit.system, places.iter().copied())? else { return Ok(None) };
-        let score = contest.prior(&self.fit);
-        let account = Self { fit: self.fit.clone(), filter, processes: Vec::new(), score };
+        let Some(account) = Self::bare(contest, &self.fit, places.iter().copied())? else { return Ok(None) };
         let ranges: Vec<Range> = places.into_iter().map(|acts| range(contest, &self.fit, acts)).collect();
         let start = |process: Process| self.processes.iter().copied().chain([process]).collect();
         let starts: Vec<Vec<Process>> = ranges[ranges.len() - 1].starts().map(start).collect();
