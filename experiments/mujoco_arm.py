@@ -130,10 +130,10 @@ def told(cause: Any) -> tuple[str, str]:
 def error(model: Any, log: dict[str, np.ndarray], joints: Iterable[str]) -> float:
     """Root mean square error of rollouts of 1 s from measured states, in units of the noise."""
     squares, columns = [], [name for joint in joints for name in (joint, f"{joint}_vel")]
+    states = [state.name for state in model.states]
     for first in range(0, len(log["t"]) - HELD_OUT, HELD_OUT):
         piece = {name: values[first : first + HELD_OUT] for name, values in log.items()}
         rollout = gpsindy.simulate(model, piece, initial={name: piece[name][0] for name in columns})[0]
-        states = list(model.states)
         for name in columns:
             noise = NOISE[1] if name.endswith("_vel") else NOISE[0]
             difference = rollout.x[:, states.index(name)] - piece[name][: len(rollout.x)]
