@@ -91,6 +91,14 @@ def test_what_mujoco_has_otherwise_is_found_in_its_place(text, fields, effect, p
     assert np.abs(same[0] - same[1]).max() < 1e-6
 
 
+def test_a_rollout_that_diverges_prints_nothing_and_leaves_no_file(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(gpsindy.NumericalError, match="diverged at t = 0.02 s"):
+        gpsindy.simulate(gm.Simulator(HINGE).model, real_log(4), initial={"hinge": 0.0, "hinge_vel": 1e12})
+    assert tuple(capfd.readouterr()) == ("", "")
+    assert not list(tmp_path.iterdir())
+
+
 def test_velocities_may_be_missing():
     logs = [real_log(seed, dof_frictionloss=0.15) for seed in range(3)]
     for log in logs:

@@ -20,6 +20,9 @@ class Copies:
 
     def __init__(self, model: Any, settings: Sequence[Setting], size: int, threads: int) -> None:
         self.batch = batch.Batch(model, size, nthread=threads)
+        # The engine prints a warning when it is the first of its kind and leaves a file beside it. Trial parameters that
+        # diverge are part of a search, and the rows tell of them.
+        self.batch.warning[:, :, 1] = 1
         self.settings = settings
         self.size = size
         self.position = model.jnt_qposadr.copy()
