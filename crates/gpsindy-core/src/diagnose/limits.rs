@@ -355,6 +355,11 @@ pub(crate) mod forcing {
     /// Places that are climbed, those with the highest sketches first: these see a part of the logs, which may exchange the first two.
     pub(crate) const CLIMBED: usize = 2;
 
+    /// Paths about which a climb goes, one after the other, and the nats below which a climb brought nothing that asks for the next
+    /// path: far below [`super::CONVINCING`].
+    pub(crate) const MOST_PATHS: usize = 2;
+    pub(crate) const SAME: f64 = 0.5;
+
     /// Share of a row's typical rate below which a random force is not looked for.
     pub(crate) const UNSEEN: f64 = 1e-3;
 }

@@ -8,14 +8,16 @@
 //! (1965, IEEE Trans. Inf. Theory 11(1)).
 
 mod driven;
+mod linear;
 mod pass;
 
 use crate::diagnose::fit::elimination;
-use crate::diagnose::limits::forcing::{MOST_READINGS, SKETCHED};
+use crate::diagnose::limits::forcing::MOST_READINGS;
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State, System};
 use crate::refine::{Experiment, Window};
+pub(crate) use linear::Linear;
 use nalgebra::{DMatrix, DVector};
 use pass::Pass;
 
@@ -63,11 +65,11 @@ pub(crate) struct Filter {
 /// What a pass of the filter is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pace {
-    /// To find where the likelihood is high: the first of the logs.
-    Sketch,
     /// For the likelihood.
     Likelihood,
-    /// For the likelihood and what the filter saw on the way.
+    /// For what the filter saw on the way, too.
+    Path,
+    /// For what a force in each row would have moved, too.
     Samples,
 }
 
@@ -90,7 +92,7 @@ struct Sample {
     expected: Vec<f64>,
     state: Vec<f64>,
     transition: DMatrix<f64>,
-    /// By how much a constant unit force in each of the machine's rows moves the next states.
+    /// By how much a constant unit force in each of the machine's rows moves the next states; empty where it was not asked for.
     pushed: DMatrix<f64>,
 }
 
@@ -159,17 +161,16 @@ impl Filter {
         processes: &[Process],
         pace: Pace,
     ) -> Option<Filtered> {
-        let most = if pace == Pace::Sketch { SKETCHED } else { MOST_READINGS };
         let mut values = parameters[..self.p].to_vec();
         values.extend((0..self.n).map(|_| 0.0));
         values.extend(processes.iter().map(|process| 1.0 / process.time));
         let mut all = Filtered { likelihood: 0.0, count: 0, level: 0.0, stretches: Vec::new() };
         let (mut logarithms, mut squares) = (0.0, 0.0);
         for (window, start) in stretches(&experiment.windows, starts) {
-            if all.count > most {
+            if all.count > MOST_READINGS {
                 break;
             }
-            let mut pass = Pass::new(self, experiment, window, (&values, start), processes, pace == Pace::Samples);
+            let mut pass = Pass::new(self, experiment, window, (&values, start), processes, pace);
             let samples = pass.run(window);
             logarithms += pass.logarithms;
             squares += pass.squares;
@@ -180,6 +181,17 @@ impl Filter {
         all.level = squares / count;
         all.likelihood = -0.5 * (count * all.level.max(f64::MIN_POSITIVE).ln() + logarithms);
         (all.likelihood.is_finite() && squares > 0.0).then_some(all)
+    }
+
+    /// The filter linearised about the path that it takes with `processes`; nothing where it diverges.
+    pub(crate) fn linear(
+        &self,
+        experiment: &Experiment,
+        machine: (&[f64], &[Vec<f64>]),
+        processes: &[Process],
+    ) -> Option<Linear> {
+        let path = self.run(experiment, machine, processes, Pace::Path)?;
+        Some(Linear::about(&path, experiment, self.n, processes))
     }
 }
 
@@ -226,6 +238,9 @@ impl Filtered {
                     gram.ger(1.0 / reading.variance, &expected, &expected, 1.0);
                     slope.axpy(reading.innovation / reading.variance, &expected, 1.0);
                     moved.ger(-1.0, &reading.gain, &expected, 1.0);
+                }
+                if i + 1 == samples.len() {
+                    break;
                 }
                 moved = &sample.transition * moved;
                 if let Acts::Row(row) = acts {

@@ -17,6 +17,10 @@ pub(super) fn logarithm(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     if power.amax() < 0.1 * beyond.amax() { sum } else { beyond }
 }
 
+/// Points on -1 to 1 of Gauss and Legendre's third rule, and their weights on 0 to 1.
+pub(super) const GAUSS: [(f64, f64); 3] =
+    [(-0.774_596_669_241_483_4, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.774_596_669_241_483_4, 5.0 / 18.0)];
+
 /// Adds what the white noise of a random process does to the states over a step: the integral of `e^(A s) e_d e_d' e^(A' s)` over
 /// the step, by three points of Gauss and Legendre.
 pub(super) fn driven(
@@ -28,8 +32,7 @@ pub(super) fn driven(
     /// Terms of the exponential: a process may decay by e^2 within a step.
     const TERMS: i32 = 10;
     let density = 2.0 * process.deviation * process.deviation / process.time;
-    let far = 0.6f64.sqrt();
-    for (point, weight) in [(-far, 5.0 / 18.0), (0.0, 8.0 / 18.0), (far, 5.0 / 18.0)] {
+    for (point, weight) in GAUSS {
         let time = 0.5 * step * (1.0 + point);
         let mut term = DVector::zeros(rates.nrows());
         term[place] = 1.0;

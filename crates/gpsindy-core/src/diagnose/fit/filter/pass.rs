@@ -1,7 +1,7 @@
 //! The filter along one stretch of a log.
 
 use super::driven::{driven, logarithm};
-use super::{Acts, Filter, Process, Reading, Sample};
+use super::{Acts, Filter, Pace, Process, Reading, Sample};
 use crate::refine::lanes::Lanes;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
@@ -27,7 +27,7 @@ pub(super) struct Pass<'a> {
     filter: &'a Filter,
     experiment: &'a Experiment,
     lanes: Lanes<'a, LANES>,
-    /// The same with a force in each row, a lane a row; empty where the samples are not kept.
+    /// The same with a force in each row, a lane a row; empty where no function is asked for.
     pushed: Vec<Lanes<'a, LANES>>,
     scale: Vec<f64>,
     processes: &'a [Process],
@@ -36,8 +36,7 @@ pub(super) struct Pass<'a> {
     pub(super) logarithms: f64,
     pub(super) squares: f64,
     pub(super) count: usize,
-    /// Whether the samples are kept.
-    keep: bool,
+    pace: Pace,
 }
 
 impl<'a> Pass<'a> {
@@ -47,7 +46,7 @@ impl<'a> Pass<'a> {
         window: Window,
         (values, start): (&[f64], &[f64]),
         processes: &'a [Process],
-        keep: bool,
+        pace: Pace,
     ) -> Self {
         let (log, past) = (&experiment.logs[window.log], (experiment.hold, experiment.past));
         let alike: Vec<[f64; LANES]> = values.iter().map(|&v| [v; LANES]).collect();
@@ -59,7 +58,7 @@ impl<'a> Pass<'a> {
             }
             Lanes::new(&filter.system, log, past, &values)
         };
-        let pushed = blocks(filter.n).filter(|_| keep).map(of_rows).collect();
+        let pushed = blocks(filter.n).filter(|_| pace == Pace::Samples).map(of_rows).collect();
         let mut scale = experiment.scale[..filter.n].to_vec();
         scale.extend(processes.iter().map(|f| f.deviation.max(f64::MIN_POSITIVE)));
         let size = scale.len();
@@ -79,7 +78,7 @@ impl<'a> Pass<'a> {
             logarithms: 0.0,
             squares: 0.0,
             count: 0,
-            keep,
+            pace,
         }
     }
 
@@ -90,6 +89,11 @@ impl<'a> Pass<'a> {
             let readings = self.read(window.log, number);
             let state: Vec<f64> = self.state.iter().copied().collect();
             if number == window.last || !self.state.iter().all(|v| v.is_finite()) {
+                if self.pace != Pace::Likelihood {
+                    // The step after it is never taken.
+                    let (transition, pushed) = (DMatrix::zeros(0, 0), DMatrix::zeros(0, 0));
+                    samples.push(Sample { number, readings, expected, state, transition, pushed });
+                }
                 break;
             }
             let (next, transition) = self.ahead(number);
@@ -100,7 +104,7 @@ impl<'a> Pass<'a> {
             for (k, process) in self.processes.iter().enumerate() {
                 driven(&mut self.covariance, &rates, (self.filter.n + k, *process), step);
             }
-            if self.keep {
+            if self.pace != Pace::Likelihood {
                 let pushed = self.push(number, &next);
                 samples.push(Sample { number, readings, expected, state, transition, pushed });
             }
@@ -132,7 +136,7 @@ impl<'a> Pass<'a> {
             self.logarithms += variance.ln();
             self.squares += innovation * innovation / variance;
             self.count += 1;
-            if self.keep {
+            if self.pace != Pace::Likelihood {
                 all.push(Reading { slope, gain, variance, innovation, column: c });
             }
         }

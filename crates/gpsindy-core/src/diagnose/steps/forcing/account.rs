@@ -3,10 +3,12 @@
 use crate::diagnose::catalogue::rival::{self, Rival};
 use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
-use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Pace, Process};
+use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace, Process};
 use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::CONVINCING;
-use crate::diagnose::limits::forcing::{CLIMBED, DURATIONS, LEVELS, LONGEST, STEPS, UNSEEN};
+use crate::diagnose::limits::forcing::{
+    CLIMBED, DURATIONS, LEVELS, LONGEST, MOST_PATHS, SAME, SKETCHED, STEPS, UNSEEN,
+};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::error::Result;
@@ -78,10 +80,17 @@ impl Account {
         let ranges: Vec<Range> = places.into_iter().map(|acts| range(contest, &self.fit, acts)).collect();
         let start = |process: Process| self.processes.iter().copied().chain([process]).collect();
         let starts: Vec<Vec<Process>> = ranges[ranges.len() - 1].starts().map(start).collect();
-        let climb = Climb { account, ranges };
-        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, Pace::Sketch)).collect();
+        // A strong process follows the logs.
+        let Some(linear) = starts.iter().rev().find_map(|start| account.linear(start)) else { return Ok(None) };
+        let climb = Climb { account, ranges, linear };
+        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, SKETCHED)).collect();
         let best = starts.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1));
         Ok(best.map(|(start, cost)| Sketch { climb, start, cost }))
+    }
+
+    fn linear(&self, processes: &[Process]) -> Option<Linear> {
+        let refined = &self.fit.refined;
+        self.filter.linear(&self.fit.experiment, (&refined.parameters, &refined.initial), processes)
     }
 
     fn filtered(&self, processes: &[Process], pace: Pace) -> Option<Filtered> {
@@ -229,8 +238,34 @@ struct Sketch {
 impl Sketch {
     /// The account with all of its processes at their best: the first of two bore what both do, so all of them move.
     fn climbed(self) -> Option<Account> {
-        let Self { climb, start, .. } = self;
-        let centre = logarithms(&start);
+        let Self { mut climb, start: mut processes, .. } = self;
+        for _ in 0..MOST_PATHS {
+            climb.linear = climb.account.linear(&processes)?;
+            let before = climb.cost_of(&processes, usize::MAX);
+            // A path along which the filter just holds shows no way up.
+            if !before.is_finite() {
+                return None;
+            }
+            processes = climb.top(&processes)?;
+            if before - climb.cost_of(&processes, usize::MAX) < SAME {
+                break;
+            }
+        }
+        Account { processes, ..climb.account }.charged()
+    }
+}
+
+/// What random processes cost beside the machine of an account, about a path of the machine.
+struct Climb {
+    account: Account,
+    ranges: Vec<Range>,
+    linear: Linear,
+}
+
+impl Climb {
+    /// Where the processes cost least, from `start` on.
+    fn top(&self, start: &[Process]) -> Option<Vec<Process>> {
+        let centre = logarithms(start);
         let corner = |k: usize| {
             let mut place = centre.clone();
             place[k] += 0.5;
@@ -239,24 +274,17 @@ impl Sketch {
         let around = std::iter::once(centre.clone()).chain((0..centre.len()).map(corner)).collect();
         let solver = NelderMead::new(around).with_sd_tolerance(1e-3).ok()?;
         let steps = STEPS * start.len() as u64;
-        let found = Executor::new(&climb, solver).configure(|state| state.max_iters(steps)).run().ok()?;
-        let processes = climb.processes(found.state().get_best_param()?);
-        Account { processes, ..climb.account }.charged()
+        let found = Executor::new(self, solver).configure(|state| state.max_iters(steps)).run().ok()?;
+        Some(self.processes(found.state().get_best_param()?))
     }
-}
 
-/// What random processes cost beside the machine of an account.
-struct Climb {
-    account: Account,
-    ranges: Vec<Range>,
-}
-
-impl Climb {
-    fn cost_of(&self, processes: &[Process], pace: Pace) -> f64 {
+    /// `most`: readings after which no further stretch is filtered.
+    fn cost_of(&self, processes: &[Process], most: usize) -> f64 {
         if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
             return f64::INFINITY;
         }
-        self.account.filtered(processes, pace).map_or(f64::INFINITY, |found| -found.likelihood)
+        let likelihood = self.linear.likelihood(processes, most);
+        if likelihood.is_finite() { -likelihood } else { f64::INFINITY }
     }
 
     /// The processes that have these logarithms.
@@ -275,6 +303,6 @@ impl CostFunction for &Climb {
     type Output = f64;
 
     fn cost(&self, place: &Self::Param) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.cost_of(&self.processes(place), Pace::Likelihood))
+        Ok(self.cost_of(&self.processes(place), usize::MAX))
     }
 }
