@@ -7,6 +7,7 @@
 //! Source: Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8; the likelihood by innovations is Schweppe's
 //! (1965, IEEE Trans. Inf. Theory 11(1)).
 
+mod decay;
 mod driven;
 mod linear;
 mod pass;

@@ -8,7 +8,9 @@ pub(crate) const TWINS: f64 = 6.0;
 ///
 /// This and the two below are a logistic regression on the logarithm of the share, the probability of a rest and "three or
 /// more": 115 causes of 53 drawn cases (single, pair, outside, beside; development seeds 5000 to 5145 in part), weighted as
-/// half, a tenth, three twentieths and a tenth of all. The slope on the logarithm came out as 1.05.
+/// half, a tenth, three twentieths and a tenth of all. The slope on the logarithm came out as 1.05. The share of what is left
+/// without the cause tells no more: of 61 cases of these seeds 14 imitations and 3 true causes were below a tenth of the gap, and
+/// beside none of them more than a hundredth of that was left.
 pub(crate) const REAL: f64 = 35.0;
 /// By how much the odds are less where a rest is certain.
 pub(crate) const REST_LEFT: f64 = 11.0;

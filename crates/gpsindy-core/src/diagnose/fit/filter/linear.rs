@@ -5,13 +5,11 @@
 //!
 //! Source: the linearised Kalman filter of Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8.3.
 
-use super::driven::{GAUSS, logarithm};
+use super::decay::{Decay, TERMS, add, add_series, weights};
+use super::driven::logarithm;
 use super::{Acts, Filtered, Process};
 use crate::refine::Experiment;
 use nalgebra::{DMatrix, DVector};
-
-/// Terms of the exponential of a step: a process may decay by e^2 within it.
-const TERMS: usize = 10;
 
 /// A reading as a linear function of the machine's states.
 struct Reading {
@@ -147,43 +145,6 @@ impl Ahead {
         }
         Self { time, carried, offset, beyond, powers }
     }
-}
-
-/// Weights of `A^j e` in the integral of `e^(A r) e exp(-(s - r)/time)` over r from 0 to s: what a process that is one at the start moves
-/// in the time s.
-fn weights(s: f64, time: f64) -> [f64; TERMS] {
-    let mut all = [0.0; TERMS];
-    let (mut power, mut factorial) = (s, 1.0);
-    for (j, weight) in all.iter_mut().enumerate() {
-        factorial *= (j + 1) as f64;
-        // The series of the incomplete gamma function, which has no difference of large numbers where s is below the time.
-        let (mut term, mut sum, mut m) = (1.0 / factorial, 0.0, (j + 1) as f64);
-        while term.abs() > 1e-12 / factorial {
-            sum += term;
-            m += 1.0;
-            term *= -s / time / m;
-        }
-        *weight = power * sum;
-        power *= s;
-    }
-    all
-}
-
-/// Adds `factor` times the sum of `powers` (n entries each) with their weights.
-#[inline(always)]
-fn add_series(to: &mut [f64], powers: &[f64], weights: &[f64; TERMS], factor: f64) {
-    for (power, weight) in powers.chunks_exact(to.len()).zip(weights) {
-        add(to, factor * weight, power);
-    }
-}
-
-/// What one process does within a step, for steps of one length.
-struct Decay {
-    /// Its own value after the step, and what it moves.
-    left: f64,
-    moved: [f64; TERMS],
-    /// The same at the points of the integral over the step, with their weights.
-    points: [(f64, f64, [f64; TERMS]); 3],
 }
 
 /// Mean and covariance of all states as the filter goes.
@@ -335,23 +296,6 @@ impl<'a> Moments<'a> {
             row += usize::from(is_force);
         }
     }
-}
-
-impl Decay {
-    /// Of a process with the correlation time `time` over `step`.
-    fn over(step: f64, time: f64) -> Self {
-        let point = |(place, weight): (f64, f64)| {
-            let s = 0.5 * step * (1.0 + place);
-            (weight * step, (-s / time).exp(), weights(s, time))
-        };
-        Self { left: (-step / time).exp(), moved: weights(step, time), points: GAUSS.map(point) }
-    }
-}
-
-/// Adds `factor` times a vector.
-#[inline(always)]
-fn add(to: &mut [f64], factor: f64, vector: &[f64]) {
-    to.iter_mut().zip(vector).for_each(|(to, v)| *to += factor * v);
 }
 
 /// A square matrix (column after column) times a vector.
