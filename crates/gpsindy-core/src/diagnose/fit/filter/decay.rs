@@ -1,9 +1,6 @@
 //! What a random process does within a step, and what it moves.
 
-use super::driven::GAUSS;
-
-/// Terms of the exponential of a step: a process may decay by e^2 within it.
-pub(super) const TERMS: usize = 10;
+use super::driven::{GAUSS, TERMS};
 
 /// Times of a process within which its series has no difference of large numbers.
 const SOON: f64 = 8.0;

@@ -17,6 +17,9 @@ pub(super) fn logarithm(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     if power.amax() < 0.1 * beyond.amax() { sum } else { beyond }
 }
 
+/// Terms of the exponential of a step: a process may decay by e^2 within it.
+pub(super) const TERMS: usize = 10;
+
 /// Points on -1 to 1 of Gauss and Legendre's third rule, and their weights on 0 to 1.
 pub(super) const GAUSS: [(f64, f64); 3] =
     [(-0.774_596_669_241_483_4, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.774_596_669_241_483_4, 5.0 / 18.0)];
@@ -29,8 +32,6 @@ pub(super) fn driven(
     (place, process): (usize, Process),
     step: f64,
 ) {
-    /// Terms of the exponential: a process may decay by e^2 within a step.
-    const TERMS: i32 = 10;
     let density = 2.0 * process.deviation * process.deviation / process.time;
     for (point, weight) in GAUSS {
         let time = 0.5 * step * (1.0 + point);
@@ -38,7 +39,7 @@ pub(super) fn driven(
         term[place] = 1.0;
         let mut moved = term.clone();
         for k in 1..=TERMS {
-            term = rates * term * (time / f64::from(k));
+            term = rates * term * (time / k as f64);
             moved += &term;
         }
         covariance.ger(density * weight * step, &moved, &moved, 1.0);

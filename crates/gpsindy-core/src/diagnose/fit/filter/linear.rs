@@ -5,9 +5,9 @@
 //!
 //! Source: the linearised Kalman filter of Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8.3.
 
-use super::decay::{Decay, TERMS, add, add_series, weights};
-use super::driven::logarithm;
-use super::{Acts, Filtered, Process};
+use super::decay::{Decay, add, add_series, weights};
+use super::driven::{TERMS, logarithm};
+use super::{Acts, Filtered, Process, Sample};
 use crate::refine::Experiment;
 use nalgebra::{DMatrix, DVector};
 
@@ -53,9 +53,9 @@ pub(crate) struct Linear {
 impl Linear {
     /// About the path of `filtered`, which saw `processes`.
     pub(super) fn about(filtered: &Filtered, experiment: &Experiment, n: usize, processes: &[Process]) -> Self {
-        let one = |(log, samples): &(usize, Vec<super::Sample>)| {
+        let one = |(log, samples): &(usize, Vec<Sample>)| {
             let time = &experiment.logs[*log].time;
-            let step = |(i, sample): (usize, &super::Sample)| {
+            let step = |(i, sample): (usize, &Sample)| {
                 let mut state = DVector::from_column_slice(&sample.expected);
                 let mut readings = Vec::with_capacity(sample.readings.len());
                 for reading in &sample.readings {
@@ -120,7 +120,7 @@ impl Linear {
 }
 
 impl Ahead {
-    fn about(sample: &super::Sample, next: &[f64], n: usize, processes: &[Process], time: f64) -> Self {
+    fn about(sample: &Sample, next: &[f64], n: usize, processes: &[Process], time: f64) -> Self {
         let transition = &sample.transition;
         let carried = transition.view((0, 0), (n, n)).into_owned();
         let rates = logarithm(&carried) / time;
