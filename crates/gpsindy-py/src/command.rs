@@ -2,6 +2,7 @@
 
 use crate::diagnose::findings;
 use crate::model::PyModel;
+use crate::simulator::Kind;
 use crate::watch::{Watch, calling_pool};
 use gpsindy_cli::{Corrected, Engine, Engines, FileKind};
 use gpsindy_core::diagnose::Diagnosed;
@@ -55,7 +56,8 @@ impl Engine for Simulator {
     }
 
     fn within(&self, work: Box<dyn FnOnce() + Send + '_>) {
-        match calling_pool() {
+        let kind = self.nominal.get().simulator.as_ref().map(|s| &s.kind);
+        match calling_pool(kind.map_or(1, Kind::threads)) {
             Ok(pool) => pool.install(work),
             // Slower, and the same numbers.
             Err(_) => work(),

@@ -280,7 +280,7 @@ impl PyModel {
         let system = self.system(py, &watch)?;
         let listening = watch.clone();
         // The controller is Python, whatever the model is.
-        let (rollout, controls) = watch.run_calling(py, None, move || {
+        let (rollout, controls) = watch.run_calling(py, 1, None, move || {
             let mut close = |time: f64, y: &[f64], u: &mut [f64]| {
                 let said = Python::attach(|py| said(py, &controller, time, y, u));
                 said.map_err(|failure| {
@@ -338,8 +338,8 @@ impl PyModel {
         listener: Option<&Py<PyAny>>,
         work: impl FnOnce() -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
-        match self.simulator {
-            Some(_) => watch.run_calling(py, listener, work),
+        match &self.simulator {
+            Some(simulator) => watch.run_calling(py, simulator.kind.threads(), listener, work),
             None => watch.run(py, listener, work),
         }
     }

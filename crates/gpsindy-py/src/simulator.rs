@@ -24,6 +24,17 @@ pub(crate) enum Kind {
     Steps { period: f64, n_forces: usize, parameters: Vec<f64> },
 }
 
+impl Kind {
+    /// Threads that calls are worth; 0: one a processor. A simulator that steps is called for many rows at once, and what is
+    /// computed from its derivatives takes as long as itself.
+    pub(crate) fn threads(&self) -> usize {
+        match self {
+            Self::Rates { .. } => 1,
+            Self::Steps { .. } => 0,
+        }
+    }
+}
+
 impl Simulator {
     pub(crate) fn clone_ref(&self, py: Python<'_>) -> Self {
         let Self { n_states, n_controls, .. } = *self;

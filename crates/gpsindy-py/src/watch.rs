@@ -43,13 +43,13 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A pool of one thread, which the interpreter knows all the while.
-pub(crate) fn calling_pool() -> PyResult<rayon::ThreadPool> {
+/// A pool of so many threads, which the interpreter knows all the while; 0: one a processor.
+pub(crate) fn calling_pool(threads: usize) -> PyResult<rayon::ThreadPool> {
     let known = |worker: rayon::ThreadBuilder| {
         let task = move || Python::attach(|py| py.detach(|| worker.run()));
         thread::Builder::new().stack_size(STACK).spawn(task).map(|_| ())
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).spawn_handler(known).build();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).spawn_handler(known).build();
     pool.map_err(|e| PyRuntimeError::new_err(format!("no thread for the simulator: {e}")))
 }
 
@@ -70,20 +70,22 @@ impl Watch {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Runs `work` with a callable of Python's in it: on one thread only, which the interpreter knows all the while.
+    /// Runs `work` with a callable of Python's in it, on so many `threads` that the interpreter knows all the while (0: one a
+    /// processor).
     ///
-    /// Calls of the simulator wait for each other anyway, and a thread that the interpreter does not know is
-    /// registered and forgotten at every call.
+    /// A thread that the interpreter does not know is registered and forgotten at every call. Calls of the simulator wait
+    /// for each other, so that one thread is enough where hardly anything is done between them.
     ///
     /// # Errors
     /// As [`Watch::run`].
     pub(crate) fn run_calling<T: Send + 'static>(
         self: &Arc<Self>,
         py: Python<'_>,
+        threads: usize,
         listener: Option<&Py<PyAny>>,
         work: impl FnOnce() -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
-        let pool = calling_pool()?;
+        let pool = calling_pool(threads)?;
         self.run(py, listener, move || pool.install(work))
     }
 

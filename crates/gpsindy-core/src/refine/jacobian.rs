@@ -13,6 +13,19 @@ const DIFFERENCE: f64 = 1e-6;
 /// The same for a simulator that steps by itself: what its own solver leaves undone must not count.
 const STEPPED_DIFFERENCE: f64 = 1e-5;
 
+/// Share of a reading's noise by which a logged state's start is moved there, and of its typical size at most: nearer than that
+/// nothing is known of the start, and a slope over so much does not end at the nearest stop or saturation.
+const STEPPED_START: (f64, f64) = (0.5, 0.01);
+
+/// Over how much a start is moved for a derivative.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Slopes {
+    /// As much as is not known of it: the slope of a search, which passes over stops and saturations.
+    Coarse,
+    /// As little as rounding allows: the derivative.
+    Fine,
+}
+
 /// Where a search stands: all parameters, and every window's initial state.
 #[derive(Debug, Clone)]
 pub(crate) struct Point {
@@ -45,8 +58,19 @@ pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
 
 impl Jacobian {
     pub(crate) fn new(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
+        Self::with_slopes(system, experiment, point, free, Slopes::Fine)
+    }
+
+    /// As [`Jacobian::new`], with such slopes where the simulator steps by itself.
+    pub(crate) fn with_slopes(
+        system: &System,
+        experiment: &Experiment,
+        point: &Point,
+        free: &[Free],
+        slopes: Slopes,
+    ) -> Result<Self> {
         if system.engine().is_some() {
-            return Self::in_lockstep(system, experiment, point, free);
+            return Self::in_lockstep(system, experiment, point, free, slopes);
         }
         if 1 + system.n_states() + free.len() <= 4 {
             Self::with_lanes::<4>(system, experiment, point, free)
@@ -74,12 +98,26 @@ impl Jacobian {
     }
 
     /// The same where the simulator steps by itself: every window and every moved value in one go.
-    fn in_lockstep(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
+    fn in_lockstep(
+        system: &System,
+        experiment: &Experiment,
+        point: &Point,
+        free: &[Free],
+        slopes: Slopes,
+    ) -> Result<Self> {
         let n = system.n_states();
         let n_columns = experiment.columns.len();
         let width = n + free.len();
         let mut blocks = empty_blocks(experiment, width);
-        let by = |column: usize| STEPPED_DIFFERENCE / DIFFERENCE * difference(experiment, n, free, column);
+        let by = |column: usize| {
+            let least = STEPPED_DIFFERENCE / DIFFERENCE * difference(experiment, n, free, column);
+            match experiment.column_of(column).filter(|_| column < n && slopes == Slopes::Coarse) {
+                Some(c) => {
+                    least.max((STEPPED_START.0 * experiment.noise[c]).min(STEPPED_START.1 * experiment.scale[column]))
+                }
+                None => least,
+            }
+        };
         let mut jobs = Vec::with_capacity(experiment.windows.len() * (1 + width));
         for window in 0..experiment.windows.len() {
             for moved in std::iter::once(None).chain((0..width).map(Some)) {
@@ -240,6 +278,41 @@ pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], 
     });
     let all = sums.iter().zip(points).map(|(sum, point)| sum + prior_cost(&point.parameters, free));
     all.map(|cost| if cost.is_finite() { cost } else { f64::INFINITY }).collect()
+}
+
+/// Costs of several points, where every window of a point starts as it does or as it does in `old`, whichever suits it:
+/// windows do not know of each other, and one that a step drives over a stop need not hold up all others. The points with the
+/// starts that were taken, and their costs.
+pub(crate) fn costs_by_window(
+    system: &System,
+    experiment: &Experiment,
+    points: Vec<Point>,
+    old: &Point,
+    free: &[Free],
+) -> (Vec<Point>, Vec<f64>) {
+    let columns = experiment.columns.len();
+    let still = points.iter().map(|p| Point { parameters: p.parameters.clone(), initial: old.initial.clone() });
+    let mut all: Vec<Point> = points.iter().cloned().chain(still).collect();
+    let mut sums = vec![vec![0.0; experiment.windows.len()]; all.len()];
+    misses(system, experiment, &all, |point, window, row, missed| {
+        sums[point][window] += experiment.starts.weight(row / columns) * (missed * missed);
+    });
+    all.truncate(points.len());
+    let mut costs = Vec::with_capacity(all.len());
+    for (k, point) in all.iter_mut().enumerate() {
+        let mut cost = prior_cost(&point.parameters, free);
+        // Where the parameters stay, every other step's start is as good a choice.
+        let rivals: Vec<usize> = if free.is_empty() { (0..sums.len()).collect() } else { vec![k, k + points.len()] };
+        for (w, start) in point.initial.iter_mut().enumerate() {
+            let own = |r: &usize| if sums[*r][w].is_finite() { sums[*r][w] } else { f64::INFINITY };
+            let best = rivals.iter().copied().min_by(|a, b| own(a).total_cmp(&own(b))).unwrap_or(k);
+            let from = if best < points.len() { &points[best] } else { old };
+            start.clone_from(&from.initial[w]);
+            cost += own(&best);
+        }
+        costs.push(cost);
+    }
+    (all, costs)
 }
 
 /// Residuals of several points: `receive(point, window, row, (measured - model)/noise)`, rows as those of a [`Block`].

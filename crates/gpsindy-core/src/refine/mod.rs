@@ -5,6 +5,7 @@
 //! Source: Bock 1983, Recent advances in parameter identification techniques for ODE; Nocedal and
 //! Wright 2006, Numerical Optimization, section 10.3.
 
+mod beginnings;
 mod experiment;
 mod history;
 mod jacobian;
@@ -13,8 +14,10 @@ mod normal;
 mod profile;
 
 pub(crate) use crate::data::Hold;
+pub(crate) use beginnings::guess_starts;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
+use jacobian::{Slopes, costs_by_window};
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::tangent::tangent;
 pub(crate) use profile::Profile;
@@ -135,13 +138,15 @@ impl Refine {
         }
         let initial = match initial {
             Some(initial) if initial.len() == experiment.windows.len() => initial.to_vec(),
-            _ => guess_initial(system, experiment),
+            _ => guess_starts(system, experiment, parameters)?,
         };
         let mut point = Point { parameters: parameters.to_vec(), initial };
         for f in free {
             point.parameters[f.parameter] = point.parameters[f.parameter].clamp(f.lower, f.upper);
         }
-        let mut jacobian = Jacobian::new(system, experiment, &point, free)?;
+        // A search is made with coarse slopes, and ends with fine ones.
+        let mut slopes = if system.engine().is_some() { Slopes::Coarse } else { Slopes::Fine };
+        let mut jacobian = Jacobian::with_slopes(system, experiment, &point, free, slopes)?;
         let mut cost = jacobian.cost(experiment, &point, free);
         let mut damping = 1e-3;
         let mut converged = false;
@@ -156,7 +161,12 @@ impl Refine {
                     .iter()
                     .filter_map(|factor| Some((*factor, normal.step(&point, free, damping * factor)?)))
                     .unzip();
-                let costs = costs(system, experiment, &trials, free);
+                let (trials, costs) = if system.engine().is_some() {
+                    costs_by_window(system, experiment, trials, &point, free)
+                } else {
+                    let costs = costs(system, experiment, &trials, free);
+                    (trials, costs)
+                };
                 let Some(best) = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])) else { break };
                 if costs[best] < cost {
                     converged = cost - costs[best] <= self.tolerance * cost;
@@ -168,11 +178,17 @@ impl Refine {
                 }
                 damping *= 1e4;
             }
-            if !improved {
-                // No step of any length helps: the floor of the arithmetic, or of the finite differences.
-                converged = true;
-                break;
+            // Where no step of any length helps: the floor of the arithmetic, or of the finite differences.
+            let at_rest = converged || !improved;
+            converged = at_rest && slopes == Slopes::Fine;
+            if at_rest && slopes == Slopes::Coarse {
+                (slopes, damping) = (Slopes::Fine, damping.min(1e-3));
             }
+            if improved || !converged {
+                jacobian = Jacobian::with_slopes(system, experiment, &point, free, slopes)?;
+            }
+        }
+        if slopes == Slopes::Coarse {
             jacobian = Jacobian::new(system, experiment, &point, free)?;
         }
         let (covariance, left_out) = Normal::new(&jacobian, experiment, &point, free).covariance();

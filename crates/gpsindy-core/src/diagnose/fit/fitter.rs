@@ -8,7 +8,7 @@ use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::{Budget, FAR, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, guess_initial};
+use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, guess_starts};
 
 /// Makes contestants of one diagnosis.
 #[derive(Debug, Clone, Copy, Default)]
@@ -204,7 +204,7 @@ impl Fitter {
     pub(crate) fn on(self, contestant: &Contestant, experiment: &Experiment, budget: Budget) -> Result<Contestant> {
         let own = &contestant.experiment;
         let experiment = Experiment { scale: own.scale.clone(), starts: starts(contestant), ..experiment.clone() };
-        let mut guess = guess_initial(&contestant.system, &experiment);
+        let mut guess = guess_starts(&contestant.system, &experiment, &contestant.refined.parameters)?;
         if experiment.windows != own.windows {
             // A window that starts where an earlier one did starts as that one was fitted.
             for (window, start) in experiment.windows.iter().zip(&mut guess) {

@@ -39,7 +39,11 @@ pub(crate) fn refit(
         stage.advance()?;
         Ok(fit)
     };
-    let fits = jobs.par_iter().map(fit).collect::<Result<Vec<Option<Contestant>>>>()?;
+    // A simulator that steps is one for all: fits side by side would set its parameters in turn at every step.
+    let in_turn = base.system.engine().is_some();
+    let fits: Result<Vec<Option<Contestant>>> =
+        if in_turn { jobs.iter().map(fit).collect() } else { jobs.par_iter().map(fit).collect() };
+    let fits = fits?;
     let mut fits: Vec<Contestant> = fits.into_iter().flatten().collect();
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
@@ -51,7 +55,9 @@ pub(crate) fn refit(
         let may_win = contest.score(&fit) >= last.min(near) && may_gain;
         if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
     };
-    let mut fits = fits.into_par_iter().map(finish).collect::<Result<Vec<Contestant>>>()?;
+    let fits: Result<Vec<Contestant>> =
+        if in_turn { fits.into_iter().map(finish).collect() } else { fits.into_par_iter().map(finish).collect() };
+    let mut fits = fits?;
     contest.sort(&mut fits);
     // The next round goes on from the leader, so its fit is worth every step.
     if let Some(leader) = fits.first_mut().filter(|_| !contest.run.is_out_of_time()) {

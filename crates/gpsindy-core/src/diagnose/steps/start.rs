@@ -9,7 +9,7 @@ use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::limits::Budget;
 use crate::diagnose::limits::start::{BEGINNING, CHANCE, FEWEST, LONGER, ROUGH, ROUNDS, SHORTEST, STEPS, UNTOLD};
 use crate::model::System;
-use crate::refine::{Experiment, Jacobian, Log, Point, Window, guess_initial};
+use crate::refine::{Experiment, Jacobian, Log, Point, Window, guess_initial, guess_starts};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// What the first samples tell of one window's start.
@@ -40,7 +40,10 @@ pub(crate) fn starts(
     let beliefs = beliefs(system, &beginning, nominal_states);
     let believed: Vec<Vec<f64>> = beliefs.iter().map(|b| b.states.iter().map(|s| s.0).collect()).collect();
     let settings = Budget::Usual.refine();
-    let free = settings.fit(system, &beginning, parameters, &[], Some(&believed));
+    // Rollouts that stop at the nearest saturation are followed from their first samples on.
+    let followed = system.engine().and_then(|_| guess_starts(system, &beginning, parameters).ok());
+    let from = followed.map(|guess| with_lagging(system, &beginning, guess, nominal_states));
+    let free = settings.fit(system, &beginning, parameters, &[], Some(from.as_ref().unwrap_or(&believed)));
     let mut initial = free.map_or_else(|_| believed.clone(), |fit| fit.initial);
     for _ in 0..ROUNDS {
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);

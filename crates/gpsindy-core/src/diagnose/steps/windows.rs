@@ -16,7 +16,7 @@ pub(crate) enum Purpose {
 
 /// Windows short enough that the model stays near the logs and initial errors do not explode.
 ///
-/// Starts from whole runs and halves; `watch` is told how often. Returns the experiment and, where they had to be cut,
+/// Starts from whole runs, or from the time of one motion where a simulator steps by itself, and halves; `watch` is told how often. Returns the experiment and, where they had to be cut,
 /// their length in s.
 pub(crate) fn choose_windows(
     system: &System,
@@ -28,6 +28,13 @@ pub(crate) fn choose_windows(
     let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
     let mut parts = 1usize;
+    if purpose == Purpose::Search && system.engine().is_some() && system.n_controls() > 0 {
+        // A longer rollout costs more calls, and has more saturations and stops at which the fit of a wrong model ends.
+        let motion = motion_time(&experiment);
+        while longest / parts as f64 > motion && samples / (2 * parts) >= SHORTEST {
+            parts *= 2;
+        }
+    }
     loop {
         watch(parts.ilog2() as usize)?;
         let length = longest / parts as f64;
