@@ -121,7 +121,8 @@ def told(cause: Any) -> tuple[str, str]:
     kinds = {"coulomb_friction": ("friction", place or joint), "inertia": ("armature", place), "input_delay": ("delay", joint)}
     if cause.effect == "parameter_error":
         in_hand = attribute == "mass" and own in ("gripper", "moving_jaw")
-        return ("payload", "") if in_hand else (attribute, own)
+        # The arm has dry friction already, so that more of it is another value of that.
+        return ("payload", "") if in_hand else ("friction" if attribute == "frictionloss" else attribute, own)
     if cause.effect in ("backlash", "gear_play"):
         return "play", joint or place
     return kinds.get(cause.effect, (cause.effect, place or joint))
