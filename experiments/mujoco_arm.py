@@ -199,7 +199,7 @@ def main() -> None:
         found = gpsindy.diagnose(simulator, logs[:-1], holdout=logs[-1:], hold="zero", time_limit=given.limit)
         times.append(time.perf_counter() - begun)
         named = {told(cause): cause for cause in found.included}
-        closed = found.closure.closed
+        closed = found.closure["closed"]
         is_right = set(named) == set(planted) and (bool(planted) or found.verdict == "no_gap")
         right, quiet = right + (is_right and bool(planted)), quiet + (is_right and not planted)
         if planted and closed is not None:
