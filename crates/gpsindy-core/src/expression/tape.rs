@@ -114,6 +114,17 @@ impl Tape {
         })
     }
 
+    /// Which variable an output is, where it is nothing but that; `None` also for constants.
+    pub(crate) fn bare_variable(&self, output: usize) -> Option<usize> {
+        Some(self.outputs[output] as usize).filter(|&register| register < self.n_variables)
+    }
+
+    /// Whether an output is nothing but a constant.
+    pub(crate) fn is_constant(&self, output: usize) -> bool {
+        let register = self.outputs[output] as usize;
+        (self.n_variables + 1..=self.n_variables + self.constants.len()).contains(&register)
+    }
+
     /// Number of variables it reads.
     pub fn n_variables(&self) -> usize {
         self.n_variables

@@ -10,22 +10,6 @@ use nalgebra::{DMatrix, DVector};
 /// rounding error, a compromise between truncation and cancellation.
 const DIFFERENCE: f64 = 1e-6;
 
-/// The same for a simulator that steps by itself: what its own solver leaves undone must not count.
-const STEPPED_DIFFERENCE: f64 = 1e-5;
-
-/// Share of a reading's noise by which a logged state's start is moved there, and of its typical size at most: nearer than that
-/// nothing is known of the start, and a slope over so much does not end at the nearest stop or saturation.
-const STEPPED_START: (f64, f64) = (0.5, 0.01);
-
-/// Over how much a start is moved for a derivative.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Slopes {
-    /// As much as is not known of it: the slope of a search, which passes over stops and saturations.
-    Coarse,
-    /// As little as rounding allows: the derivative.
-    Fine,
-}
-
 /// Where a search stands: all parameters, and every window's initial state.
 #[derive(Debug, Clone)]
 pub(crate) struct Point {
@@ -58,19 +42,8 @@ pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
 
 impl Jacobian {
     pub(crate) fn new(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
-        Self::with_slopes(system, experiment, point, free, Slopes::Fine)
-    }
-
-    /// As [`Jacobian::new`], with such slopes where the simulator steps by itself.
-    pub(crate) fn with_slopes(
-        system: &System,
-        experiment: &Experiment,
-        point: &Point,
-        free: &[Free],
-        slopes: Slopes,
-    ) -> Result<Self> {
         if system.engine().is_some() {
-            return Self::in_lockstep(system, experiment, point, free, slopes);
+            return super::stepped::jacobian(system, experiment, point, free);
         }
         if 1 + system.n_states() + free.len() <= 4 {
             Self::with_lanes::<4>(system, experiment, point, free)
@@ -93,84 +66,6 @@ impl Jacobian {
         moved.extend((0..width).map(Some));
         for (pass, lanes_of) in moved.chunks(L).enumerate() {
             self::pass::<L>(system, experiment, point, free, pass == 0, lanes_of, &mut blocks)?;
-        }
-        Ok(Self { blocks, n_states: n })
-    }
-
-    /// The same where the simulator steps by itself: every window and every moved value in one go.
-    fn in_lockstep(
-        system: &System,
-        experiment: &Experiment,
-        point: &Point,
-        free: &[Free],
-        slopes: Slopes,
-    ) -> Result<Self> {
-        let n = system.n_states();
-        let n_columns = experiment.columns.len();
-        let width = n + free.len();
-        let mut blocks = empty_blocks(experiment, width);
-        let by = |column: usize| {
-            let least = STEPPED_DIFFERENCE / DIFFERENCE * difference(experiment, n, free, column);
-            match experiment.column_of(column).filter(|_| column < n && slopes == Slopes::Coarse) {
-                Some(c) => {
-                    least.max((STEPPED_START.0 * experiment.noise[c]).min(STEPPED_START.1 * experiment.scale[column]))
-                }
-                None => least,
-            }
-        };
-        let mut jobs = Vec::with_capacity(experiment.windows.len() * (1 + width));
-        for window in 0..experiment.windows.len() {
-            for moved in std::iter::once(None).chain((0..width).map(Some)) {
-                let (mut parameters, mut initial) = (point.parameters.clone(), point.initial[window].clone());
-                match moved {
-                    Some(column) if column < n => initial[column] += by(column),
-                    Some(column) => parameters[free[column - n].parameter] += by(column),
-                    None => {}
-                }
-                jobs.push(Job { window, parameters, initial });
-            }
-        }
-        let mut diverged = None;
-        roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
-            let (w, moved) = (job / (1 + width), job % (1 + width));
-            let window = experiment.windows[w];
-            let log = &experiment.logs[window.log];
-            let measured = log.measured[c][sample];
-            if !measured.is_finite() {
-                return;
-            }
-            let row = (sample - window.first) * n_columns + c;
-            let scaled = value / experiment.noise[c];
-            let block = &mut blocks[w];
-            if moved == 0 {
-                block.residual[row] = measured / experiment.noise[c] - scaled;
-                block.present[row] = true;
-                if !value.is_finite() && diverged.is_none() {
-                    diverged = Some((log.name.clone(), log.time[sample], experiment.columns[c], value));
-                }
-            } else {
-                // Outputs for now; a job's own point may come after it.
-                block.derivative[(row, moved - 1)] = scaled;
-            }
-        });
-        if let Some((run, time, state, value)) = diverged {
-            return Err(Error::Diverged {
-                what: format!("the simulator `{}` in run `{run}`", system.model().name),
-                time,
-                state: system.model().states[state].name.clone(),
-                value,
-            });
-        }
-        for (block, window) in blocks.iter_mut().zip(&experiment.windows) {
-            let log = &experiment.logs[window.log];
-            for row in (0..block.residual.len()).filter(|&row| block.present[row]) {
-                let c = row % n_columns;
-                let base = log.measured[c][window.first + row / n_columns] / experiment.noise[c] - block.residual[row];
-                for column in 0..width {
-                    let slope = (block.derivative[(row, column)] - base) / by(column);
-                    block.derivative[(row, column)] = if slope.is_finite() { slope } else { 0.0 };
-                }
-            }
         }
         Ok(Self { blocks, n_states: n })
     }
@@ -201,7 +96,7 @@ fn empty_blocks(experiment: &Experiment, width: usize) -> Vec<Block> {
 }
 
 /// Step of the finite difference of column `column`.
-fn difference(experiment: &Experiment, n_states: usize, free: &[Free], column: usize) -> f64 {
+pub(super) fn difference(experiment: &Experiment, n_states: usize, free: &[Free], column: usize) -> f64 {
     DIFFERENCE * if column < n_states { experiment.scale[column] } else { free[column - n_states].scale }
 }
 
@@ -278,41 +173,6 @@ pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], 
     });
     let all = sums.iter().zip(points).map(|(sum, point)| sum + prior_cost(&point.parameters, free));
     all.map(|cost| if cost.is_finite() { cost } else { f64::INFINITY }).collect()
-}
-
-/// Costs of several points, where every window of a point starts as it does or as it does in `old`, whichever suits it:
-/// windows do not know of each other, and one that a step drives over a stop need not hold up all others. The points with the
-/// starts that were taken, and their costs.
-pub(crate) fn costs_by_window(
-    system: &System,
-    experiment: &Experiment,
-    points: Vec<Point>,
-    old: &Point,
-    free: &[Free],
-) -> (Vec<Point>, Vec<f64>) {
-    let columns = experiment.columns.len();
-    let still = points.iter().map(|p| Point { parameters: p.parameters.clone(), initial: old.initial.clone() });
-    let mut all: Vec<Point> = points.iter().cloned().chain(still).collect();
-    let mut sums = vec![vec![0.0; experiment.windows.len()]; all.len()];
-    misses(system, experiment, &all, |point, window, row, missed| {
-        sums[point][window] += experiment.starts.weight(row / columns) * (missed * missed);
-    });
-    all.truncate(points.len());
-    let mut costs = Vec::with_capacity(all.len());
-    for (k, point) in all.iter_mut().enumerate() {
-        let mut cost = prior_cost(&point.parameters, free);
-        // Where the parameters stay, every other step's start is as good a choice.
-        let rivals: Vec<usize> = if free.is_empty() { (0..sums.len()).collect() } else { vec![k, k + points.len()] };
-        for (w, start) in point.initial.iter_mut().enumerate() {
-            let own = |r: &usize| if sums[*r][w].is_finite() { sums[*r][w] } else { f64::INFINITY };
-            let best = rivals.iter().copied().min_by(|a, b| own(a).total_cmp(&own(b))).unwrap_or(k);
-            let from = if best < points.len() { &points[best] } else { old };
-            start.clone_from(&from.initial[w]);
-            cost += own(&best);
-        }
-        costs.push(cost);
-    }
-    (all, costs)
 }
 
 /// Residuals of several points: `receive(point, window, row, (measured - model)/noise)`, rows as those of a [`Block`].

@@ -5,27 +5,27 @@
 //! Source: Bock 1983, Recent advances in parameter identification techniques for ODE; Nocedal and
 //! Wright 2006, Numerical Optimization, section 10.3.
 
-mod beginnings;
 mod experiment;
 mod history;
 mod jacobian;
 pub(crate) mod lanes;
 mod normal;
 mod profile;
+mod stepped;
 
 pub(crate) use crate::data::Hold;
-pub(crate) use beginnings::guess_starts;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
-use jacobian::{Slopes, costs_by_window};
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::tangent::tangent;
 pub(crate) use profile::Profile;
+pub(crate) use stepped::{Kept, guess_starts};
 
 use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::DMatrix;
 use normal::Normal;
+use std::sync::Arc;
 
 /// A parameter that a fit may change.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,6 +89,8 @@ pub struct Refined {
     pub converged: bool,
     /// Steps taken.
     pub iterations: usize,
+    /// Derivatives for the next fit, where the simulator steps by itself.
+    pub(crate) kept: Option<Arc<Kept>>,
 }
 
 /// Factors on the damping that a step tries side by side: nearly Newton's own step, about as far as before, and two that are
@@ -108,29 +110,42 @@ impl Refine {
         free: &[Free],
         initial: Option<&[Vec<f64>]>,
     ) -> Result<Refined> {
-        let (refined, _) = self.fit_with_jacobian(system, experiment, parameters, free, initial)?;
+        let (refined, _) = self.fit_watched(system, experiment, (parameters, free), initial, &|_| Ok(()))?;
         Ok(refined)
     }
 
-    /// As [`Refine::fit`], and the Jacobian at the end.
-    pub(crate) fn fit_with_jacobian(
+    /// As [`Refine::fit`], from where an earlier fit stands, of the same windows where it can be.
+    pub(crate) fn fit_on(
         &self,
         system: &System,
         experiment: &Experiment,
-        parameters: &[f64],
-        free: &[Free],
-        initial: Option<&[Vec<f64>]>,
-    ) -> Result<(Refined, Jacobian)> {
-        self.fit_watched(system, experiment, (parameters, free), initial, &|_| Ok(()))
+        (parameters, free): (&[f64], &[Free]),
+        initial: &[Vec<f64>],
+        kept: Option<&Arc<Kept>>,
+    ) -> Result<Refined> {
+        let (refined, _) = self.fit_from(system, experiment, (parameters, free), Some(initial), kept, &|_| Ok(()))?;
+        Ok(refined)
     }
 
-    /// As [`Refine::fit_with_jacobian`]; `watch` is told how many steps are done, and may end the fit with an error.
+    /// As [`Refine::fit`], and the Jacobian at the end; `watch` is told how many steps are done, and may end the fit with an error.
     pub(crate) fn fit_watched(
         &self,
         system: &System,
         experiment: &Experiment,
         (parameters, free): (&[f64], &[Free]),
         initial: Option<&[Vec<f64>]>,
+        watch: &dyn Fn(usize) -> Result<()>,
+    ) -> Result<(Refined, Jacobian)> {
+        self.fit_from(system, experiment, (parameters, free), initial, None, watch)
+    }
+
+    fn fit_from(
+        &self,
+        system: &System,
+        experiment: &Experiment,
+        (parameters, free): (&[f64], &[Free]),
+        initial: Option<&[Vec<f64>]>,
+        kept: Option<&Arc<Kept>>,
         watch: &dyn Fn(usize) -> Result<()>,
     ) -> Result<(Refined, Jacobian)> {
         if parameters.len() != system.n_parameters() {
@@ -144,9 +159,10 @@ impl Refine {
         for f in free {
             point.parameters[f.parameter] = point.parameters[f.parameter].clamp(f.lower, f.upper);
         }
-        // A search is made with coarse slopes, and ends with fine ones.
-        let mut slopes = if system.engine().is_some() { Slopes::Coarse } else { Slopes::Fine };
-        let mut jacobian = Jacobian::with_slopes(system, experiment, &point, free, slopes)?;
+        if system.engine().is_some() {
+            return stepped::fit(self, (system, experiment, free), point, kept, watch);
+        }
+        let mut jacobian = Jacobian::new(system, experiment, &point, free)?;
         let mut cost = jacobian.cost(experiment, &point, free);
         let mut damping = 1e-3;
         let mut converged = false;
@@ -161,12 +177,7 @@ impl Refine {
                     .iter()
                     .filter_map(|factor| Some((*factor, normal.step(&point, free, damping * factor)?)))
                     .unzip();
-                let (trials, costs) = if system.engine().is_some() {
-                    costs_by_window(system, experiment, trials, &point, free)
-                } else {
-                    let costs = costs(system, experiment, &trials, free);
-                    (trials, costs)
-                };
+                let costs = costs(system, experiment, &trials, free);
                 let Some(best) = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])) else { break };
                 if costs[best] < cost {
                     converged = cost - costs[best] <= self.tolerance * cost;
@@ -179,18 +190,28 @@ impl Refine {
                 damping *= 1e4;
             }
             // Where no step of any length helps: the floor of the arithmetic, or of the finite differences.
-            let at_rest = converged || !improved;
-            converged = at_rest && slopes == Slopes::Fine;
-            if at_rest && slopes == Slopes::Coarse {
-                (slopes, damping) = (Slopes::Fine, damping.min(1e-3));
-            }
-            if improved || !converged {
-                jacobian = Jacobian::with_slopes(system, experiment, &point, free, slopes)?;
+            converged |= !improved;
+            if improved {
+                jacobian = Jacobian::new(system, experiment, &point, free)?;
             }
         }
-        if slopes == Slopes::Coarse {
-            jacobian = Jacobian::new(system, experiment, &point, free)?;
-        }
+        let found = Found { point, jacobian, cost, converged, iterations };
+        Ok(found.refined(experiment, free))
+    }
+}
+
+/// What a search ended with.
+struct Found {
+    point: Point,
+    jacobian: Jacobian,
+    cost: f64,
+    converged: bool,
+    iterations: usize,
+}
+
+impl Found {
+    fn refined(self, experiment: &Experiment, free: &[Free]) -> (Refined, Jacobian) {
+        let Self { point, jacobian, cost, converged, iterations } = self;
         let (covariance, left_out) = Normal::new(&jacobian, experiment, &point, free).covariance();
         let refined = Refined {
             parameters: point.parameters,
@@ -201,8 +222,9 @@ impl Refine {
             left_out,
             converged,
             iterations,
+            kept: None,
         };
-        Ok((refined, jacobian))
+        (refined, jacobian)
     }
 }
 

@@ -54,11 +54,22 @@ impl Normal {
 
     /// The point one damped Gauss-Newton step on, kept inside the bounds.
     pub(crate) fn step(&self, point: &Point, free: &[Free], damping: f64) -> Option<Point> {
+        self.step_by_window(point, free, damping, &|_| damping)
+    }
+
+    /// The same with a damping of the parameters and one of every window's initial state.
+    pub(crate) fn step_by_window(
+        &self,
+        point: &Point,
+        free: &[Free],
+        damping: f64,
+        of_window: &dyn Fn(usize) -> f64,
+    ) -> Option<Point> {
         let mut reduced = damped(&self.parameters, damping);
         let mut gradient = self.gradient.clone();
         let mut solved = Vec::with_capacity(self.windows.len());
-        for (initial, mixed, slope) in &self.windows {
-            let factor = damped(initial, damping).cholesky()?;
+        for (w, (initial, mixed, slope)) in self.windows.iter().enumerate() {
+            let factor = damped(initial, of_window(w)).cholesky()?;
             let weights = factor.solve(mixed);
             let own = factor.solve(slope);
             reduced -= mixed.tr_mul(&weights);

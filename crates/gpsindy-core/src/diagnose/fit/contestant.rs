@@ -57,6 +57,12 @@ pub(crate) struct Linearised<'a> {
 }
 
 impl Contestant {
+    /// Whether fits wait for each other: a simulator that steps is one for all, and fits side by side would set its parameters in
+    /// turn at every step.
+    pub(crate) fn fits_in_turn(&self) -> bool {
+        self.system.engine().is_some()
+    }
+
     /// Number of states without those that hypotheses added (lagging inputs).
     pub(crate) fn nominal_states(&self) -> usize {
         self.system.n_states() - self.hypotheses.iter().map(Hypothesis::added_states).sum::<usize>()
@@ -128,5 +134,39 @@ impl Contestant {
         let pairs = self.refined.residuals.iter().flatten().zip(other.refined.residuals.iter().flatten());
         let sum: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).filter(|d| !d.is_nan()).sum();
         sum / self.evidence.count().max(1) as f64
+    }
+}
+
+/// A contestant on a part of its windows, and what it shares of the whole's readings.
+pub(crate) struct Sketch {
+    contestant: Contestant,
+    jacobian: Jacobian,
+    pub(crate) share: f64,
+}
+
+impl Sketch {
+    pub(crate) fn linearised(&self) -> Linearised<'_> {
+        Linearised { contestant: &self.contestant, jacobian: self.jacobian.clone() }
+    }
+}
+
+impl Linearised<'_> {
+    /// The same on evenly spread windows with no more than so many readings; nothing where that is no less.
+    pub(crate) fn sketch(&self, readings: usize) -> Option<Sketch> {
+        let Linearised { contestant, jacobian } = self;
+        let count = contestant.experiment.windows.len();
+        let stride = contestant.experiment.n_values().div_ceil(readings.max(1));
+        if stride < 2 || count < 2 * stride {
+            return None;
+        }
+        let mut thin = (*contestant).clone();
+        let places = || (0..count).step_by(stride);
+        thin.experiment.windows = places().map(|w| contestant.experiment.windows[w]).collect();
+        thin.refined.initial = places().map(|w| contestant.refined.initial[w].clone()).collect();
+        thin.refined.residuals = places().map(|w| contestant.refined.residuals[w].clone()).collect();
+        let blocks = places().map(|w| jacobian.blocks[w].clone()).collect();
+        let share = thin.experiment.n_values() as f64 / contestant.experiment.n_values() as f64;
+        let jacobian = Jacobian { blocks, n_states: jacobian.n_states };
+        Some(Sketch { contestant: thin, jacobian, share })
     }
 }

@@ -106,8 +106,9 @@ impl Fitter {
         let mut point = Point { parameters, initial };
         sampling::settle(&system, &experiment, applied, &free, &mut point)?;
         let Point { parameters, initial } = point;
+        let kept = base.refined.kept.as_ref();
         let fit =
-            |experiment: &Experiment| budget.refine().fit(&system, experiment, &parameters, &free, Some(&initial));
+            |experiment: &Experiment| budget.refine().fit_on(&system, experiment, (&parameters, &free), &initial, kept);
         let mut refined = fit(&experiment)?;
         if entrants.iter().any(|e| e.hypothesis.reads_the_past()) {
             // What the late sensor saw before the log is as the logs have it.
@@ -130,7 +131,7 @@ impl Fitter {
             rest = later;
         }
         self.judge(&mut with);
-        if budget == Budget::Rough { Ok(with) } else { self.beyond(with, budget) }
+        if budget.only_ranks() { Ok(with) } else { self.beyond(with, budget) }
     }
 
     /// The same contestant with parameters beyond their lower ends, where that is better.
@@ -146,7 +147,8 @@ impl Fitter {
             other.refined.parameters[parameter] = value;
             other.free.retain(|f| f.parameter != parameter);
             let Contestant { system, experiment, free, refined, .. } = &other;
-            let fit = budget.refine().fit(system, experiment, &refined.parameters, free, Some(&refined.initial));
+            let at = (&refined.parameters[..], &free[..]);
+            let fit = budget.refine().fit_on(system, experiment, at, &refined.initial, refined.kept.as_ref());
             let Some(refined) = unless_refused(fit)? else { continue };
             other.refined = refined;
             self.judge(&mut other);
@@ -160,20 +162,21 @@ impl Fitter {
     /// The same contestant, its fit carried on.
     pub(crate) fn carried_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
-        let Contestant { system, free, refined: Refined { parameters, initial, .. }, .. } = &contestant;
-        let fit = budget.refine().fit(system, &experiment, parameters, free, Some(initial));
+        let Contestant { system, free, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
+        let fit = budget.refine().fit_on(system, &experiment, (parameters, free), initial, kept.as_ref());
         // Where not one step further can be taken it stays where it stands.
         let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
         let mut carried = Contestant { refined, experiment, ..contestant };
         self.judge(&mut carried);
-        self.beyond(carried, budget)
+        if budget.only_ranks() { Ok(carried) } else { self.beyond(carried, budget) }
     }
 
     /// The same contestant, fitted once more from the initial states that the logs show, where that is better.
     ///
     /// A poor model pulls the initial states of its windows off, and a better one that starts there may stay there.
     pub(crate) fn restarted(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        if contestant.evidence.misfit() < POOR {
+        // Starts of a simulator that steps end at stops and saturations, too few of them to make the whole fit a poor one.
+        if contestant.evidence.misfit() < POOR && contestant.system.engine().is_none() {
             return Ok(contestant);
         }
         let again = self.on(&contestant, &contestant.experiment, budget);
@@ -204,20 +207,23 @@ impl Fitter {
     pub(crate) fn on(self, contestant: &Contestant, experiment: &Experiment, budget: Budget) -> Result<Contestant> {
         let own = &contestant.experiment;
         let experiment = Experiment { scale: own.scale.clone(), starts: starts(contestant), ..experiment.clone() };
-        let mut guess = guess_starts(&contestant.system, &experiment, &contestant.refined.parameters)?;
-        if experiment.windows != own.windows {
-            // A window that starts where an earlier one did starts as that one was fitted.
-            for (window, start) in experiment.windows.iter().zip(&mut guess) {
-                let same = |w: &Window| w.log == window.log && w.first == window.first;
-                if let Some(place) = own.windows.iter().position(same) {
-                    let count = start.len();
-                    start.copy_from_slice(&contestant.refined.initial[place][..count]);
-                }
+        let n = contestant.system.n_states();
+        // A window that starts where an earlier one did starts as that one was fitted.
+        let place = |window: &Window| own.windows.iter().position(|w| w.log == window.log && w.first == window.first);
+        let known = |window| place(window).map(|place| contestant.refined.initial[place][..n].to_vec());
+        let is_moved = experiment.windows != own.windows;
+        let known: Vec<_> = experiment.windows.iter().map(|w| if is_moved { known(w) } else { None }).collect();
+        let guess = match known.iter().cloned().collect::<Option<Vec<_>>>() {
+            Some(all) => all,
+            None => {
+                let guess = guess_starts(&contestant.system, &experiment, &contestant.refined.parameters)?;
+                known.into_iter().zip(guess).map(|(known, guess)| known.unwrap_or(guess)).collect()
             }
-        }
+        };
         let initial = with_lagging(&contestant.system, &experiment, guess, contestant.nominal_states());
-        let (parameters, free) = (&contestant.refined.parameters, &contestant.free);
-        let refined = budget.refine().fit(&contestant.system, &experiment, parameters, free, Some(&initial))?;
+        let at = (&contestant.refined.parameters[..], &contestant.free[..]);
+        let kept = contestant.refined.kept.as_ref();
+        let refined = budget.refine().fit_on(&contestant.system, &experiment, at, &initial, kept)?;
         let mut moved = Contestant { experiment, refined, ..contestant.clone() };
         self.judge(&mut moved);
         Ok(moved)

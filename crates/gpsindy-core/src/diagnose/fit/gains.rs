@@ -354,6 +354,26 @@ mod tests {
     }
 
     #[test]
+    fn a_part_of_the_windows_tells_its_share_of_the_gain() {
+        let (model, data) = drive(None, |x| 1.3 * x, 1e-3, (4, 400));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[1e-3])).unwrap().with_windows_of(1.0);
+        let fitted = Fitter::default().nominal(system, experiment, Vec::new(), Budget::Thorough).unwrap();
+        let scene = scene_of(&fitted);
+        let all = enumerate(&model, &scene, &[0], &[]).unwrap();
+        let applied = all.iter().find(|h| h.id() == "viscous_friction").unwrap().apply(&model, &scene).unwrap();
+        let gain = |at: &Linearised<'_>| gains(&applied, at, &[&Basis::new(at, true)])[0][0].gain;
+        let at = fitted.linearised().unwrap();
+        let readings = fitted.experiment.n_values();
+        let sketch = at.sketch(readings.div_ceil(3)).unwrap();
+        assert!((sketch.share - 1.0 / 3.0).abs() < 0.06, "{}", sketch.share);
+        let (whole, part) = (gain(&at), gain(&sketch.linearised()) / sketch.share);
+        assert!((part / whole - 1.0).abs() < 0.2, "{part} of {whole}");
+        // There is no part of what is few already.
+        assert!(at.sketch(readings).is_none());
+    }
+
+    #[test]
     fn an_effect_gains_the_strain_of_a_tolerated_parameter_that_it_relieves() {
         let (gain, fitted) = relaxation(1.04);
         // The rate is two tolerances off and the friction is the same term: the belief's square of two comes free.

@@ -95,7 +95,9 @@ fn stepped_responses(
     // A straight line from the fitted rollout tells where a suspect would take it, without a rollout of its own.
     let contestant = at.contestant;
     match tangent(&contestant.system, experiment, &contestant.refined.parameters, &contestant.refined.initial) {
-        Some(tangent) => tangent.roll(system, experiment, &jobs, &experiment.columns, &mut receive),
+        Some((tangent, windows)) => {
+            tangent.roll(system, (experiment, &windows), &jobs, &experiment.columns, &mut receive);
+        }
         None => roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut receive),
     }
     out

@@ -5,6 +5,7 @@ pub(crate) mod augment;
 pub(crate) mod causes;
 pub(crate) mod charge;
 pub(crate) mod check;
+pub(crate) mod contained;
 pub(crate) mod contest;
 pub(crate) mod curves;
 pub(crate) mod detect;

@@ -1,14 +1,13 @@
 //! Places: replaces each effect of the winner in turn by every other effect, and keeps a better one.
 
-use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::catalogue::list::Effect;
-use crate::diagnose::fit::contestant::{Contestant, Entrant};
+use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{Budget, IN_SIGHT, NAMED};
+use crate::diagnose::steps::contained::contained;
 use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::gap_size;
 use crate::diagnose::steps::round::Tried;
 use crate::error::Result;
-use crate::parallel::*;
+use crate::parallel::each;
 
 /// The place of one effect of the winner.
 pub(crate) struct Place {
@@ -47,7 +46,7 @@ fn at(
     };
     let stage = format!("alternatives to effect {} of {}", place + 1, best.hypotheses.len());
     let mut fits = tried.expand(contest, &rest, &stage)?;
-    fits.extend(contained(contest, nominal, best, place)?);
+    fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
     // Several that apply together for the place of one must convince; they are no alternatives to one.
     let several = fits.iter().find(|f| f.hypotheses.len() > best.hypotheses.len());
     let richer = several.filter(|f| contest.is_convincing(f, best)).cloned();
@@ -66,32 +65,8 @@ fn at(
         true => contest.fitter.carried_on(f, Budget::Thorough),
         false => Ok(f),
     };
-    let mut fits = fits.into_par_iter().map(finish).collect::<Result<Vec<Contestant>>>()?;
+    let mut fits = each(best.fits_in_turn(), fits, finish)?;
     contest.sort(&mut fits);
     let removed = (rest.evidence.misfit() - best.evidence.misfit()).max(0.0);
     Ok(Place { rest: Some(rest), richer, fits: keep_first_of_each(fits), removed })
-}
-
-/// The winner with an effect that the one at `place` contains in its stead, from the values that it has there.
-///
-/// A screening sees little difference between the two, and the list of those that it lets through may end before the simpler one.
-fn contained(contest: &Contest<'_>, nominal: &Contestant, best: &Contestant, place: usize) -> Result<Vec<Contestant>> {
-    let wide = &best.hypotheses[place];
-    let narrow = |effect: Effect| {
-        let is_it = |h: &&Hypothesis| {
-            h.is(effect)
-                && (h.state, &h.site) == (wide.state, &wide.site)
-                && h.variables.first() == wide.variables.first()
-        };
-        contest.hypotheses.iter().find(is_it).filter(|h| !best.hypotheses.contains(h))
-    };
-    let values = best.values(place);
-    let mut all = Vec::new();
-    for hypothesis in wide.effect().into_iter().flat_map(|effect| effect.contains()).filter_map(|&e| narrow(e)) {
-        let mut effects = best.entrants_without(&[place]);
-        let own = values.first().into_iter().chain(values.last()).copied().collect();
-        effects.push((Entrant { hypothesis, searches: best.searches[place] }, own));
-        all.extend(contest.again_with(nominal, best, &effects)?);
-    }
-    Ok(all)
 }

@@ -5,13 +5,14 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::gains::Gain;
 use crate::diagnose::limits::{
-    Budget, CONVINCING, FINALISTS, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, PROMISING, SHORTLIST, STARTS,
-    TOGETHER,
+    Budget, CONVINCING, FINALISTS, GLANCED, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, PROMISING, SHORTLIST,
+    STARTS, TOGETHER,
 };
+use crate::diagnose::steps::contained::contained;
 use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::screen::Screened;
 use crate::error::Result;
-use crate::parallel::*;
+use crate::parallel::each;
 
 /// Contestants one step on from `base`, best first, chosen by a screening of so many `searches`.
 pub(crate) fn refit(
@@ -25,7 +26,9 @@ pub(crate) fn refit(
         return Ok(Vec::new());
     }
     let fitter = contest.fitter;
-    let mut jobs = jobs(contest, screened);
+    let in_turn = base.fits_in_turn();
+    let (most, budget) = if in_turn { (GLANCED * SHORTLIST, Budget::Glance) } else { (SHORTLIST, Budget::Rough) };
+    let mut jobs = jobs(contest, screened, most);
     jobs.retain(|job| has_room(contest, base, &job.screened.members));
     let stage = contest.run.stage(stage, jobs.len())?;
     let fit = |job: &Job<'_>| {
@@ -35,37 +38,74 @@ pub(crate) fn refit(
         let members = job.screened.members.iter();
         let entrant = |&h: &usize| Entrant { hypothesis: &contest.hypotheses[h], searches };
         let entrants: Vec<Entrant<'_>> = members.map(entrant).collect();
-        let fit = unless_refused(fitter.with(base, &entrants, &job.screened.applied, &job.values, Budget::Rough))?;
+        let fit = unless_refused(fitter.with(base, &entrants, &job.screened.applied, &job.values, budget))?;
         stage.advance()?;
         Ok(fit)
     };
-    // A simulator that steps is one for all: fits side by side would set its parameters in turn at every step.
-    let in_turn = base.system.engine().is_some();
-    let fits: Result<Vec<Option<Contestant>>> =
-        if in_turn { jobs.iter().map(fit).collect() } else { jobs.par_iter().map(fit).collect() };
-    let fits = fits?;
+    let fits = each(in_turn, jobs.iter().collect(), fit)?;
     let mut fits: Vec<Contestant> = fits.into_iter().flatten().collect();
+    if in_turn {
+        let carry = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
+            true => fitter.carried_on(fit, Budget::Rough),
+            false => Ok(fit),
+        };
+        fits = each(true, leading(contest, fits, (SHORTLIST, 2 * SHORTLIST)), carry)?;
+    }
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
     // Those that may still win are fitted to the end.
-    let last = fits.get(FINALISTS - 1).map_or(f64::NEG_INFINITY, |f| contest.score(f));
     let near = fits.first().map_or(0.0, |f| contest.score(f)) - IN_SIGHT;
-    let finish = |fit: Contestant| {
+    let finish = |(fit, leads): (Contestant, bool)| {
         let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
-        let may_win = contest.score(&fit) >= last.min(near) && may_gain;
+        let may_win = (leads || contest.score(&fit) >= near) && may_gain;
         if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
     };
-    let fits: Result<Vec<Contestant>> =
-        if in_turn { fits.into_iter().map(finish).collect() } else { fits.into_par_iter().map(finish).collect() };
-    let mut fits = fits?;
+    let mut fits = each(in_turn, leading(contest, fits, (FINALISTS, 1)), finish)?;
     contest.sort(&mut fits);
+    if contest.run.is_out_of_time() {
+        return Ok(fits);
+    }
     // The next round goes on from the leader, so its fit is worth every step.
-    if let Some(leader) = fits.first_mut().filter(|_| !contest.run.is_out_of_time()) {
-        let own = leader.clone();
-        let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Thorough)? };
-        *leader = fitter.restarted(own, Budget::Usual)?;
+    carry_first(contest, &mut fits)?;
+    if let Some(leader) = fits.first().cloned() {
+        let simpler = contained(contest, base, &leader, base.hypotheses.len(), &[])?;
+        let is_new = |simple: &Contestant| !fits.iter().any(|fit| fit.has_effects_of(simple));
+        let simpler: Vec<Contestant> = simpler.into_iter().filter(is_new).collect();
+        if !simpler.is_empty() {
+            fits.extend(simpler);
+            contest.sort(&mut fits);
+            carry_first(contest, &mut fits)?;
+        }
     }
     Ok(fits)
+}
+
+/// Fits the first to the end, and once more from the starts that the logs show.
+fn carry_first(contest: &Contest<'_>, fits: &mut [Contestant]) -> Result<()> {
+    let Some(leader) = fits.first_mut() else { return Ok(()) };
+    let fitter = contest.fitter;
+    let own = leader.clone();
+    let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Thorough)? };
+    *leader = fitter.restarted(own, Budget::Usual)?;
+    Ok(())
+}
+
+/// Whether each is among the first so many by score, or by sum of squares: a fit that is not at rest leaves what no noise would,
+/// and its score then says less of it than its sum of squares.
+fn leading(
+    contest: &Contest<'_>,
+    fits: Vec<Contestant>,
+    (by_score, by_squares): (usize, usize),
+) -> Vec<(Contestant, bool)> {
+    let first = |count: usize, value: &dyn Fn(&Contestant) -> f64| {
+        let mut order: Vec<usize> = (0..fits.len()).collect();
+        order.sort_by(|&a, &b| value(&fits[a]).total_cmp(&value(&fits[b])));
+        order.truncate(count);
+        order
+    };
+    let mut leaders = first(by_score, &|f| -contest.score(f));
+    leaders.extend(first(by_squares, &|f| f.evidence.squares()));
+    fits.into_iter().enumerate().map(|(place, fit)| (fit, leaders.contains(&place))).collect()
 }
 
 /// One fit that is to be made.
@@ -95,9 +135,9 @@ fn has_room(contest: &Contest<'_>, base: &Contestant, members: &[usize]) -> bool
     })
 }
 
-/// Which hypotheses are refitted, and from which values: the best by either noise model, the best of each family,
+/// Which hypotheses are refitted, and from which values: the best by either noise model (`most` of each), the best of each family,
 /// and those that promise together what none of them does alone.
-fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>]) -> Vec<Job<'a>> {
+fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>], most: usize) -> Vec<Job<'a>> {
     let mut chosen: Vec<usize> = Vec::new();
     let (alone, joint) = screened.split_at(contest.hypotheses.len());
     for basis in [0, 1] {
@@ -116,7 +156,7 @@ fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>]) -> Vec<Job<
             alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         let largest = order.first().map_or(0.0, |o| o.1);
-        chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));
+        chosen.extend(order.iter().take(most).filter(|o| o.1 > 0.0).map(|o| o.0));
         let mut families = Vec::new();
         for (h, gain) in order {
             if gain > OF_FAMILY * largest && !families.contains(&contest.hypotheses[h].family()) {

@@ -4,12 +4,14 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::rival::Rival;
-use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::contestant::{Contestant, Linearised, Sketch};
 use crate::diagnose::fit::gains::{Basis, Gain, gains};
 use crate::diagnose::fit::peaks::peaks;
+use crate::diagnose::limits::{SCREENED, SKETCHED};
 use crate::diagnose::steps::contest::Contest;
 use crate::error::Result;
 use crate::parallel::*;
+use crate::refine::{Refined, tangent};
 
 /// What a screening says of one hypothesis.
 #[derive(Debug, Clone, Default)]
@@ -43,14 +45,15 @@ impl Screened {
 }
 
 /// Straight-line gains of every hypothesis that is not in `base` already.
+///
+/// Of a simulator that steps all are screened on a part of the windows first, and only those that lead there on all of them; the
+/// others keep what the part says of the whole, but below the leaders.
 pub(crate) fn screen(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Vec<Option<Screened>>> {
     let scene = Scene { peaks: peaks(base), ..contest.scene.clone() };
-    let at = base.linearised()?;
-    let bases = [&Basis::new(&at, true), &Basis::new(&at, false)];
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
     let stage = contest.run.stage(stage, suspects.len())?;
-    let one = |members: Vec<usize>| {
+    let one = |members: &Vec<usize>, at: &Linearised<'_>, bases: &[&Basis]| {
         let hypotheses: Vec<&Hypothesis> = members.iter().map(|&h| &contest.hypotheses[h]).collect();
         let known = hypotheses.iter().any(|h| base.hypotheses.contains(h) || is_freed(base, h));
         let is_too_many = members.len() > 1 && base.hypotheses.len() + members.len() > contest.most;
@@ -59,23 +62,96 @@ pub(crate) fn screen(contest: &Contest<'_>, base: &Contestant, stage: &str) -> R
         }
         // An effect that can't be written into this model is none of its suspects.
         let Ok(applied) = joint::apply(&hypotheses, base.system.model(), &scene) else { return Ok(None) };
-        let gains = gains(&applied, &at, &bases);
+        let gains = gains(&applied, at, bases);
         stage.advance()?;
-        Ok(Some(Screened { members, applied, gains }))
+        Ok(Some(Screened { members: members.clone(), applied, gains }))
     };
-    suspects.into_par_iter().map(one).collect()
+    let on = |at: &Linearised<'_>, which: &dyn Fn(usize) -> bool| {
+        let bases = [&Basis::new(at, true), &Basis::new(at, false)];
+        let wanted: Vec<Option<&Vec<usize>>> =
+            suspects.iter().enumerate().map(|(place, members)| which(place).then_some(members)).collect();
+        let all = wanted.into_par_iter().map(|members| members.map_or(Ok(None), |members| one(members, at, &bases)));
+        all.collect::<Result<Vec<Option<Screened>>>>()
+    };
+    let at = base.linearised()?;
+    let Some(sketch) = sketched(base, &at) else { return on(&at, &|_| true) };
+    let mut rough = on(&sketch.linearised(), &|_| true)?;
+    let leaders = leaders(contest, &rough);
+    let mut whole = on(&at, &|place| leaders.contains(&place))?;
+    for basis in [0, 1] {
+        let last = whole.iter().flatten().map(|s| s.best(basis)).fold(f64::INFINITY, f64::min);
+        for gain in rough.iter_mut().flatten().flat_map(|s| &mut s.gains).map(|g| &mut g[basis]) {
+            gain.gain = (gain.gain / sketch.share).min(last);
+            gain.deviation = gain.deviation.map(|deviation| deviation * sketch.share.sqrt());
+        }
+    }
+    for (whole, rough) in whole.iter_mut().zip(rough) {
+        if whole.is_none() {
+            *whole = rough;
+        }
+    }
+    Ok(whole)
 }
 
-/// Gain and degrees of freedom of every function without a name at `base`, under coloured noise.
+/// A part of the windows, where a simulator that steps makes all of them dear.
+fn sketched(base: &Contestant, at: &Linearised<'_>) -> Option<Sketch> {
+    base.system.engine()?;
+    let sketch = at.sketch(SKETCHED)?;
+    // Its derivatives along all windows serve for the part, too.
+    let Refined { parameters, initial, .. } = &base.refined;
+    tangent(&base.system, &base.experiment, parameters, initial);
+    Some(sketch)
+}
+
+/// The suspects with the largest gains by either noise model, and the best of every family.
+fn leaders(contest: &Contest<'_>, screened: &[Option<Screened>]) -> Vec<usize> {
+    let mut all = Vec::new();
+    for basis in [0, 1] {
+        let mut order: Vec<(usize, &Screened)> =
+            screened.iter().enumerate().filter_map(|(place, s)| Some((place, s.as_ref()?))).collect();
+        order.sort_by(|a, b| b.1.best(basis).total_cmp(&a.1.best(basis)));
+        let mut families = Vec::new();
+        for (rank, (place, suspect)) in order.into_iter().enumerate() {
+            let family = contest.hypotheses[suspect.members[0]].family();
+            let is_first = !families.contains(&family);
+            if is_first {
+                families.push(family);
+            }
+            if rank < SCREENED || is_first {
+                all.push(place);
+            }
+        }
+    }
+    all
+}
+
+/// Gain and degrees of freedom of every function without a name at `base`, under coloured noise; on a part of the windows first, as
+/// in [`screen`].
 pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(f64, usize)>> {
     let at = base.linearised()?;
-    let coloured = Basis::new(&at, false);
-    let gain = |rival: &Rival| {
+    let gain = |rival: &Rival, at: &Linearised<'_>, coloured: &Basis| {
         let applied = rival.apply(base.system.model(), &contest.scene);
-        let found = gains(&applied, &at, &[&coloured]);
+        let found = gains(&applied, at, &[coloured]);
         found.first().map_or((0.0, 1), |g| (g[0].gain, g[0].degrees))
     };
-    Ok(contest.rivals.par_iter().map(gain).collect())
+    let coloured = Basis::new(&at, false);
+    let Some(sketch) = sketched(base, &at).filter(|_| contest.rivals.len() > SCREENED) else {
+        return Ok(contest.rivals.par_iter().map(|rival| gain(rival, &at, &coloured)).collect());
+    };
+    let part = sketch.linearised();
+    let rough_noise = Basis::new(&part, false);
+    let mut all: Vec<(f64, usize)> = contest.rivals.par_iter().map(|rival| gain(rival, &part, &rough_noise)).collect();
+    let mut order: Vec<usize> = (0..all.len()).collect();
+    order.sort_by(|&a, &b| all[b].0.total_cmp(&all[a].0));
+    let leaders = &order[..SCREENED];
+    let whole: Vec<(f64, usize)> =
+        leaders.par_iter().map(|&place| gain(&contest.rivals[place], &at, &coloured)).collect();
+    let last = whole.iter().map(|(gain, _)| *gain).fold(f64::INFINITY, f64::min);
+    all.iter_mut().for_each(|(gain, _)| *gain = (*gain / sketch.share).min(last));
+    for (&place, whole) in leaders.iter().zip(whole) {
+        all[place] = whole;
+    }
+    Ok(all)
 }
 
 /// Whether the hypothesis frees a parameter that a hypothesis of this contestant has freed.

@@ -236,9 +236,14 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// A state of a lane.
-    pub(super) fn state(&self, j: usize, lane: usize) -> f64 {
-        self.x[j][lane]
+    /// A state of every lane.
+    pub(super) fn state(&self, j: usize) -> [f64; L] {
+        self.x[j]
+    }
+
+    /// Number of its jobs.
+    pub(super) fn count(&self) -> usize {
+        self.count
     }
 
     /// Looks at the inputs of the sample that begins.
@@ -289,6 +294,43 @@ impl<'a> Group<'a> {
 
     /// Adds its rows to a call; arguments are those of the states `at`, where they are given.
     pub(super) fn put(&mut self, system: &System, dt: f64, at: Option<&[f64]>, rows: &mut Buffer) {
+        self.load(system, dt, at);
+        self.fill(system, rows);
+    }
+
+    /// Arguments that may differ from those of the same rollout with other `parameters` and without what this system adds:
+    /// all but states, controls, constants and equal parameters.
+    pub(super) fn changed_arguments(&self, system: &System, parameters: &[f64]) -> Vec<usize> {
+        let Some(drive) = system.drive() else { return Vec::new() };
+        let inputs = system.n_states() + system.n_controls();
+        let first = inputs + self.lanes.histories.len();
+        let is_equal = |i: &usize| match drive.arguments.bare_variable(*i) {
+            Some(v) if v < inputs => true,
+            Some(v) if v >= first => parameters.get(v - first).is_some_and(|p| self.arguments[v] == [*p; L]),
+            _ => drive.arguments.is_constant(*i),
+        };
+        (0..drive.arguments.n_outputs()).filter(|i| !is_equal(i)).collect()
+    }
+
+    /// The `wanted` arguments of a step at the states `at`.
+    pub(super) fn arguments_at(
+        &mut self,
+        system: &System,
+        dt: f64,
+        at: &[f64],
+        wanted: &[usize],
+        into: &mut Vec<[f64; L]>,
+    ) {
+        into.clear();
+        self.load(system, dt, Some(at));
+        if let Some(drive) = system.drive() {
+            drive.arguments.evaluate(&mut self.arguments);
+            into.extend(wanted.iter().map(|&i| drive.arguments.output(&self.arguments, i)));
+        }
+    }
+
+    /// Looks at the inputs of the next step, and at the states `at` where they are given.
+    fn load(&mut self, system: &System, dt: f64, at: Option<&[f64]>) {
         let Some(engine) = system.engine() else { return };
         if let Some(trail) = &mut self.trail {
             trail.push(self.x.iter().map(|x| x[0]).collect());
@@ -309,7 +351,6 @@ impl<'a> Group<'a> {
             self.arguments[drive.arguments.n_variables()] = [t; L];
             self.beside[drive.beside.n_variables()] = [t; L];
         }
-        self.fill(system, rows);
     }
 
     /// The same rows once more, with the arguments of other states, all inputs being as they were.

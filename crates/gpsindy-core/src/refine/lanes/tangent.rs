@@ -33,23 +33,24 @@ pub(crate) struct Tangent {
     steps: Vec<Vec<Step>>,
 }
 
-/// The tangent of a system at a point; made where the one that the system keeps belongs to another.
+/// The tangent of a system at a point, and which of its windows those of `experiment` are; made where the one that the system
+/// keeps belongs to another point or lacks a window.
 pub(crate) fn tangent(
     system: &System,
     experiment: &Experiment,
     parameters: &[f64],
     initial: &[Vec<f64>],
-) -> Option<Arc<Tangent>> {
+) -> Option<(Arc<Tangent>, Vec<usize>)> {
     let mut kept = system.kept().lock().ok()?;
-    let belongs =
-        |t: &Arc<Tangent>| t.parameters == parameters && t.initial == initial && t.windows == experiment.windows;
     let known = kept.as_ref().and_then(|any| any.clone().downcast::<Tangent>().ok());
-    if let Some(found) = known.filter(belongs) {
-        return Some(found);
+    if let Some(found) = known
+        && let Some(windows) = found.windows_of(experiment, parameters, initial)
+    {
+        return Some((found, windows));
     }
     let made = Arc::new(Tangent::new(system, experiment, parameters, initial)?);
     *kept = Some(made.clone());
-    Some(made)
+    Some((made, (0..experiment.windows.len()).collect()))
 }
 
 impl Tangent {
@@ -73,46 +74,75 @@ impl Tangent {
         })
     }
 
-    /// As [`super::lockstep::roll_together`], for systems that change a little of what this one was made of.
+    /// Where the windows of `experiment` with these starts are among its own, if all are.
+    fn windows_of(&self, experiment: &Experiment, parameters: &[f64], initial: &[Vec<f64>]) -> Option<Vec<usize>> {
+        let mut own = self.windows.iter().zip(&self.initial).enumerate();
+        let mut place = |wanted: (&Window, &Vec<f64>)| Some(own.find(|(_, known)| *known == wanted)?.0);
+        if self.parameters != parameters {
+            return None;
+        }
+        experiment.windows.iter().zip(initial).map(&mut place).collect()
+    }
+
+    /// As [`super::lockstep::roll_together`], for systems that change a little of what this one was made of; `windows` says which
+    /// of its own those of the experiment are.
     pub(crate) fn roll(
         &self,
         system: &System,
-        experiment: &Experiment,
+        (experiment, windows): (&Experiment, &[usize]),
         jobs: &[Job],
         columns: &[usize],
         receive: &mut dyn FnMut(usize, usize, usize, f64),
     ) {
         let Some(engine) = system.engine() else { return };
         let period = engine.period();
-        let mut rows = Buffer::default();
         let mut first = 0;
+        let (mut moved, mut changed, mut next) = (Vec::new(), Vec::new(), Vec::new());
         while first < jobs.len() {
             let same = jobs[first..].iter().take_while(|j| j.window == jobs[first].window).count().min(L);
             let mut group = Group::new(system, experiment, jobs, first, same);
-            for step in &self.steps[jobs[first].window] {
+            let arguments = group.changed_arguments(system, &self.parameters);
+            for step in &self.steps[windows[jobs[first].window]] {
                 group.begin(Some(columns), receive);
                 let dt = group.next_step(period);
-                rows.clear();
-                group.put(system, dt, Some(&step.x), &mut rows);
-                self.next(step, &group, &mut rows);
-                group.take(system, period, dt, &rows.next);
+                group.arguments_at(system, dt, &step.x, &arguments, &mut changed);
+                for (now, &i) in changed.iter_mut().zip(&arguments) {
+                    *now = now.map(|now| now - step.arguments[i]);
+                }
+                moved.clear();
+                moved.extend(step.x.iter().enumerate().map(|(j, x)| group.state(j).map(|now| now - x)));
+                step.next(&moved, (&arguments, &changed), &mut next, group.count());
+                group.take(system, period, dt, &next);
             }
             group.begin(Some(columns), receive);
             first += same;
         }
     }
+}
 
-    /// The next states of every row of a group.
-    fn next(&self, step: &Step, group: &Group<'_>, rows: &mut Buffer) {
-        let (n, a) = (step.x.len(), step.arguments.len());
-        rows.next.clear();
-        for lane in 0..rows.count {
-            let moved: Vec<f64> = (0..n).map(|j| group.state(j, lane) - step.x[j]).collect();
-            let changed: Vec<f64> = rows.arguments(lane).zip(&step.arguments).map(|(now, then)| now - then).collect();
-            for j in 0..n {
-                let by_states: f64 = moved.iter().zip(&step.by_states[j * n..]).map(|(d, s)| d * s).sum();
-                let by_arguments: f64 = changed.iter().zip(&step.by_arguments[j * a..]).map(|(d, s)| d * s).sum();
-                rows.next.push(step.next[j] + by_states + by_arguments);
+impl Step {
+    /// The next states of `count` lanes, one after the other, whose states are that far off and whose arguments differ by so much.
+    fn next(
+        &self,
+        moved: &[[f64; L]],
+        (arguments, changed): (&[usize], &[[f64; L]]),
+        next: &mut Vec<f64>,
+        count: usize,
+    ) {
+        let (n, a) = (self.x.len(), self.arguments.len());
+        next.clear();
+        next.resize(n * count, 0.0);
+        for j in 0..n {
+            let mut value = [self.next[j]; L];
+            let mut add = |by: f64, lanes: &[f64; L]| {
+                for lane in 0..L {
+                    value[lane] += by * lanes[lane];
+                }
+            };
+            moved.iter().zip(&self.by_states[j * n..(j + 1) * n]).for_each(|(lanes, &by)| add(by, lanes));
+            arguments.iter().zip(changed).for_each(|(&i, lanes)| add(self.by_arguments[j * a + i], lanes));
+            for lane in 0..count {
+                next[lane * n + j] = value[lane];
             }
         }
     }

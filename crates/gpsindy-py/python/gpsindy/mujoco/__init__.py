@@ -18,7 +18,7 @@ from gpsindy._tables import Array
 from gpsindy.dataset import Path
 from gpsindy.model import Model
 from gpsindy.mujoco._engine import mujoco
-from gpsindy.mujoco.copies import WORTH_THREADS, Copies
+from gpsindy.mujoco.copies import WORTH_THREADS, Copies, seconds_a_step
 from gpsindy.mujoco.settings import Setting, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
@@ -74,6 +74,7 @@ class Simulator:
         self._mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._threads = threads
         self._batches: dict[int, Copies] = {}
+        self._cost = seconds_a_step(self._mj)
         self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(self._mj.njnt)]
         self._actuators = [name_of(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
         self._positions, self._velocities = self._columns(joints or {})
@@ -207,7 +208,7 @@ class Simulator:
         size = max(16, 1 << (len(x) - 1).bit_length())
         if size not in self._batches:
             # A thread that waits for few rows costs more than it does.
-            threads = self._threads if size >= WORTH_THREADS else 1
+            threads = self._threads if size * self._cost >= WORTH_THREADS else 1
             self._batches[size] = Copies(self._mj, self._settings, size, threads)
         return self._batches[size].step(x, u, force, parameters, dt)
 

@@ -4,9 +4,9 @@
 //! of those events away from the true one, and a fit over the whole window stops at the first of them. Over three samples
 //! there is nothing to stop at; each beginning that is a little longer starts where the last one ended.
 
-use super::{Experiment, Refine, Window, guess_initial};
 use crate::error::{Error, Result};
 use crate::model::System;
+use crate::refine::{Experiment, Refine, Window, guess_initial};
 
 /// Samples of the first beginning: three tell a place, a rate and what drives it.
 const FIRST: usize = 3;
@@ -16,7 +16,7 @@ const FIRST: usize = 3;
 const LONGER: f64 = 1.4;
 
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
-const STEPS: Refine = Refine { max_iterations: 6, tolerance: 1e-3 };
+const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3 };
 
 /// Initial states of all windows at these parameters (all of the system's): what the first samples tell, and where the system
 /// steps by itself also what its rollouts do.
