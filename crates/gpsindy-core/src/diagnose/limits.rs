@@ -52,6 +52,10 @@ pub(crate) const START_SAMPLES: usize = 2;
 /// Mean squared residual (noise units) from which a fit tries the logs' own starts once more: twice the noise's variance.
 pub(crate) const POOR: f64 = 2.0;
 
+/// By how many times a window's mean squared residual must exceed the middle window's for its start to be doubted: chance does not
+/// double the mean of a hundred squares.
+pub(crate) const DOUBTED: f64 = 2.0;
+
 /// Standard deviations of a tolerance beyond which a value is no longer tolerated: it is an error, and must win as one.
 ///
 /// Three is the usual end of what a belief covers. The belief's tails would not hold it: thousands of residuals that are
@@ -181,7 +185,7 @@ pub(crate) const SHORTLIST: usize = 7;
 
 /// How many times as many take one step first where a simulator steps by itself: of a stiff, saturating machine straight lines tell
 /// little more than the place of an effect, and a step tells what it does.
-pub(crate) const GLANCED: usize = 4;
+pub(crate) const GLANCED: usize = 2;
 
 /// Share of the largest gain from which the best of every family is refitted, too.
 pub(crate) const OF_FAMILY: f64 = 0.2;

@@ -5,7 +5,7 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::sampling;
-use crate::diagnose::limits::{Budget, FAR, POOR, START_SAMPLES};
+use crate::diagnose::limits::{Budget, DOUBTED, FAR, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, guess_starts};
@@ -175,8 +175,10 @@ impl Fitter {
     ///
     /// A poor model pulls the initial states of its windows off, and a better one that starts there may stay there.
     pub(crate) fn restarted(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let is_poor = contestant.evidence.misfit() >= POOR;
         // Starts of a simulator that steps end at stops and saturations, too few of them to make the whole fit a poor one.
-        if contestant.evidence.misfit() < POOR && contestant.system.engine().is_none() {
+        let has_doubted = || contestant.system.engine().is_some() && has_poor_window(&contestant.refined.residuals);
+        if !is_poor && !has_doubted() {
             return Ok(contestant);
         }
         let again = self.on(&contestant, &contestant.experiment, budget);
@@ -254,6 +256,17 @@ pub(crate) fn starts(contestant: &Contestant) -> Starts {
     } else {
         Starts::default()
     }
+}
+
+/// Whether a window's residuals stand out among all windows'.
+fn has_poor_window(residuals: &[Vec<f64>]) -> bool {
+    let mean = |window: &Vec<f64>| {
+        let values = || window.iter().filter(|e| e.is_finite());
+        values().map(|e| e * e).sum::<f64>() / values().count().max(1) as f64
+    };
+    let mut means: Vec<f64> = residuals.iter().map(mean).collect();
+    means.sort_by(f64::total_cmp);
+    means.last().is_some_and(|worst| *worst > DOUBTED * means[means.len() / 2])
 }
 
 /// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits.

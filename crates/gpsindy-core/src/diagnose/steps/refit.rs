@@ -49,7 +49,7 @@ pub(crate) fn refit(
             true => fitter.carried_on(fit, Budget::Rough),
             false => Ok(fit),
         };
-        fits = each(true, leading(contest, fits, (SHORTLIST, 2 * SHORTLIST)), carry)?;
+        fits = each(true, leading(contest, fits, (SHORTLIST, SHORTLIST)), carry)?;
     }
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);

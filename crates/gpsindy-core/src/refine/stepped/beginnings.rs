@@ -15,6 +15,9 @@ const FIRST: usize = 3;
 /// 1.4 left none of 62 windows above 1.4 times the noise's variance, 2 left 6, and the whole window at once 27.
 const LONGER: f64 = 1.4;
 
+/// Samples beyond which no beginning is followed: what comes later tells of the machine, and little of the start.
+const LONGEST: usize = 128;
+
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
 const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3 };
 
@@ -38,7 +41,7 @@ pub(crate) fn guess_starts(system: &System, experiment: &Experiment, parameters:
     }
     let longest = experiment.windows.iter().map(|w| w.last - w.first + 1).max().unwrap_or(0);
     let mut count = FIRST;
-    while count < longest {
+    while count < longest.min(LONGEST) {
         let beginning = |w: &Window| Window { last: w.last.min(w.first + count - 1), ..*w };
         let cut = Experiment { windows: experiment.windows.iter().map(beginning).collect(), ..experiment.clone() };
         match STEPS.fit(system, &cut, parameters, &[], Some(&starts)) {
