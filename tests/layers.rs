@@ -51,6 +51,8 @@ const SHARED_STEPS: &[&str] = &["contest", "findings", "noise", "prepare", "roun
 /// Steps that are parts of another one, which alone may know them.
 const PARTS: &[(&str, &[&str])] = &[
     ("round", &["refit"]),
+    ("refit", &["contained"]),
+    ("places", &["contained"]),
     ("prepare", &["check"]),
     ("attribute", &["search", "simplify", "lengthen", "charge", "places", "detect"]),
     ("simplify", &["detect", "places"]),
