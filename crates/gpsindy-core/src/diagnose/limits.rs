@@ -183,10 +183,6 @@ pub(crate) const SCREENED: usize = 32;
 /// How many hypotheses are refitted at a contestant.
 pub(crate) const SHORTLIST: usize = 7;
 
-/// How many times as many take one step first where a simulator steps by itself: of a stiff, saturating machine straight lines tell
-/// little more than the place of an effect, and a step tells what it does.
-pub(crate) const GLANCED: usize = 2;
-
 /// Share of the largest gain from which the best of every family is refitted, too.
 pub(crate) const OF_FAMILY: f64 = 0.2;
 
@@ -350,6 +346,17 @@ pub(crate) mod sampling {
 
     /// How far from its start a period is looked for: starts are a quarter apart.
     pub(crate) const REACH: f64 = 1.3;
+}
+
+/// The filter whose innovations screen a simulator that steps.
+pub(crate) mod innovations {
+    /// Rounds of expectation maximisation of the pushes: each brings them nearer by a share, and a filter's memory hardly changes
+    /// with a tenth of them.
+    pub(crate) const ROUNDS: usize = 12;
+
+    /// Least deviation of a push, as a share of the reading's noise: a filter that takes the model as exact over a hundred samples
+    /// and more gains nothing from a longer memory, and its matrices lose their digits.
+    pub(crate) const LEAST: f64 = 0.01;
 }
 
 /// Random forces.

@@ -3,7 +3,9 @@
 //! A lane is one set of parameters and initial states. Classical Runge-Kutta of order 4; a held
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
+mod buffer;
 mod following;
+pub(crate) mod guided;
 pub(crate) mod lockstep;
 mod sticking;
 pub(crate) mod tangent;

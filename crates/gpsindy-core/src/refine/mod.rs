@@ -15,9 +15,10 @@ mod stepped;
 
 pub(crate) use crate::data::Hold;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
-pub(crate) use jacobian::{Jacobian, Point, costs, prior_cost};
+pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
+pub(crate) use lanes::guided::Guided;
 pub(crate) use lanes::lockstep::{Job, roll_together};
-pub(crate) use lanes::tangent::tangent;
+pub(crate) use lanes::tangent::{Tangent, tangent};
 pub(crate) use profile::Profile;
 pub(crate) use stepped::{Kept, guess_starts};
 

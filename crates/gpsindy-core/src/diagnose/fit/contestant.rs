@@ -2,6 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
 use crate::diagnose::fit::evidence::Evidence;
+use crate::diagnose::fit::innovations::Guide;
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Free, Jacobian, Point, Refined};
@@ -54,6 +55,8 @@ pub(crate) struct Contestant {
 pub(crate) struct Linearised<'a> {
     pub(crate) contestant: &'a Contestant,
     pub(crate) jacobian: Jacobian,
+    /// The filter whose innovations stand in the place of residuals; none where these are of rollouts.
+    pub(crate) guide: Option<Guide>,
 }
 
 impl Contestant {
@@ -123,7 +126,7 @@ impl Contestant {
     pub(crate) fn linearised(&self) -> Result<Linearised<'_>> {
         let point = Point { parameters: self.refined.parameters.clone(), initial: self.refined.initial.clone() };
         let jacobian = Jacobian::new(&self.system, &self.experiment, &point, &self.free)?;
-        Ok(Linearised { contestant: self, jacobian })
+        Ok(Linearised { contestant: self, jacobian, guide: None })
     }
 
     /// Mean squared difference of the outputs from another contestant's, in noise units; infinite on other windows.
@@ -141,19 +144,20 @@ impl Contestant {
 pub(crate) struct Sketch {
     contestant: Contestant,
     jacobian: Jacobian,
+    guide: Option<Guide>,
     pub(crate) share: f64,
 }
 
 impl Sketch {
     pub(crate) fn linearised(&self) -> Linearised<'_> {
-        Linearised { contestant: &self.contestant, jacobian: self.jacobian.clone() }
+        Linearised { contestant: &self.contestant, jacobian: self.jacobian.clone(), guide: self.guide.clone() }
     }
 }
 
 impl Linearised<'_> {
     /// The same on evenly spread windows with no more than so many readings; nothing where that is no less.
     pub(crate) fn sketch(&self, readings: usize) -> Option<Sketch> {
-        let Linearised { contestant, jacobian } = self;
+        let Linearised { contestant, jacobian, guide } = self;
         let count = contestant.experiment.windows.len();
         let stride = contestant.experiment.n_values().div_ceil(readings.max(1));
         if stride < 2 || count < 2 * stride {
@@ -167,6 +171,10 @@ impl Linearised<'_> {
         let blocks = places().map(|w| jacobian.blocks[w].clone()).collect();
         let share = thin.experiment.n_values() as f64 / contestant.experiment.n_values() as f64;
         let jacobian = Jacobian { blocks, n_states: jacobian.n_states };
-        Some(Sketch { contestant: thin, jacobian, share })
+        let guide = guide.as_ref().map(|Guide { tangent, whitening }| Guide {
+            tangent: tangent.clone(),
+            whitening: places().map(|w| whitening[w].clone()).collect(),
+        });
+        Some(Sketch { contestant: thin, jacobian, guide, share })
     }
 }

@@ -9,13 +9,16 @@ use crate::diagnose::fit::bounded::{bounded_gain, span_gain};
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::fitter::starts;
+use crate::diagnose::fit::innovations::whiten;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::fit::responses::{LANES, responses};
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::{MOST_STRAINED, SHOWN, STEP};
 use crate::model::System;
+use crate::refine::Starts;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// Residuals of a fit after whitening and projection, and what is needed to treat columns alike.
 pub(crate) struct Basis {
@@ -53,12 +56,29 @@ struct Strained {
 
 /// One window.
 struct Projected {
-    whitener: Whitener,
+    whitening: Whitening,
     /// Orthonormal directions of the initial state.
     directions: DMatrix<f64>,
     residual: DVector<f64>,
     /// Directions of the free parameters.
     free: DMatrix<f64>,
+}
+
+/// What makes a window's values white.
+enum Whitening {
+    /// Noise with a memory, column by column.
+    Noise(Whitener),
+    /// The innovations of a filter, sample by sample.
+    Innovations(Arc<Vec<DMatrix<f64>>>),
+}
+
+impl Whitening {
+    fn apply(&self, values: &mut DVector<f64>) {
+        match self {
+            Self::Noise(whitener) => whitener.whiten(values),
+            Self::Innovations(by_sample) => whiten(by_sample, values),
+        }
+    }
 }
 
 /// What a start of a hypothesis would gain.
@@ -76,9 +96,10 @@ pub(crate) struct Gain {
 }
 
 impl Basis {
-    /// `colours`: the noise to whiten by; white noise of the residual's own size where `white`.
+    /// Noise as white as the residual is large where `white`, else of the residual's colours; a filter's innovations are what it
+    /// expects.
     pub(crate) fn new(at: &Linearised<'_>, white: bool) -> Self {
-        let Linearised { contestant: fitted, jacobian } = at;
+        let Linearised { contestant: fitted, jacobian, guide } = at;
         let colours: Vec<Colour> = fitted
             .evidence
             .colours
@@ -114,20 +135,24 @@ impl Basis {
             })
             .take(MOST_STRAINED)
             .collect();
-        let starts = starts(fitted);
+        let starts = if guide.is_some() { Starts::default() } else { starts(fitted) };
         let first = First { values: starts.samples * fitted.experiment.columns.len(), weight: starts.weight(0).sqrt() };
         let windows = jacobian
             .blocks
             .iter()
-            .map(|block| {
-                let whitener = Whitener::new(&colours, &block.present);
+            .enumerate()
+            .map(|(window, block)| {
+                let whitening = match guide {
+                    Some(guide) => Whitening::Innovations(guide.whitening[window].clone()),
+                    None => Whitening::Noise(Whitener::new(&colours, &block.present)),
+                };
                 let mut residual = block.residual.clone();
-                whitener.whiten(&mut residual);
+                whitening.apply(&mut residual);
                 first.weigh(&mut residual);
                 let mut derivative = block.derivative.clone();
                 for mut column in derivative.column_iter_mut() {
                     let mut values = column.clone_owned();
-                    whitener.whiten(&mut values);
+                    whitening.apply(&mut values);
                     first.weigh(&mut values);
                     column.copy_from(&values);
                 }
@@ -142,7 +167,7 @@ impl Basis {
                 residual -= &directions * directions.tr_mul(&residual);
                 gram += free.tr_mul(&free);
                 slope += free.tr_mul(&residual);
-                Projected { whitener, directions, residual, free }
+                Projected { whitening, directions, residual, free }
             })
             .collect();
         let ridge = gram.diagonal().max() * 1e-12 + f64::MIN_POSITIVE;
@@ -159,8 +184,8 @@ impl Basis {
     /// are further columns.
     fn products(&self, columns: &mut [Vec<DVector<f64>>]) -> (DMatrix<f64>, DVector<f64>) {
         for column in columns.iter_mut() {
-            for (Projected { whitener, directions, .. }, values) in self.windows.iter().zip(column) {
-                whitener.whiten(values);
+            for (Projected { whitening, directions, .. }, values) in self.windows.iter().zip(column) {
+                whitening.apply(values);
                 self.first.weigh(values);
                 *values -= directions * directions.tr_mul(values);
             }

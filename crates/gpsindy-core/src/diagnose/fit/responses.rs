@@ -2,8 +2,9 @@
 
 use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::Linearised;
+use crate::diagnose::fit::innovations::Guide;
 use crate::model::System;
-use crate::refine::{Job, lanes::Lanes, roll_together, tangent};
+use crate::refine::{Job, Refined, lanes::Lanes, roll_together, tangent};
 use nalgebra::DVector;
 
 /// Columns that are rolled out at once: the width of the widest vector registers in doubles.
@@ -17,7 +18,7 @@ pub(crate) fn responses(
     initial: &[Vec<f64>],
     columns: &[&Vec<f64>],
 ) -> Vec<Vec<DVector<f64>>> {
-    let Linearised { contestant: fitted, jacobian } = at;
+    let Linearised { contestant: fitted, jacobian, .. } = at;
     let experiment = &fitted.experiment;
     let mut values = applied.model.parameters.iter().map(|p| p.value).collect::<Vec<_>>();
     values[..fitted.refined.parameters.len()].copy_from_slice(&fitted.refined.parameters);
@@ -94,7 +95,14 @@ fn stepped_responses(
     };
     // A straight line from the fitted rollout tells where a suspect would take it, without a rollout of its own.
     let contestant = at.contestant;
-    match tangent(&contestant.system, experiment, &contestant.refined.parameters, &contestant.refined.initial) {
+    let Refined { parameters: now, initial: starts, .. } = &contestant.refined;
+    let lines = match &at.guide {
+        Some(Guide { tangent, .. }) => {
+            tangent.windows_of(experiment, now, starts).map(|windows| (tangent.clone(), windows))
+        }
+        None => tangent(&contestant.system, experiment, now, starts),
+    };
+    match lines {
         Some((tangent, windows)) => {
             tangent.roll(system, (experiment, &windows), &jobs, &experiment.columns, &mut receive);
         }

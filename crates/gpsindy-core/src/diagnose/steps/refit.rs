@@ -5,12 +5,12 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::gains::Gain;
 use crate::diagnose::limits::{
-    Budget, CONVINCING, FINALISTS, GLANCED, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, PROMISING, SHORTLIST,
-    STARTS, TOGETHER,
+    Budget, CONVINCING, FINALISTS, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, PROMISING, SHORTLIST, STARTS,
+    TOGETHER,
 };
 use crate::diagnose::steps::contained::contained;
 use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::screen::Screened;
+use crate::diagnose::steps::screen::{BASES, Screened};
 use crate::error::Result;
 use crate::parallel::each;
 
@@ -22,13 +22,14 @@ pub(crate) fn refit(
     searches: Searches,
     stage: &str,
 ) -> Result<Vec<Contestant>> {
-    if !screened.iter().flatten().any(|s| is_promising(base, s.best(0).max(s.best(1)))) {
+    let best = |s: &Screened| (0..BASES).map(|basis| s.best(basis)).fold(0.0, f64::max);
+    if !screened.iter().flatten().any(|s| is_promising(base, best(s))) {
         return Ok(Vec::new());
     }
     let fitter = contest.fitter;
     let in_turn = base.fits_in_turn();
-    let (most, budget) = if in_turn { (GLANCED * SHORTLIST, Budget::Glance) } else { (SHORTLIST, Budget::Rough) };
-    let mut jobs = jobs(contest, screened, most);
+    let budget = if in_turn { Budget::Glance } else { Budget::Rough };
+    let mut jobs = jobs(contest, screened);
     jobs.retain(|job| has_room(contest, base, &job.screened.members));
     let stage = contest.run.stage(stage, jobs.len())?;
     let fit = |job: &Job<'_>| {
@@ -135,12 +136,13 @@ fn has_room(contest: &Contest<'_>, base: &Contestant, members: &[usize]) -> bool
     })
 }
 
-/// Which hypotheses are refitted, and from which values: the best by either noise model (`most` of each), the best of each family,
-/// and those that promise together what none of them does alone.
-fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>], most: usize) -> Vec<Job<'a>> {
+/// Which hypotheses are refitted, and from which values: the best by each noise model, the best of each family, and those that
+/// promise together what none of them does alone.
+fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>]) -> Vec<Job<'a>> {
     let mut chosen: Vec<usize> = Vec::new();
     let (alone, joint) = screened.split_at(contest.hypotheses.len());
-    for basis in [0, 1] {
+    let telling = screened.iter().flatten().map(Screened::telling).next().unwrap_or_default();
+    for basis in telling {
         let best = |h: usize| screened[h].as_ref().map_or(0.0, |s| s.best(basis));
         let mut together: Vec<(usize, f64)> = Vec::new();
         for (place, suspect) in joint.iter().enumerate() {
@@ -156,7 +158,7 @@ fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>], most: usize
             alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         let largest = order.first().map_or(0.0, |o| o.1);
-        chosen.extend(order.iter().take(most).filter(|o| o.1 > 0.0).map(|o| o.0));
+        chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));
         let mut families = Vec::new();
         for (h, gain) in order {
             if gain > OF_FAMILY * largest && !families.contains(&contest.hypotheses[h].family()) {
@@ -169,9 +171,10 @@ fn jobs<'a>(contest: &Contest<'_>, screened: &'a [Option<Screened>], most: usize
     chosen.dedup();
     let starts = |screened: &'a Screened| {
         let mut order: Vec<(&Start, &Vec<Gain>)> = screened.applied.starts.iter().zip(&screened.gains).collect();
-        order.sort_by(|a, b| b.1[0].gain.total_cmp(&a.1[0].gain));
+        let first = screened.telling().start;
+        order.sort_by(|a, b| b.1[first].gain.total_cmp(&a.1[first].gain));
         let job =
-            move |(start, gains): (&Start, &Vec<Gain>)| Job { screened, values: start.shortened(&gains[0].values) };
+            move |(start, gains): (&Start, &Vec<Gain>)| Job { screened, values: start.shortened(&gains[first].values) };
         order.into_iter().take(STARTS).map(job).collect::<Vec<_>>()
     };
     chosen.into_iter().filter_map(|h| screened[h].as_ref()).flat_map(starts).collect()

@@ -4,8 +4,9 @@
 //! by side, each with its own clock. A sample's period is walked in the simulator's own steps; where it is no whole
 //! number of them, the last one is shortened. Commands and forces are held over a step, as the simulator holds them.
 
+use super::buffer::Buffer;
 use super::{Lanes, Node};
-use crate::model::{Rows, Steps, System};
+use crate::model::{Steps, System};
 use crate::refine::Experiment;
 use crate::refine::history::Stages;
 
@@ -13,13 +14,10 @@ use crate::refine::history::Stages;
 pub(super) const L: usize = 4;
 
 /// Rows of one call at most, so that a call's memory stays within the processor's own.
-const MOST_ROWS: usize = 2048;
+pub(super) const MOST_ROWS: usize = 2048;
 
 /// Share of a step by which the last one of a sample may differ and still count as whole.
 const WHOLE: f64 = 1e-6;
-
-/// Size of a state beyond which a row counts as diverged; what a simulator makes of it is no number.
-const BOUND: f64 = 1e9;
 
 /// A rollout that is wanted.
 pub(crate) struct Job {
@@ -37,7 +35,8 @@ pub(super) struct Group<'a> {
     /// Number of its first job, and how many there are.
     first: usize,
     count: usize,
-    /// Present sample, last sample, and how many steps of the present sample are made.
+    /// First, present and last sample, and how many steps of the present sample are made.
+    start: usize,
     sample: usize,
     last: usize,
     part: usize,
@@ -121,73 +120,6 @@ fn walk<'a>(
     }
 }
 
-/// What goes to the simulator in one call, and what comes back.
-#[derive(Default)]
-pub(super) struct Buffer {
-    pub(super) count: usize,
-    states: Vec<f64>,
-    commands: Vec<f64>,
-    forces: Vec<f64>,
-    parameters: Vec<f64>,
-    pub(super) next: Vec<f64>,
-}
-
-impl Buffer {
-    pub(super) fn clear(&mut self) {
-        self.count = 0;
-        for part in [&mut self.states, &mut self.commands, &mut self.forces, &mut self.parameters] {
-            part.clear();
-        }
-    }
-
-    /// Commands, forces and parameters of a row.
-    pub(super) fn arguments(&self, row: usize) -> impl Iterator<Item = f64> {
-        let parts = [&self.commands, &self.forces, &self.parameters];
-        parts.into_iter().flat_map(move |part| {
-            let width = part.len() / self.count.max(1);
-            part[row * width..(row + 1) * width].iter().copied()
-        })
-    }
-
-    /// Adds a row whose arguments are as many as those of `like`.
-    pub(super) fn push(&mut self, states: &[f64], arguments: &[f64], like: &Self) {
-        let (m, f) = (like.commands.len() / like.count.max(1), like.forces.len() / like.count.max(1));
-        self.states.extend_from_slice(states);
-        self.commands.extend_from_slice(&arguments[..m]);
-        self.forces.extend_from_slice(&arguments[m..m + f]);
-        self.parameters.extend_from_slice(&arguments[m + f..]);
-        self.count += 1;
-    }
-
-    pub(super) fn step(&mut self, engine: &dyn Steps, system: &System, dt: f64) {
-        let n = system.simulator().map_or(0, |s| s.n_states());
-        self.next.clear();
-        self.next.resize(self.count * n, f64::NAN);
-        // A row that has left all bounds is no longer shown to the simulator.
-        let lost: Vec<usize> =
-            (0..self.count).filter(|r| self.states[r * n..(r + 1) * n].iter().any(|v| !(v.abs() < BOUND))).collect();
-        for r in &lost {
-            self.states[r * n..(r + 1) * n].fill(0.0);
-        }
-        for part in [&mut self.commands, &mut self.forces] {
-            part.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
-        }
-        let rows = Rows {
-            count: self.count,
-            states: &self.states,
-            commands: &self.commands,
-            forces: &self.forces,
-            parameters: &self.parameters,
-        };
-        if engine.step(&rows, dt, &mut self.next).is_err() {
-            self.next.fill(f64::NAN);
-        }
-        for r in &lost {
-            self.next[r * n..(r + 1) * n].fill(f64::NAN);
-        }
-    }
-}
-
 impl<'a> Group<'a> {
     pub(super) fn new(
         system: &'a System,
@@ -215,6 +147,7 @@ impl<'a> Group<'a> {
         Self {
             first,
             count,
+            start: window.first,
             sample: window.first,
             last: window.last,
             part: 0,
@@ -234,6 +167,16 @@ impl<'a> Group<'a> {
             self.enter();
             self.show(columns, receive);
         }
+    }
+
+    /// Number of the sample that begins, counted from the window's first; none within a sample.
+    pub(super) fn new_sample(&self) -> Option<usize> {
+        (self.part == 0).then(|| self.sample - self.start)
+    }
+
+    /// Puts a state of every lane elsewhere.
+    pub(super) fn set_state(&mut self, j: usize, values: [f64; L]) {
+        self.x[j] = values;
     }
 
     /// A state of every lane.

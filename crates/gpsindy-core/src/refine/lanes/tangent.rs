@@ -4,7 +4,9 @@
 //! rows. Any number of suspects is then screened without another call: `d' = A d + B (a - a0)`, where `d` is how far
 //! the states have moved and `a` what a suspect hands to the simulator.
 
-use super::lockstep::{Buffer, Group, Job, L};
+use super::buffer::Buffer;
+use super::guided::Correction;
+use super::lockstep::{Group, Job, L, MOST_ROWS};
 use crate::model::System;
 use crate::refine::{Experiment, Window};
 use std::sync::Arc;
@@ -16,21 +18,23 @@ const DIFFERENCE: f64 = 1e-5;
 const TOGETHER: usize = 64;
 
 /// A step of the rollout: states, arguments, terms beside, and the derivatives of the next states.
-struct Step {
-    x: Vec<f64>,
+pub(super) struct Step {
+    pub(super) x: Vec<f64>,
     arguments: Vec<f64>,
-    next: Vec<f64>,
+    pub(super) next: Vec<f64>,
     /// Row after row: by the states (n x n), then by the arguments (n x a).
-    by_states: Vec<f64>,
+    pub(super) by_states: Vec<f64>,
     by_arguments: Vec<f64>,
 }
 
-/// The derivatives along the rollouts of all windows.
+/// The derivatives along the paths of all windows.
 pub(crate) struct Tangent {
-    parameters: Vec<f64>,
-    initial: Vec<Vec<f64>>,
-    windows: Vec<Window>,
-    steps: Vec<Vec<Step>>,
+    pub(super) parameters: Vec<f64>,
+    pub(super) initial: Vec<Vec<f64>>,
+    pub(super) windows: Vec<Window>,
+    pub(super) steps: Vec<Vec<Step>>,
+    /// By what the readings move the states, sample by sample; none where the paths are rollouts.
+    pub(super) corrections: Option<Vec<Vec<Correction>>>,
 }
 
 /// The tangent of a system at a point, and which of its windows those of `experiment` are; made where the one that the system
@@ -55,7 +59,12 @@ pub(crate) fn tangent(
 
 impl Tangent {
     /// Rolls every window out and differentiates at every step; `None` where the simulator fails.
-    fn new(system: &System, experiment: &Experiment, parameters: &[f64], initial: &[Vec<f64>]) -> Option<Self> {
+    pub(super) fn new(
+        system: &System,
+        experiment: &Experiment,
+        parameters: &[f64],
+        initial: &[Vec<f64>],
+    ) -> Option<Self> {
         let mut steps = Vec::with_capacity(experiment.windows.len());
         let jobs: Vec<Job> = initial
             .iter()
@@ -71,11 +80,17 @@ impl Tangent {
             initial: initial.to_vec(),
             windows: experiment.windows.clone(),
             steps,
+            corrections: None,
         })
     }
 
     /// Where the windows of `experiment` with these starts are among its own, if all are.
-    fn windows_of(&self, experiment: &Experiment, parameters: &[f64], initial: &[Vec<f64>]) -> Option<Vec<usize>> {
+    pub(crate) fn windows_of(
+        &self,
+        experiment: &Experiment,
+        parameters: &[f64],
+        initial: &[Vec<f64>],
+    ) -> Option<Vec<usize>> {
         let mut own = self.windows.iter().zip(&self.initial).enumerate();
         let mut place = |wanted: (&Window, &Vec<f64>)| Some(own.find(|(_, known)| *known == wanted)?.0);
         if self.parameters != parameters {
@@ -94,28 +109,135 @@ impl Tangent {
         columns: &[usize],
         receive: &mut dyn FnMut(usize, usize, usize, f64),
     ) {
-        let Some(engine) = system.engine() else { return };
-        let period = engine.period();
         let mut first = 0;
-        let (mut moved, mut changed, mut next) = (Vec::new(), Vec::new(), Vec::new());
         while first < jobs.len() {
             let same = jobs[first..].iter().take_while(|j| j.window == jobs[first].window).count().min(L);
-            let mut group = Group::new(system, experiment, jobs, first, same);
-            let arguments = group.changed_arguments(system, &self.parameters);
-            for step in &self.steps[windows[jobs[first].window]] {
-                group.begin(Some(columns), receive);
-                let dt = group.next_step(period);
-                group.arguments_at(system, dt, &step.x, &arguments, &mut changed);
-                for (now, &i) in changed.iter_mut().zip(&arguments) {
-                    *now = now.map(|now| now - step.arguments[i]);
-                }
-                moved.clear();
-                moved.extend(step.x.iter().enumerate().map(|(j, x)| group.state(j).map(|now| now - x)));
-                step.next(&moved, (&arguments, &changed), &mut next, group.count());
-                group.take(system, period, dt, &next);
+            let walk = |commands: &mut Commands, receive: &mut dyn FnMut(usize, usize, usize, f64)| {
+                let group = Group::new(system, experiment, jobs, first, same);
+                self.walk(system, group, (windows[jobs[first].window], first), columns, commands, receive)
+            };
+            let mut commands = Commands::Lines;
+            if self.corrections.is_some() {
+                commands = Commands::Asked(Vec::new());
+                walk(&mut commands, &mut |_, _, _, _| {});
+                commands = commands.answered(system, self, windows[jobs[first].window]);
             }
-            group.begin(Some(columns), receive);
+            walk(&mut commands, receive);
             first += same;
+        }
+    }
+
+    /// Walks one group along its window; `first` is the number of its first job.
+    fn walk(
+        &self,
+        system: &System,
+        mut group: Group<'_>,
+        (window, first): (usize, usize),
+        columns: &[usize],
+        commands: &mut Commands,
+        receive: &mut dyn FnMut(usize, usize, usize, f64),
+    ) {
+        let (Some(engine), Some(simulator)) = (system.engine(), system.simulator()) else { return };
+        let (period, n_commands) = (engine.period(), simulator.n_controls());
+        let (mut moved, mut changed, mut next) = (Vec::new(), Vec::new(), Vec::new());
+        let arguments = group.changed_arguments(system, &self.parameters);
+        let own = arguments.iter().take_while(|i| **i < n_commands).count();
+        if own == 0 && matches!(commands, Commands::Asked(_)) {
+            return;
+        }
+        let corrections = self.corrections.as_ref().map(|all| &all[window]);
+        let mut shown = vec![[0.0; L]; columns.len()];
+        for (number, step) in self.steps[window].iter().enumerate() {
+            let sample = group.new_sample();
+            group.begin(Some(columns), &mut |job, sample, column, value| {
+                shown[column][job - first] = value;
+                receive(job, sample, column, value);
+            });
+            if let Some((correction, sample)) = corrections.zip(sample) {
+                correction[sample].apply(&mut group, &step.x, &shown);
+            }
+            let dt = group.next_step(period);
+            group.arguments_at(system, dt, &step.x, &arguments, &mut changed);
+            for (now, &i) in changed.iter_mut().zip(&arguments) {
+                *now = now.map(|now| now - step.arguments[i]);
+            }
+            moved.clear();
+            moved.extend(step.x.iter().enumerate().map(|(j, x)| group.state(j).map(|now| now - x)));
+            commands.ask((number, dt), &arguments[..own], &mut changed[..own], group.count());
+            step.next(&moved, (&arguments, &changed), &mut next, group.count());
+            commands.answer(number, &step.next, &mut next);
+            group.take(system, period, dt, &next);
+        }
+        group.begin(Some(columns), receive);
+    }
+}
+
+/// How commands that a suspect changes act: as far as the derivatives say, or as the simulator answers to them.
+///
+/// A servo that is driven to its limits does not feel a little more of its command, and is moved by a command that comes late.
+enum Commands {
+    Lines,
+    /// The commands that are other ones.
+    Asked(Vec<Asked>),
+    /// The same, and the next states for each.
+    Answered(Vec<Asked>, Vec<f64>),
+}
+
+/// Commands of one lane at one step: which of them are by how much other ones.
+struct Asked {
+    step: usize,
+    dt: f64,
+    lane: usize,
+    changed: Vec<(usize, f64)>,
+}
+
+impl Commands {
+    /// Notes the commands that changed at a step; the derivatives have no part in them.
+    fn ask(&mut self, (step, dt): (usize, f64), commands: &[usize], changed: &mut [[f64; L]], count: usize) {
+        if matches!(self, Self::Lines) {
+            return;
+        }
+        if let Self::Asked(all) = self {
+            for lane in 0..count {
+                let by = || commands.iter().zip(changed.iter()).map(|(&i, by)| (i, by[lane]));
+                // Nearer than that it is the same command, but for rounding.
+                if by().any(|(_, by)| by.abs() > DIFFERENCE) {
+                    all.push(Asked { step, dt, lane, changed: by().collect() });
+                }
+            }
+        }
+        changed.fill([0.0; L]);
+    }
+
+    /// The next states to all that was asked along a window.
+    fn answered(self, system: &System, tangent: &Tangent, window: usize) -> Self {
+        let (Self::Asked(all), Some(engine), Some(simulator)) = (self, system.engine(), system.simulator()) else {
+            return Self::Lines;
+        };
+        let widths = (simulator.n_controls(), engine.n_forces());
+        let (mut rows, mut answers) = (Buffer::default(), Vec::new());
+        for same in all.chunk_by(|a, b| a.dt == b.dt).flat_map(|same| same.chunks(MOST_ROWS)) {
+            rows.clear();
+            for Asked { step, changed, .. } in same {
+                let step = &tangent.steps[window][*step];
+                let mut arguments = step.arguments.clone();
+                changed.iter().for_each(|(i, by)| arguments[*i] += by);
+                rows.push(&step.x, &arguments, widths);
+            }
+            rows.step(engine, system, same[0].dt);
+            answers.extend_from_slice(&rows.next);
+        }
+        Self::Answered(all, answers)
+    }
+
+    /// Adds what the simulator answered for a step to the lanes' next states.
+    fn answer(&self, step: usize, base: &[f64], next: &mut [f64]) {
+        let (Self::Answered(all, answers), n) = (self, base.len()) else { return };
+        let first = all.partition_point(|asked| asked.step < step);
+        for (place, asked) in all.iter().enumerate().skip(first).take_while(|(_, asked)| asked.step == step) {
+            let lane = &mut next[asked.lane * n..(asked.lane + 1) * n];
+            let answer = &answers[place * n..(place + 1) * n];
+            lane.iter_mut().zip(answer.iter().zip(base)).for_each(|(next, (answer, base))| *next += answer - base);
         }
     }
 }
@@ -152,7 +274,7 @@ impl Step {
 fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>]) -> Option<Vec<Step>> {
     let (engine, simulator) = (system.engine()?, system.simulator()?);
     let (n, period) = (simulator.n_states(), engine.period());
-    let scale = &experiment.scale;
+    let (scale, widths) = (&experiment.scale, (simulator.n_controls(), engine.n_forces()));
     let mut group = Group::new(system, experiment, job, 0, 1);
     let mut steps: Vec<Step> = Vec::with_capacity(path.len());
     let sizes = argument_sizes(system);
@@ -170,19 +292,19 @@ fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>
         let mut own = Buffer::default();
         group.put(system, dt, Some(&x[..n]), &mut own);
         let arguments: Vec<f64> = own.arguments(0).collect();
-        pending.push(&x[..n], &arguments, &own);
+        pending.push(&x[..n], &arguments, widths);
         for j in 0..n {
             let mut moved = x[..n].to_vec();
             moved[j] += DIFFERENCE * scale[j];
             let mut there = Buffer::default();
             group.put_again(system, &moved, &mut there);
             let arguments: Vec<f64> = there.arguments(0).collect();
-            pending.push(&moved, &arguments, &own);
+            pending.push(&moved, &arguments, widths);
         }
         for (i, size) in sizes.iter().enumerate() {
             let mut arguments = arguments.clone();
             arguments[i] += DIFFERENCE * size;
-            pending.push(&x[..n], &arguments, &own);
+            pending.push(&x[..n], &arguments, widths);
         }
         steps.push(Step {
             x: x[..n].to_vec(),

@@ -1,0 +1,315 @@
+//! Innovations: what a filter along the logs has not foreseen, in the place of residuals of rollouts.
+//!
+//! Rollouts of a model that lacks something leave the log; where they are ten or a hundred times the noise away, straight lines from
+//! them point nowhere. A Kalman filter that takes the model's states as pushed at random stays near the log. Its memory is as long
+//! as the model is good, state by state, as the intensities of the pushes are fitted to the logs first.
+//!
+//! Source: Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8; the intensities by expectation maximisation as in
+//! Shumway and Stoffer 1982, J. Time Ser. Anal. 3(4), the smoother with them by Rauch, Tung and Striebel 1965, AIAA J. 3(8).
+
+mod kalman;
+
+use crate::diagnose::fit::contestant::{Contestant, Linearised};
+use crate::diagnose::limits::innovations::ROUNDS;
+use crate::model::System;
+use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Tangent, Window, roll_together};
+use kalman::Filter;
+use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+
+/// The innovations of a contestant whose simulator steps: a point of its own to draw straight lines from.
+pub(crate) struct Innovations {
+    /// The contestant with the starts of the filter's path.
+    pub(crate) contestant: Contestant,
+    /// Innovations over the noise, and their derivatives by the free parameters; starts are the filter's.
+    pub(crate) jacobian: Jacobian,
+    pub(crate) guide: Guide,
+}
+
+/// The filter along the logs, and by what its innovations become white: by window and sample (c x c).
+#[derive(Clone)]
+pub(crate) struct Guide {
+    pub(crate) tangent: Arc<Tangent>,
+    pub(crate) whitening: Vec<Arc<Vec<DMatrix<f64>>>>,
+}
+
+/// Makes the values of all samples white, of `c` columns each.
+pub(crate) fn whiten(by_sample: &[DMatrix<f64>], values: &mut DVector<f64>) {
+    for (sample, by) in by_sample.iter().enumerate() {
+        let count = by.nrows();
+        let own = by * values.rows(sample * count, count);
+        values.rows_mut(sample * count, count).copy_from(&own);
+    }
+}
+
+impl Innovations {
+    /// `None` where the simulator fails along the logs, or none steps.
+    pub(crate) fn of(contestant: &Contestant, jacobian: &Jacobian) -> Option<Self> {
+        let system = &contestant.system;
+        system.engine()?;
+        let experiment = Experiment { starts: crate::refine::Starts::default(), ..contestant.experiment.clone() };
+        let parameters = &contestant.refined.parameters;
+        let mut filter = Filter::new(system, &experiment)?;
+        let mut guided = Guided::along(system, &experiment, parameters, path_of(contestant, &experiment))?;
+        for _ in 0..ROUNDS {
+            filter.expect(&guided, &experiment)?;
+        }
+        // Once more along its own path, which has less of the readings' noise.
+        let passes = filter.passes(&guided, &experiment)?;
+        let mut path: Vec<Vec<Vec<f64>>> =
+            (0..experiment.windows.len()).map(|window| guided.path(window).to_vec()).collect();
+        for (states, pass) in path.iter_mut().zip(&passes) {
+            for (state, sample) in states.iter_mut().zip(pass) {
+                filter.put(&sample.state, state);
+            }
+        }
+        guided = Guided::along(system, &experiment, parameters, path.clone())?;
+        let passes = filter.passes(&guided, &experiment)?;
+        let gains = passes
+            .iter()
+            .map(|pass| pass.iter().map(|sample| filter.gain(sample, &experiment.noise)).collect())
+            .collect();
+        let (tangent, shown) = guided.corrected(system, &experiment, gains)?;
+        let mut blocks = Vec::with_capacity(shown.len());
+        for (window, (shown, old)) in experiment.windows.iter().zip(shown.iter().zip(&jacobian.blocks)) {
+            let log = &experiment.logs[window.log];
+            let mut residual = DVector::zeros(old.residual.len());
+            for (row, value) in residual.iter_mut().enumerate().filter(|(row, _)| old.present[*row]) {
+                let (sample, c) = (row / experiment.columns.len(), row % experiment.columns.len());
+                *value = (log.measured[c][window.first + sample] - shown[sample][c]) / experiment.noise[c];
+            }
+            let finite = residual.iter().all(|v| v.is_finite());
+            finite.then(|| {
+                let derivative = DMatrix::zeros(residual.len(), contestant.free.len());
+                blocks.push(Block { residual, derivative, present: old.present.clone() });
+            })?;
+        }
+        let whitening = filter.whitening(&passes, &blocks);
+        let mut contestant = Contestant { experiment, ..contestant.clone() };
+        contestant.refined.initial = path.into_iter().map(|states| states.into_iter().next()).collect::<Option<_>>()?;
+        let guide = Guide { tangent: Arc::new(tangent), whitening };
+        let mut found = Self { contestant, jacobian: Jacobian { blocks, n_states: 0 }, guide };
+        found.differentiate();
+        Some(found)
+    }
+
+    /// What straight lines go out from.
+    pub(crate) fn linearised(&self) -> Linearised<'_> {
+        Linearised { contestant: &self.contestant, jacobian: self.jacobian.clone(), guide: Some(self.guide.clone()) }
+    }
+
+    /// Derivatives by the free parameters: the tangent is a straight line in them.
+    fn differentiate(&mut self) {
+        let Contestant { system, experiment, refined, free, .. } = &self.contestant;
+        let n_columns = experiment.columns.len();
+        for (place, free) in free.iter().enumerate() {
+            let mut parameters = refined.parameters.clone();
+            let by = 1e-3 * free.scale;
+            parameters[free.parameter] += by;
+            let windows: Vec<usize> = (0..experiment.windows.len()).collect();
+            let job = |&window: &usize| Job {
+                window,
+                parameters: parameters.clone(),
+                initial: refined.initial[window].clone(),
+            };
+            let jobs: Vec<Job> = windows.iter().map(job).collect();
+            let blocks = &mut self.jacobian.blocks;
+            let mut receive = |window: usize, sample: usize, c: usize, value: f64| {
+                let Window { log, first, .. } = experiment.windows[window];
+                let (row, block) = ((sample - first) * n_columns + c, &mut blocks[window]);
+                if block.present[row] {
+                    let measured = experiment.logs[log].measured[c][sample];
+                    let moved = (value - measured) / experiment.noise[c] + block.residual[row];
+                    block.derivative[(row, place)] = moved / by;
+                }
+            };
+            self.guide.tangent.roll(system, (experiment, &windows), &jobs, &experiment.columns, &mut receive);
+        }
+    }
+}
+
+/// All states by window and sample: those that were read as they were, the others as the contestant's rollouts have them.
+fn path_of(contestant: &Contestant, experiment: &Experiment) -> Vec<Vec<Vec<f64>>> {
+    let (system, refined) = (&contestant.system, &contestant.refined);
+    let job = |(window, start): (usize, &Vec<f64>)| Job {
+        window,
+        parameters: refined.parameters.clone(),
+        initial: start.clone(),
+    };
+    let jobs: Vec<Job> = refined.initial.iter().enumerate().map(job).collect();
+    let samples = |w: &Window| w.last - w.first + 1;
+    let mut path: Vec<Vec<Vec<f64>>> =
+        experiment.windows.iter().map(|w| vec![vec![0.0; system.n_states()]; samples(w)]).collect();
+    roll_together(system, experiment, &jobs, None, &mut |job, sample, j, value| {
+        path[job][sample - experiment.windows[job].first][j] = value;
+    });
+    for (window, states) in experiment.windows.iter().zip(&mut path) {
+        let log = &experiment.logs[window.log];
+        for (c, &j) in experiment.columns.iter().enumerate().filter(|(_, j)| shows(system, **j)) {
+            for (state, value) in states.iter_mut().zip(&log.measured[c][window.first..]) {
+                if value.is_finite() {
+                    state[j] = *value;
+                }
+            }
+        }
+    }
+    path
+}
+
+/// Whether what is read of a state of the simulator is the state itself.
+fn shows(system: &System, state: usize) -> bool {
+    let own = system.simulator().map_or(0, |s| s.n_states());
+    state < own && system.outputs().bare_variable(state) == Some(state)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fit::fitter::Fitter;
+    use crate::diagnose::fit::gains::Basis;
+    use crate::diagnose::limits::Budget;
+    use crate::error::{Error, Result};
+    use crate::expression::Expression;
+    use crate::model::{Control, Dynamics, Model, Parameter, Rows, State, Steps};
+    use faer::Mat;
+
+    /// A joint under a stiff servo, which saturates 3 mrad from where it should be; its parameter is the inertia.
+    struct Servo;
+
+    impl Steps for Servo {
+        fn period(&self) -> f64 {
+            0.005
+        }
+
+        fn n_forces(&self) -> usize {
+            0
+        }
+
+        fn n_parameters(&self) -> usize {
+            1
+        }
+
+        fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
+            let inputs = rows.commands.iter().zip(rows.parameters);
+            for ((x, (u, inertia)), next) in rows.states.chunks(2).zip(inputs).zip(next.chunks_mut(2)) {
+                let force = (1000.0 * (u - x[0]) - 3.0 * x[1]).clamp(-3.0, 3.0);
+                next[1] = x[1] + dt * force / inertia;
+                next[0] = x[0] + dt * next[1];
+            }
+            Ok(())
+        }
+    }
+
+    impl Dynamics for Servo {
+        fn n_states(&self) -> usize {
+            2
+        }
+
+        fn n_controls(&self) -> usize {
+            1
+        }
+
+        fn derivative(&self, _: f64, _: &[f64], _: &[f64], _: &mut [f64]) -> Result<()> {
+            Err(Error::settings("it steps"))
+        }
+
+        fn steps(&self) -> Option<&dyn Steps> {
+            Some(self)
+        }
+    }
+
+    /// The fit of a servo of inertia 0.03 to logs of one of `inertia`, whose commands come `late` samples late.
+    fn fitted(inertia: f64, late: usize) -> Contestant {
+        let noise = [1e-3, 1e-2];
+        let mut model = Model {
+            states: ["q", "v"].map(|name| State::new(name, Expression::Pi)).into(),
+            controls: vec![Control::new("u")],
+            parameters: vec![Parameter::new("inertia", 0.03)],
+            ..Model::default()
+        };
+        model.call_simulator(&[(0, 1)]);
+        let system = System::with_simulator(&model, Some(Arc::new(Servo))).unwrap();
+        // Numbers in -1 to 1 without a pattern.
+        let drawn = |i: usize| (((i as f64 + 1.0) * 12.9898).sin() * 43758.5453).fract();
+        let command = |i: usize| drawn(9000 + i / 40);
+        let count = 1200;
+        let mut values = Mat::zeros(count, 3);
+        let mut x = vec![0.0, 0.0];
+        for i in 0..count {
+            for (j, noise) in noise.iter().enumerate() {
+                values[(i, j)] = x[j] + 3f64.sqrt() * noise * drawn(2 * i + j);
+            }
+            values[(i, 2)] = command(i);
+            let commands = [command(i.saturating_sub(late))];
+            for _ in 0..2 {
+                let rows =
+                    Rows { count: 1, states: &x.clone(), commands: &commands, forces: &[], parameters: &[inertia] };
+                Servo.step(&rows, 0.005, &mut x).unwrap();
+            }
+        }
+        let run = Run { name: "steps".into(), time: (0..count).map(|i| 0.01 * i as f64).collect(), values };
+        let data = Dataset::new(["q", "v", "u"].map(Channel::new).into(), vec![run]).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.6);
+        Fitter::default().nominal(system, experiment, Vec::new(), Budget::Usual).unwrap()
+    }
+
+    /// Gains by the innovations of every effect of `ids`, with the values of the best start.
+    fn gains(contestant: &Contestant, ids: &[&str]) -> Vec<(f64, Vec<f64>)> {
+        use crate::diagnose::catalogue::enumerate::everything;
+        let scene = crate::diagnose::fit::outputs::scene_of(contestant);
+        let model = contestant.system.model();
+        let all = everything(model, &scene, &contestant.experiment.columns, &[]).unwrap();
+        let innovations = Innovations::of(contestant, &contestant.linearised().unwrap().jacobian).unwrap();
+        let at = innovations.linearised();
+        let basis = Basis::new(&at, false);
+        let of = |id: &&str| {
+            let own = all.iter().filter(|h| h.id() == *id);
+            let gains = own.flat_map(|h| {
+                let applied = h.apply(model, &scene).unwrap();
+                crate::diagnose::fit::gains::gains(&applied, &at, &[&basis])
+            });
+            let best = gains.flatten().max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap();
+            (best.gain, best.values)
+        };
+        ids.iter().map(of).collect()
+    }
+
+    #[test]
+    fn a_wrong_inertia_leads_where_rollouts_have_left_the_log() {
+        let contestant = fitted(0.048, 0);
+        assert!(contestant.evidence.misfit() > 20.0, "{}", contestant.evidence.misfit());
+        let found = gains(&contestant, &["parameter_error", "input_delay", "sensor_bias", "step_disturbance"]);
+        assert!(found[1..].iter().all(|other| other.0 < 0.5 * found[0].0), "{found:?}");
+        assert!((found[0].1[0] - 0.048).abs() < 0.01, "{found:?}");
+    }
+
+    #[test]
+    fn a_command_that_comes_late_to_a_saturated_servo_leads() {
+        let found = gains(&fitted(0.03, 3), &["input_delay", "parameter_error", "sensor_bias", "step_disturbance"]);
+        assert!(found[1..].iter().all(|other| other.0 < 0.5 * found[0].0), "{found:?}");
+    }
+
+    #[test]
+    fn a_true_model_leaves_nearly_white_innovations_and_no_gain() {
+        let contestant = fitted(0.03, 0);
+        let innovations = Innovations::of(&contestant, &contestant.linearised().unwrap().jacobian).unwrap();
+        let all: Vec<Vec<f64>> = innovations
+            .jacobian
+            .blocks
+            .iter()
+            .zip(&innovations.guide.whitening)
+            .map(|(block, by)| {
+                let mut values = block.residual.clone();
+                whiten(by, &mut values);
+                values.iter().skip(1).step_by(2).copied().collect()
+            })
+            .collect();
+        let count = all.iter().map(Vec::len).sum::<usize>() as f64;
+        let lagged: f64 = all.iter().flat_map(|values| values.windows(2).map(|v| v[0] * v[1])).sum::<f64>() / count;
+        assert!(lagged.abs() < 0.25, "{lagged}");
+        let found = gains(&contestant, &["parameter_error", "input_delay"]);
+        assert!(found.iter().all(|(gain, _)| *gain < 20.0), "{found:?}");
+    }
+}
