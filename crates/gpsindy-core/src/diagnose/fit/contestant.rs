@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
 use crate::diagnose::fit::evidence::Evidence;
-use crate::diagnose::fit::innovations::Guide;
+use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Free, Jacobian, Point, Refined};

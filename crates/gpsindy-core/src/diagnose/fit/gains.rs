@@ -9,7 +9,7 @@ use crate::diagnose::fit::bounded::{bounded_gain, span_gain};
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::fitter::starts;
-use crate::diagnose::fit::innovations::whiten;
+use crate::diagnose::fit::guide::whiten;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::fit::responses::{LANES, responses};

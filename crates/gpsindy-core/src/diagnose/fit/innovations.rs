@@ -10,10 +10,10 @@
 mod kalman;
 
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
+use crate::diagnose::fit::guide::Guide;
 use crate::diagnose::limits::innovations::ROUNDS;
-use crate::model::System;
-use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Tangent, Window, roll_together};
-use kalman::Filter;
+use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Window, roll_together};
+use kalman::{Filter, shows};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -24,22 +24,6 @@ pub(crate) struct Innovations {
     /// Innovations over the noise, and their derivatives by the free parameters; starts are the filter's.
     pub(crate) jacobian: Jacobian,
     pub(crate) guide: Guide,
-}
-
-/// The filter along the logs, and by what its innovations become white: by window and sample (c x c).
-#[derive(Clone)]
-pub(crate) struct Guide {
-    pub(crate) tangent: Arc<Tangent>,
-    pub(crate) whitening: Vec<Arc<Vec<DMatrix<f64>>>>,
-}
-
-/// Makes the values of all samples white, of `c` columns each.
-pub(crate) fn whiten(by_sample: &[DMatrix<f64>], values: &mut DVector<f64>) {
-    for (sample, by) in by_sample.iter().enumerate() {
-        let count = by.nrows();
-        let own = by * values.rows(sample * count, count);
-        values.rows_mut(sample * count, count).copy_from(&own);
-    }
 }
 
 impl Innovations {
@@ -156,12 +140,6 @@ fn path_of(contestant: &Contestant, experiment: &Experiment) -> Vec<Vec<Vec<f64>
     path
 }
 
-/// Whether what is read of a state of the simulator is the state itself.
-fn shows(system: &System, state: usize) -> bool {
-    let own = system.simulator().map_or(0, |s| s.n_states());
-    state < own && system.outputs().bare_variable(state) == Some(state)
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -169,10 +147,11 @@ mod tests {
     use crate::data::{Channel, Dataset, Run};
     use crate::diagnose::fit::fitter::Fitter;
     use crate::diagnose::fit::gains::Basis;
+    use crate::diagnose::fit::guide::whiten;
     use crate::diagnose::limits::Budget;
     use crate::error::{Error, Result};
     use crate::expression::Expression;
-    use crate::model::{Control, Dynamics, Model, Parameter, Rows, State, Steps};
+    use crate::model::{Control, Dynamics, Model, Parameter, Rows, State, Steps, System};
     use faer::Mat;
 
     /// A joint under a stiff servo, which saturates 3 mrad from where it should be; its parameter is the inertia.

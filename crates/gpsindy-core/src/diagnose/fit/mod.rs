@@ -10,6 +10,7 @@ pub(crate) mod filter;
 pub(crate) mod fitter;
 pub(crate) mod functions;
 pub(crate) mod gains;
+pub(crate) mod guide;
 pub(crate) mod innovations;
 pub(crate) mod lagging;
 pub(crate) mod moved;

@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::Linearised;
-use crate::diagnose::fit::innovations::Guide;
+use crate::diagnose::fit::guide::Guide;
 use crate::model::System;
 use crate::refine::{Job, Refined, lanes::Lanes, roll_together, tangent};
 use nalgebra::DVector;

@@ -1,6 +1,6 @@
 //! Kalman's filter and the smoother of Rauch, Tung and Striebel along a path of a simulator that steps.
 
-use super::{shows, whiten};
+use crate::diagnose::fit::guide::whiten;
 use crate::diagnose::limits::innovations::LEAST;
 use crate::model::System;
 use crate::refine::{Block, Experiment, Guided};
@@ -182,4 +182,10 @@ impl Filter {
         all.iter_mut().flatten().for_each(|by| *by /= level);
         all.into_iter().map(Arc::new).collect()
     }
+}
+
+/// Whether what is read of a state of the simulator is the state itself.
+pub(super) fn shows(system: &System, state: usize) -> bool {
+    let own = system.simulator().map_or(0, |s| s.n_states());
+    state < own && system.outputs().bare_variable(state) == Some(state)
 }
