@@ -66,6 +66,11 @@ impl Screen {
         }
     }
 
+    /// What was asked for beside the result, on stderr.
+    pub(crate) fn say(&self, text: &str) {
+        self.line(text);
+    }
+
     /// Something that is likely wrong, on stderr.
     pub(crate) fn warn(&self, text: &str) {
         self.line(&format!("{} {text}", self.painted("33", "warning:", std::io::stderr().is_terminal())));

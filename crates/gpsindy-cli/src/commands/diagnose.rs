@@ -3,6 +3,7 @@
 mod files;
 mod provenance;
 mod simulated;
+mod timings;
 
 pub(crate) use files::{report_json, write};
 
@@ -49,6 +50,9 @@ pub(crate) struct Diagnose {
     /// Exit with status 3 if there is a gap, or only if no effect explains it
     #[arg(long, value_enum, value_name = "VERDICT")]
     fail_if: Option<FailIf>,
+    /// Print what each stage did with the logs and how long it took, on stderr
+    #[arg(long)]
+    timings: bool,
     /// Also study which effects these logs could reveal and from what size, by adding each to simulated copies of the logs (takes minutes, regardless of --time-limit)
     #[arg(long)]
     power: bool,
@@ -217,6 +221,9 @@ fn deliver(
     screen: &Screen,
 ) -> Outcome {
     augmented.tell(&mut diagnosed.diagnosis);
+    if command.timings {
+        screen.say(&timings::table(&diagnosed.diagnosis.work, &diagnosed.seconds));
+    }
     if let Some(folder) = &command.out {
         files::write_with(folder, &diagnosed, &augmented, provenance)?;
         files::write_open(folder, &diagnosed, &augmented)?;

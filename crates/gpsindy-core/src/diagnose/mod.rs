@@ -130,6 +130,8 @@ pub struct Diagnosed {
     pub open: Open,
     /// For every included cause, as [`Diagnosis::included`] has them, the corrected simulator without it.
     pub without: Vec<Model>,
+    /// Seconds of every stage of the report's `work`, by the listener's clock; zeros where nobody keeps the time.
+    pub seconds: Vec<f64>,
 }
 
 impl Diagnosed {
@@ -249,6 +251,7 @@ impl Diagnose {
     /// What was found as it is told: verified on held-out logs, located, written into the model and weighed.
     fn told(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
         contest.run.say_if_cut();
+        contest.run.begin("held-out logs and report");
         let verified = self.verify(&contest, &prepared, &judged)?;
         let gap = localise::gap(&contest, &judged, &verified.resting);
         let augmented = augment(&judged.outcome.best);
@@ -261,7 +264,9 @@ impl Diagnose {
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let open = left_open(&judged);
         let without = ablated(&contest, &judged, &diagnosis)?;
-        let diagnosed = Diagnosed { diagnosis, augmented, notes: contest.run.notes.all(), open, without };
+        let (work, seconds) = contest.run.work();
+        diagnosis.work = work;
+        let diagnosed = Diagnosed { diagnosis, augmented, notes: contest.run.notes.all(), open, without, seconds };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;

@@ -10,6 +10,7 @@ mod figures;
 mod gap;
 mod power;
 mod time_unit;
+mod work;
 
 pub use cause::{Cause, Excluded, ModelParameter, Parameter, Stability};
 pub use closure::{Closure, ClosureState};
@@ -19,6 +20,8 @@ pub use figures::{
 };
 pub use gap::{Gap, GapRegion, GapState, GapWindow, Unexplained};
 pub use power::{PowerEffect, PowerNoise, PowerNull, PowerReport, PowerRival, PowerTrial};
+
+pub use work::StageWork;
 
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
@@ -61,6 +64,9 @@ pub struct Diagnosis {
     /// Which effects these logs could reveal, where that was asked for.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub power: Option<PowerReport>,
+    /// What was done with the logs, stage by stage.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub work: Vec<StageWork>,
     /// Curves for the HTML page; not part of the promise of the schema.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub figures: Option<Figures>,

@@ -1,9 +1,12 @@
-//! What all steps of one diagnosis share: progress, time limit and notes.
+//! What all steps of one diagnosis share: progress, time limit, notes, and the account of the work.
 
 use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::report::StageWork;
 use crate::error::Result;
 use crate::progress::{Progress, step};
+use crate::refine::tally::{Counts, Tally};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// One diagnosis under way.
 pub(crate) struct Run<'a> {
@@ -13,11 +16,28 @@ pub(crate) struct Run<'a> {
     /// Whether something was left out because time was up.
     is_cut: AtomicBool,
     pub(crate) notes: Notes,
+    /// What is done with the logs, and how far it was when each stage began.
+    pub(crate) tally: Arc<Tally>,
+    begun: Mutex<Vec<Begun>>,
+}
+
+/// The beginning of a stage.
+struct Begun {
+    stage: String,
+    counts: Counts,
+    seconds: Option<f64>,
 }
 
 impl<'a> Run<'a> {
     pub(crate) fn new(progress: &'a dyn Progress, time_limit: Option<f64>) -> Self {
-        Self { progress, time_limit, is_cut: AtomicBool::new(false), notes: Notes::default() }
+        Self {
+            progress,
+            time_limit,
+            is_cut: AtomicBool::new(false),
+            notes: Notes::default(),
+            tally: Arc::default(),
+            begun: Mutex::default(),
+        }
     }
 
     /// Whether the search must end with what it has. Asked before a piece of work that is then left out.
@@ -41,8 +61,44 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// What is done from now on belongs to a stage that has no parts to report.
+    pub(crate) fn begin(&self, stage: &str) {
+        let begun = Begun { stage: stage.into(), counts: self.tally.counts(), seconds: self.progress.seconds() };
+        self.begun.lock().unwrap_or_else(PoisonError::into_inner).push(begun);
+    }
+
+    /// The work of every stage up to now, and its seconds where somebody keeps the time: one row a name, in the order in which
+    /// they first began. What follows a stage before the next one begins counts as a part of it.
+    pub(crate) fn work(&self) -> (Vec<StageWork>, Vec<f64>) {
+        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
+        let (counts, now) = (self.tally.counts(), self.progress.seconds());
+        let mut all: Vec<(&str, Counts, f64)> = Vec::new();
+        for (place, own) in begun.iter().enumerate() {
+            let (end, until) = begun.get(place + 1).map_or((counts, now), |next| (next.counts, next.seconds));
+            let seconds = until.zip(own.seconds).map_or(0.0, |(until, from)| until - from);
+            let done = end.since(own.counts);
+            match all.iter_mut().find(|(name, ..)| *name == own.stage) {
+                Some((_, counts, total)) => (*counts, *total) = (counts.plus(done), *total + seconds),
+                None => all.push((&own.stage, done, seconds)),
+            }
+        }
+        let row =
+            |(stage, Counts { samples: [derivatives, trials, responses], fits, columns }, _): &(&str, Counts, f64)| {
+                StageWork {
+                    stage: (*stage).into(),
+                    fits: *fits,
+                    columns: *columns,
+                    derivatives: *derivatives,
+                    trials: *trials,
+                    responses: *responses,
+                }
+            };
+        (all.iter().map(row).collect(), all.iter().map(|(.., seconds)| *seconds).collect())
+    }
+
     /// A stage of `total` parts, reported part by part from whatever thread.
     pub(crate) fn stage<'b>(&'b self, name: &'b str, total: usize) -> Result<Stage<'b>> {
+        self.begin(name);
         let stage = Stage { progress: self.progress, name, done: AtomicUsize::new(0), total };
         step(self.progress, name, 0, total)?;
         Ok(stage)

@@ -3,6 +3,7 @@
 use crate::data::{Dataset, Hold, Run};
 use crate::error::{Error, Result};
 use crate::model::System;
+use crate::refine::tally::Tally;
 use std::sync::Arc;
 
 /// What a sensor that answers late shows until its delay has passed since the log began.
@@ -79,6 +80,8 @@ pub struct Experiment {
     pub substeps: usize,
     /// Typical size of every state, in its unit: sets the steps of finite differences.
     pub scale: Vec<f64>,
+    /// What was done with the logs so far.
+    pub(crate) tally: Arc<Tally>,
 }
 
 impl Experiment {
@@ -126,6 +129,7 @@ impl Experiment {
             starts: Starts::default(),
             substeps: 1,
             scale,
+            tally: Arc::default(),
         })
     }
 
@@ -159,6 +163,11 @@ impl Experiment {
             }
         }
         self
+    }
+
+    /// Samples that one pass over all windows takes.
+    pub(crate) fn n_samples(&self) -> usize {
+        self.windows.iter().map(|w| w.last - w.first + 1).sum()
     }
 
     /// Number of values that are compared, missing ones left out.

@@ -11,8 +11,9 @@ use crate::model::{Input, InputKind, System};
 use held::Held;
 use std::ops::Range;
 
-/// Samples that are taken at a time: so many that what is looked back on costs little beside them.
-const BLOCK: usize = 4096;
+/// Samples that are taken at first, and at most at a time: twice as many each time, so that a short rollout samples little more
+/// than it reads, and along a long one what is looked back on costs little.
+const BLOCKS: (usize, usize) = (64, 4096);
 
 /// Values of an input at the start, middle and end of a step.
 pub(super) type Stages<const L: usize> = [[f64; L]; 3];
@@ -25,6 +26,8 @@ pub(super) struct Histories<'a, const L: usize> {
     /// The samples of the log that are kept, and those among them behind which a step finds all that it reads.
     kept: Range<usize>,
     ready: Range<usize>,
+    /// How many samples are taken next.
+    block: usize,
     /// How far all of them together look back, s, and whether one looks ahead.
     back: f64,
     is_ahead: bool,
@@ -59,7 +62,8 @@ impl<'a, const L: usize> Histories<'a, L> {
             (0..L).map(of).fold(0.0, f64::max)
         };
         let is_ahead = all.iter().any(|history| history.shift.iter().any(|&shift| shift < 0.0));
-        Self { log, hold, back: all.iter().map(back).sum(), is_ahead, all, kept: 0..0, ready: 0..0 }
+        let back = all.iter().map(back).sum();
+        Self { log, hold, all, kept: 0..0, ready: 0..0, block: BLOCKS.0, back, is_ahead }
     }
 
     /// How many there are.
@@ -103,7 +107,7 @@ impl<'a, const L: usize> Histories<'a, L> {
         let time = &self.log.time;
         let look_back = |sample: usize| time.partition_point(|&t| t <= time[sample] - self.back).saturating_sub(1);
         // One that looks ahead is sampled as a whole.
-        let block = if self.is_ahead { time.len() } else { BLOCK };
+        let whole = self.is_ahead.then_some(time.len());
         let end = if self.is_ahead { time.len() } else { (sample + 2).min(time.len()) };
         let first = look_back(sample);
         let is_play = self.all.iter().any(|history| history.input.kind == InputKind::Play);
@@ -118,7 +122,8 @@ impl<'a, const L: usize> Histories<'a, L> {
             // What is sampled now looks back, too; a play continues from its last sample.
             let start = look_back(sample.min(begin)).min(begin.saturating_sub(1)).max(self.kept.start);
             let gone = start - self.kept.start;
-            self.kept = start..(begin + block).min(time.len());
+            self.kept = start..(begin + whole.unwrap_or(self.block)).min(time.len());
+            self.block = (2 * self.block).min(BLOCKS.1);
             for number in 0..self.all.len() {
                 let (earlier, rest) = self.all.split_at_mut(number);
                 rest[0].forget(gone, time[start]);

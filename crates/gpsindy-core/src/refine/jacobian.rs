@@ -1,6 +1,7 @@
 //! Residuals, their derivatives by finite differences in lanes.
 
 use super::lanes::Lanes;
+use super::tally::Purpose;
 use super::{Experiment, Free, Job, Starts, roll_together};
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -117,6 +118,7 @@ fn pass<const L: usize>(
             parameters[free[column - n].parameter][lane] += difference(experiment, n, free, column);
         }
     }
+    experiment.tally.pass(Purpose::Derivatives, experiment.n_samples());
     let mut diverged = None;
     for (log_index, log) in experiment.logs.iter().enumerate() {
         let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
@@ -187,6 +189,7 @@ pub(crate) fn misses(
         return misses_in_lockstep(system, experiment, points, &mut receive);
     }
     let n_columns = experiment.columns.len();
+    experiment.tally.pass(Purpose::Trials, points.len().div_ceil(L) * experiment.n_samples());
     for (number, chunk) in points.chunks(L).enumerate() {
         let lane_point = |lane: usize| &chunk[lane.min(chunk.len() - 1)];
         let parameters: Vec<[f64; L]> =

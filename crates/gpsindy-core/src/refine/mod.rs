@@ -12,6 +12,7 @@ pub(crate) mod lanes;
 mod normal;
 mod profile;
 mod stepped;
+pub(crate) mod tally;
 
 pub(crate) use crate::data::Hold;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
@@ -149,6 +150,7 @@ impl Refine {
         kept: Option<&Arc<Kept>>,
         watch: &dyn Fn(usize) -> Result<()>,
     ) -> Result<(Refined, Jacobian)> {
+        experiment.tally.fit();
         if parameters.len() != system.n_parameters() {
             return Err(Error::shape("parameters", system.n_parameters(), parameters.len()));
         }

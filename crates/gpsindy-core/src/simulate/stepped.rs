@@ -29,6 +29,7 @@ pub(super) fn rollout(
         starts: Starts::default(),
         substeps: 1,
         scale: vec![1.0; n],
+        tally: Default::default(),
     };
     let job = || Job { window: 0, parameters: system.parameter_values(), initial: initial.to_vec() };
     let mut states = Mat::zeros(range.len(), n);

@@ -224,6 +224,7 @@ impl<'a> Bench<'a> {
             starts: Starts::default(),
             substeps: self.substeps,
             scale: self.scale(player),
+            tally: Default::default(),
         };
         (experiment, signals.iter().map(start).collect())
     }

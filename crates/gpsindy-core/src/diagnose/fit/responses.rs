@@ -4,6 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::guide::Guide;
 use crate::model::System;
+use crate::refine::tally::Purpose;
 use crate::refine::{Job, Refined, lanes::Lanes, roll_together, tangent};
 use nalgebra::DVector;
 
@@ -29,6 +30,8 @@ pub(crate) fn responses(
         }
     }
     let n_columns = experiment.columns.len();
+    experiment.tally.columns(columns.len());
+    experiment.tally.pass(Purpose::Responses, experiment.n_samples());
     if system.engine().is_some() {
         let lane = |l: usize| parameters.iter().map(|p| p[l]).collect::<Vec<f64>>();
         return stepped_responses(system, at, initial, &(0..columns.len()).map(lane).collect::<Vec<_>>());

@@ -55,6 +55,7 @@ fn settle(
     found: Contestant,
     tried: &mut Tried,
 ) -> Result<(Contestant, Contestant, bool)> {
+    contest.run.begin("settling");
     let (found, _) = pruned(contest, &nominal, found)?;
     let before = (found.experiment.windows.clone(), nominal.free.len());
     let (nominal, found) = lengthen(contest, nominal, found)?;

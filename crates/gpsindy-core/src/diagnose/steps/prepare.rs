@@ -61,7 +61,7 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
 /// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen.
 fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>) -> Result<Experiment> {
     let notes = &run.notes;
-    let mut experiment = Experiment::new(system, data, None)?;
+    let mut experiment = Experiment { tally: run.tally.clone(), ..Experiment::new(system, data, None)? };
     check::columns(system, &experiment)?;
     // What is chosen below depends on what the control does between the samples.
     experiment.hold = hold.unwrap_or_default();

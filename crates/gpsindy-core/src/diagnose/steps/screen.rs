@@ -171,6 +171,7 @@ fn leaders(contest: &Contest<'_>, screened: &[Option<Screened>], models: usize) 
 /// Gain and degrees of freedom of every function without a name at `base`, under coloured noise; on a part of the windows first, as
 /// in [`screen`].
 pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(f64, usize)>> {
+    contest.run.begin("functions without a name");
     let at = base.linearised()?;
     let gain = |rival: &Rival, at: &Linearised<'_>, coloured: &Basis| {
         let applied = rival.apply(base.system.model(), &contest.scene);

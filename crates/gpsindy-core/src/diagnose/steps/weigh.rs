@@ -101,6 +101,7 @@ pub(crate) fn report(
         augmented_model: Some("augmented.toml".into()),
         notes: contest.run.notes.all().iter().map(ToString::to_string).collect(),
         power: None,
+        work: Vec::new(),
         figures: Some(Figures {
             rollouts: verification.figures,
             residuals: located.figures,

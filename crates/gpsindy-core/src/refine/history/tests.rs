@@ -46,7 +46,7 @@ fn a_late_held_input_enters_a_step_by_its_mean() {
 /// A rollout from within a log, in spans of any length, reads what one of the whole log reads; and little of it is in memory.
 #[test]
 fn a_part_of_a_long_log_gives_what_the_whole_gives() {
-    let count = 5 * BLOCK / 2;
+    let count = 5 * BLOCKS.1 / 2;
     let time: Vec<f64> = (0..count).map(|i| 0.01 * i as f64 + 0.002 * (0.3 * i as f64).sin()).collect();
     let u: Vec<f64> = (0..count).map(|i| (0.013 * i as f64).sin() + 0.5 * (0.0071 * i as f64).cos()).collect();
     let log = log(time.clone(), u);
@@ -77,13 +77,16 @@ fn a_part_of_a_long_log_gives_what_the_whole_gives() {
             let mut whole = fresh();
             let reference = values(&mut whole, 0..count - 1);
             // One that looks ahead is in memory as a whole.
-            let most = if whole.is_ahead { count } else { BLOCK + 600 };
+            let most = if whole.is_ahead { count } else { BLOCKS.1 + 600 };
             assert!(whole.kept.len() <= most, "{rate}: {:?}", whole.kept);
             let mut some = fresh();
             // Forwards, backwards, and one step after the other.
-            for span in
-                [3 * BLOCK / 2..3 * BLOCK / 2 + 900, 70..140, 2 * BLOCK..2 * BLOCK + 1, 2 * BLOCK + 1..2 * BLOCK + 2]
-            {
+            for span in [
+                3 * BLOCKS.1 / 2..3 * BLOCKS.1 / 2 + 900,
+                70..140,
+                2 * BLOCKS.1..2 * BLOCKS.1 + 1,
+                2 * BLOCKS.1 + 1..2 * BLOCKS.1 + 2,
+            ] {
                 let part = values(&mut some, span.clone());
                 for (k, (found, expected)) in span.clone().zip(part.iter().zip(&reference[span])) {
                     let far = (0..3).map(|i| (found[i][0] - expected[i][0]).abs()).fold(0.0, f64::max);

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::jacobian::{Block, Jacobian, Point, difference};
+use crate::refine::tally::Purpose;
 use crate::refine::{Experiment, Free, Job, roll_together};
 use nalgebra::{DMatrix, DVector};
 
@@ -37,6 +38,7 @@ impl Scene<'_> {
         let n_columns = experiment.columns.len();
         let samples = |job: &Job| experiment.windows[job.window].last - experiment.windows[job.window].first + 1;
         let mut all: Vec<DVector<f64>> = jobs.iter().map(|job| DVector::zeros(samples(job) * n_columns)).collect();
+        experiment.tally.pass(Purpose::Trials, jobs.iter().map(samples).sum());
         roll_together(system, experiment, jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
             let window = experiment.windows[jobs[job].window];
             let measured = experiment.logs[window.log].measured[c][sample];
