@@ -52,6 +52,7 @@ pub fn render_with(report: &Diagnosis, provenance: &Provenance) -> String {
                     (place(report, provenance, &mut charts))
                     (causes(report))
                     (closure(report, provenance, &mut charts))
+                    (checks(report))
                     @if let Some(power) = &report.power { (crate::power::section(power)) }
                     (next(report))
                     (logs(report, provenance, &mut charts))
@@ -91,6 +92,26 @@ fn head(report: &Diagnosis) -> Markup {
                 @if report.verdict != Verdict::NoGap {
                     div { dt { "Unmodelled structure" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
                 }
+            }
+        }
+    }
+}
+
+/// What must hold of the causes before they are believed.
+fn checks(report: &Diagnosis) -> Markup {
+    html! {
+        @if !report.checks.is_empty() {
+            section {
+                h2 { "Can the causes be believed?" }
+                div.wide { table.stack {
+                    thead { tr { th scope="col" { "check" } th scope="col" { "result" } th.n scope="col" { "p-value" } th scope="col" { } } }
+                    tbody { @for check in &report.checks { tr {
+                        th scope="row" { (check.id.replace('_', " ")) }
+                        td { @if check.passed { "passed" } @else { strong { "failed" } } }
+                        td.n data-label="p-value" { (check.p_value.map_or(String::new(), p_value)) }
+                        td { (check.says) }
+                    } } }
+                } }
             }
         }
     }

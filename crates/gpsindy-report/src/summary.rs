@@ -29,6 +29,7 @@ pub fn summary_with(report: &Diagnosis, provenance: &Provenance, width: usize, c
     which(report, &mut text);
     excluded(report, &mut text);
     closure(report, time_unit, &mut text);
+    checks(report, &mut text);
     next(report, &mut text);
     if let Some(power) = &report.power {
         for (i, line) in crate::power::lines(power).iter().enumerate() {
@@ -196,6 +197,20 @@ fn closure(report: &Diagnosis, time_unit: &str, text: &mut Text) {
         text.say("", &closure_sentence(report, time_unit));
     } else {
         text.say("Closure", &closure_sentence(report, time_unit));
+    }
+}
+
+/// The checks that fail, in words; of those that pass their number.
+fn checks(report: &Diagnosis, text: &mut Text) {
+    let failed: Vec<String> =
+        report.checks.iter().filter(|check| !check.passed).map(|check| check.says.clone()).collect();
+    match (report.checks.len(), failed.len()) {
+        (0, _) => {}
+        (all, 0) => text.say("Checks", &format!("all {all} pass")),
+        (all, count) => {
+            text.say("Checks", &format!("{count} of {all} fail"));
+            failed.iter().for_each(|says| text.say("", says));
+        }
     }
 }
 

@@ -161,13 +161,28 @@ pub(crate) const TOLERABLE: f64 = 0.25;
 
 // The contest.
 
-/// How many contestants go on to the next round: the leader, and another account of the same logs.
+/// How many suspects are fitted in the place of one or two effects, and of each effect at least.
 ///
 /// Like the counts below, and those of [`sampling`] and [`forcing`], it trades time for the chance of passing the truth by. Twice
-/// as many of them, of [`FINALISTS`], [`SHORTLIST`] and [`TOGETHER`] brought nothing: of 54 cases with effects (development seeds 5000 to
+/// as many of [`FINALISTS`], [`SHORTLIST`] and [`TOGETHER`] brought nothing: of 54 cases with effects (development seeds 5000 to
 /// 5135) 49 had the same causes. In the other five the causes were wrong with either, but for one where Stribeck friction was named
 /// and Coulomb friction is now.
-pub(crate) const BEAM: usize = 2;
+pub(crate) const SWAPPED: usize = 8;
+pub(crate) const OF_PLACE: usize = 2;
+
+/// From how many suspects pairs are made in every view, and how many of these are fitted.
+pub(crate) const PAIRED: usize = 16;
+pub(crate) const PAIRS: usize = 3;
+
+/// Views up to which pairs are also made in the place of two effects: those of three effects.
+pub(crate) const VIEWS: usize = 7;
+
+/// Share of what leaving an effect out costs that a suspect must promise to bring back, in order to be fitted in its place: a straight
+/// line underrates a curved effect by half.
+pub(crate) const SUBSTITUTE: f64 = 0.5;
+
+/// How many fits of a round, by score and by squares, go on after their first step.
+pub(crate) const RACED: usize = 7;
 
 /// How many contestants of a round are fitted to the end at least.
 pub(crate) const FINALISTS: usize = 3;
@@ -175,8 +190,8 @@ pub(crate) const FINALISTS: usize = 3;
 /// Nats behind the best within which a contestant may still win after a longer fit.
 pub(crate) const IN_SIGHT: f64 = 30.0;
 
-/// Readings of a simulator that steps on which all suspects are screened first, and how many of them by each noise model are then
-/// screened on all readings: on a quarter of 40,000 a gain of 100 is off by 40, and the shortlist ends far above.
+/// Readings on which all suspects are screened first, and how many of them by each noise model are then screened on all readings: on
+/// a quarter of 40,000 a gain of 100 is off by 40, and the shortlist ends far above.
 pub(crate) const SKETCHED: usize = 10_000;
 pub(crate) const SCREENED: usize = 32;
 
@@ -209,9 +224,6 @@ pub(crate) const CONVINCING: f64 = 5.0;
 
 /// Chance that noise gives a gain anywhere in a search, above which the gain is none.
 pub(crate) const CHANCE: f64 = 0.05;
-
-/// Mean squared difference of outputs, as a share of what is left to explain, below which two contestants are one.
-pub(crate) const ALIKE: f64 = 1e-3;
 
 /// Shares of a finite step that a straight line may take: half of it to twice, because it is no straight line.
 pub(crate) const STEP: (f64, f64) = (0.5, 2.0);
@@ -332,7 +344,7 @@ pub(crate) mod localise {
 /// Periods and phases of sample-and-holds, which are found by trial.
 pub(crate) mod sampling {
     /// Periods in the beginning of a log on which the search starts: enough for a quarter of a period to show, few enough
-    /// for a lattice of a hundred points. A count like [`super::BEAM`].
+    /// for a lattice of a hundred points. A count like [`super::SWAPPED`].
     pub(crate) const CELLS: f64 = 16.0;
 
     /// Parts of a period by which the last of these moments moves from one trial to the next: half of one is an eighth, and
@@ -374,7 +386,7 @@ pub(crate) mod forcing {
     pub(crate) const LONGEST: f64 = 0.2;
 
     /// Readings after which no further stretch is filtered: a function that explains a hundredth of what is left gains 60 in
-    /// twice the log likelihood by then. A count like [`super::BEAM`].
+    /// twice the log likelihood by then. A count like [`super::SWAPPED`].
     pub(crate) const MOST_READINGS: usize = 6000;
 
     /// The same where only the neighbourhood of the top is looked for: on a fourth of the readings it moves by twice the width of

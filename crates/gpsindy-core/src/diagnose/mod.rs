@@ -50,7 +50,7 @@ use steps::hold::reconsider_hold;
 use steps::prepare::{Known, Prepared, prepare};
 use steps::suspects::{Choice, suspects};
 use steps::verify::Verification;
-use steps::{localise, nameless, verify, weigh};
+use steps::{localise, nameless, typicality, verify, weigh};
 
 /// Settings of a diagnosis.
 ///
@@ -234,6 +234,9 @@ impl Diagnose {
     }
 
     /// The steps of a diagnosis, in their order.
+    ///
+    /// Random forces are asked for before the hold of the controls, which they would decide by chance, and again where another hold
+    /// gives another account. Held-out logs are looked at when all is decided.
     fn body(&self, system: &System, logs: [&Dataset; 2], progress: &dyn Progress) -> Result<(Diagnosed, Found)> {
         let run = Run::new(progress, self.time_limit);
         let prepared = prepare(&run, system, logs, &self.known())?;
@@ -241,9 +244,9 @@ impl Diagnose {
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let judged = attribute(&contest, suspected)?;
-        let judged = self.forced(&contest, &prepared, judged)?;
+        let judged = forced(&contest, judged)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
-        let judged = self.forced(&contest, &prepared, judged)?;
+        let judged = forced(&contest, judged)?;
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         self.told(contest, prepared, judged)
     }
@@ -258,8 +261,11 @@ impl Diagnose {
         let states = &judged.nominal.system.model().states;
         let resting: Vec<String> = verified.resting.iter().map(|&j| states[j].name.clone()).collect();
         let logs = (&prepared.train, &prepared.holdout);
-        let (mut diagnosis, augmented) =
-            weigh::report(self.confidence, &contest, &judged, gap, verified, logs, augmented);
+        // What is random leaves a rest that the noise does not.
+        let has_causes = judged.detected.gap && !judged.outcome.best.hypotheses.is_empty() && judged.forcing.is_none();
+        let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?;
+        let found = weigh::Found { judged: &judged, typicality, verification: verified, located: gap };
+        let (mut diagnosis, augmented) = weigh::report(self.confidence, &contest, found, logs, augmented);
         let resting: Vec<&str> = resting.iter().map(String::as_str).collect();
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let open = left_open(&judged);
@@ -273,15 +279,8 @@ impl Diagnose {
         Ok((diagnosed, Found { nominal, best: outcome.best, hypotheses, scene, train, holdout }))
     }
 
-    /// Whether random forces are what is left; asked before the hold of the controls, which they would decide by chance, and again
-    /// where another hold gives another account.
-    fn forced(&self, contest: &Contest<'_>, prepared: &Prepared, judged: Judged) -> Result<Judged> {
-        forced(contest, judged, |judged| Ok(self.verify(contest, prepared, judged)?.missed()))
-    }
-
     fn verify(&self, contest: &Contest<'_>, prepared: &Prepared, judged: &Judged) -> Result<Verification> {
-        let (nominal, best) = (&judged.nominal, &judged.outcome.best);
-        verify::closure(nominal, best, &prepared.holdout, self.confidence, &contest.run.notes)
+        verify::closure(judged, &prepared.holdout, self.confidence, &contest.run.notes)
     }
 
     fn known(&self) -> Known<'_> {

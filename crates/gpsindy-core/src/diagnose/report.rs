@@ -5,6 +5,7 @@
 //! All other numbers must be finite. Everything but [`Figures`] is public interface.
 
 mod cause;
+mod check;
 mod closure;
 mod figures;
 mod gap;
@@ -13,6 +14,7 @@ mod time_unit;
 mod work;
 
 pub use cause::{Cause, Excluded, ModelParameter, Parameter, Stability};
+pub use check::Check;
 pub use closure::{Closure, ClosureState};
 pub use figures::{
     EquationFigure, FIGURE_POINTS, Figures, ResidualCheck, ResidualCurve, ResidualFigure, ResidualTrace, RolloutFigure,
@@ -55,6 +57,9 @@ pub struct Diagnosis {
     pub excluded: Vec<Excluded>,
     /// What remains after the included causes.
     pub unexplained: Unexplained,
+    /// What must hold of the included causes before they are believed; empty without any.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub checks: Vec<Check>,
     /// How far the included causes close the gap, on held-out runs only.
     pub closure: Closure,
     /// File of the nominal model with the included causes added; `None` where there is no such file.

@@ -61,6 +61,16 @@ pub(crate) struct LateState {
 }
 
 impl LateState {
+    /// The delay, or period and phase, s, in every lane of parameters.
+    pub(crate) fn amounts<const L: usize>(&self, parameters: &[[f64; L]]) -> [[f64; 2]; L] {
+        let mut registers = self.amounts.registers::<L>();
+        registers[..parameters.len()].copy_from_slice(parameters);
+        self.amounts.evaluate(&mut registers);
+        let last = self.amounts.n_outputs() - 1;
+        let (amount, phase) = (self.amounts.output(&registers, 0), self.amounts.output(&registers, last));
+        std::array::from_fn(|lane| [amount[lane], phase[lane]])
+    }
+
     /// The moment that a reading at `t` is of, s.
     pub(crate) fn moment(&self, t: f64, amounts: [f64; 2]) -> f64 {
         match self.kind {

@@ -3,6 +3,7 @@
 //! The nominal simulator of a user, the model that `identify` learns and the corrected simulator
 //! that `diagnose` writes are the same [`Model`]. [`System`] is a model compiled for evaluation.
 
+pub(crate) mod change;
 mod check;
 mod engine;
 mod export;

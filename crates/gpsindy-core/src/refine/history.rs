@@ -7,7 +7,7 @@ mod held;
 
 use super::experiment::Log;
 use crate::data::Hold;
-use crate::model::{Input, InputKind, System};
+use crate::model::{Input, InputKind};
 use held::Held;
 use std::ops::Range;
 
@@ -52,11 +52,11 @@ struct History<'a, const L: usize> {
 }
 
 impl<'a, const L: usize> Histories<'a, L> {
-    /// Nothing is sampled yet. `parameters`: all of the system's, one value a lane.
-    pub(super) fn new(system: &'a System, log: &'a Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
-        let inputs = system.inputs().iter().enumerate();
+    /// Nothing is sampled yet. `parameters`: all of the inputs', one value a lane.
+    pub(super) fn new(inputs: &'a [Input], log: &'a Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
+        let first = log.controls.len();
         let all: Vec<History<L>> =
-            inputs.map(|(i, input)| History::new(input, system.n_controls() + i, log, parameters)).collect();
+            inputs.iter().enumerate().map(|(i, input)| History::new(input, first + i, log, parameters)).collect();
         let back = |history: &History<L>| {
             let of = |lane: usize| history.held.get(lane).map_or(history.shift[lane], Held::period);
             (0..L).map(of).fold(0.0, f64::max)

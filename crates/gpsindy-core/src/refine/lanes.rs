@@ -7,6 +7,7 @@ mod buffer;
 mod following;
 pub(crate) mod guided;
 pub(crate) mod lockstep;
+pub(crate) mod path;
 mod sticking;
 pub(crate) mod tangent;
 
@@ -72,24 +73,13 @@ struct Node<const L: usize> {
 impl<'a, const L: usize> Lanes<'a, L> {
     /// `parameters`: all of the system's, one value a lane.
     pub(crate) fn new(system: &'a System, log: &'a Log, (hold, past): (Hold, Past), parameters: &[[f64; L]]) -> Self {
-        let histories = Histories::new(system, log, hold, parameters);
+        let histories = Histories::new(system.inputs(), log, hold, parameters);
         let first = system.n_states() + system.n_controls() + histories.len();
         let mut rates = system.rates().registers::<L>();
         rates[first..first + parameters.len()].copy_from_slice(parameters);
         let mut outputs = system.outputs().registers::<L>();
         outputs[first..first + parameters.len()].copy_from_slice(parameters);
-        let late = system
-            .late_states()
-            .iter()
-            .map(|late| {
-                let mut registers = late.amounts.registers::<L>();
-                registers[..parameters.len()].copy_from_slice(parameters);
-                late.amounts.evaluate(&mut registers);
-                let last = late.amounts.n_outputs() - 1;
-                let (amount, phase) = (late.amounts.output(&registers, 0), late.amounts.output(&registers, last));
-                std::array::from_fn(|lane| [amount[lane], phase[lane]])
-            })
-            .collect();
+        let late = system.late_states().iter().map(|late| late.amounts(parameters)).collect();
         let slots = Slots::new(system, parameters).map(Box::new);
         let parameters = parameters.to_vec();
         Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None, slots }

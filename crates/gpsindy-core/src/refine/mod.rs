@@ -19,6 +19,7 @@ pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::guided::Guided;
 pub(crate) use lanes::lockstep::{Job, roll_together};
+pub(crate) use lanes::path::Path;
 pub(crate) use lanes::tangent::{Tangent, tangent};
 pub(crate) use profile::Profile;
 pub(crate) use stepped::{Kept, guess_starts};

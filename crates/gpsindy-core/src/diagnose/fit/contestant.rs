@@ -5,7 +5,7 @@ use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Free, Jacobian, Point, Refined};
+use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
 
 /// How many starts the search tried that an effect was chosen from: its evidence must pay for all of them (Bonferroni).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,6 +57,8 @@ pub(crate) struct Linearised<'a> {
     pub(crate) jacobian: Jacobian,
     /// The filter whose innovations stand in the place of residuals; none where these are of rollouts.
     pub(crate) guide: Option<Guide>,
+    /// The path of the fit, where suspects' responses are straight lines from it.
+    pub(crate) path: Option<Path>,
 }
 
 impl Contestant {
@@ -126,17 +128,9 @@ impl Contestant {
     pub(crate) fn linearised(&self) -> Result<Linearised<'_>> {
         let point = Point { parameters: self.refined.parameters.clone(), initial: self.refined.initial.clone() };
         let jacobian = Jacobian::new(&self.system, &self.experiment, &point, &self.free)?;
-        Ok(Linearised { contestant: self, jacobian, guide: None })
-    }
-
-    /// Mean squared difference of the outputs from another contestant's, in noise units; infinite on other windows.
-    pub(crate) fn distance(&self, other: &Self) -> f64 {
-        if self.experiment.windows != other.experiment.windows {
-            return f64::INFINITY;
-        }
-        let pairs = self.refined.residuals.iter().flatten().zip(other.refined.residuals.iter().flatten());
-        let sum: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).filter(|d| !d.is_nan()).sum();
-        sum / self.evidence.count().max(1) as f64
+        let Refined { parameters, initial, .. } = &self.refined;
+        let path = Path::new(&self.system, &self.experiment, parameters, initial);
+        Ok(Linearised { contestant: self, jacobian, guide: None, path })
     }
 }
 
@@ -145,19 +139,21 @@ pub(crate) struct Sketch {
     contestant: Contestant,
     jacobian: Jacobian,
     guide: Option<Guide>,
+    path: Option<Path>,
     pub(crate) share: f64,
 }
 
 impl Sketch {
     pub(crate) fn linearised(&self) -> Linearised<'_> {
-        Linearised { contestant: &self.contestant, jacobian: self.jacobian.clone(), guide: self.guide.clone() }
+        let (jacobian, guide, path) = (self.jacobian.clone(), self.guide.clone(), self.path.clone());
+        Linearised { contestant: &self.contestant, jacobian, guide, path }
     }
 }
 
 impl Linearised<'_> {
     /// The same on evenly spread windows with no more than so many readings; nothing where that is no less.
     pub(crate) fn sketch(&self, readings: usize) -> Option<Sketch> {
-        let Linearised { contestant, jacobian, guide } = self;
+        let Linearised { contestant, jacobian, guide, path } = self;
         let count = contestant.experiment.windows.len();
         let stride = contestant.experiment.n_values().div_ceil(readings.max(1));
         if stride < 2 || count < 2 * stride {
@@ -175,6 +171,7 @@ impl Linearised<'_> {
             tangent: tangent.clone(),
             whitening: places().map(|w| whitening[w].clone()).collect(),
         });
-        Some(Sketch { contestant: thin, jacobian, guide, share })
+        let path = path.as_ref().map(|path| path.of(places()));
+        Some(Sketch { contestant: thin, jacobian, guide, path, share })
     }
 }

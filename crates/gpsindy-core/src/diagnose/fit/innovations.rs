@@ -79,7 +79,8 @@ impl Innovations {
 
     /// What straight lines go out from.
     pub(crate) fn linearised(&self) -> Linearised<'_> {
-        Linearised { contestant: &self.contestant, jacobian: self.jacobian.clone(), guide: Some(self.guide.clone()) }
+        let (jacobian, guide) = (self.jacobian.clone(), Some(self.guide.clone()));
+        Linearised { contestant: &self.contestant, jacobian, guide, path: None }
     }
 
     /// Derivatives by the free parameters: the tangent is a straight line in them.
@@ -145,8 +146,8 @@ fn path_of(contestant: &Contestant, experiment: &Experiment) -> Vec<Vec<Vec<f64>
 mod tests {
     use super::*;
     use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fit::basis::Basis;
     use crate::diagnose::fit::fitter::Fitter;
-    use crate::diagnose::fit::gains::Basis;
     use crate::diagnose::fit::guide::whiten;
     use crate::diagnose::limits::Budget;
     use crate::error::{Error, Result};
@@ -242,14 +243,14 @@ mod tests {
         let all = everything(model, &scene, &contestant.experiment.columns, &[]).unwrap();
         let innovations = Innovations::of(contestant, &contestant.linearised().unwrap().jacobian).unwrap();
         let at = innovations.linearised();
-        let basis = Basis::new(&at, false);
+        let basis = Basis::new(&at, false, &[]);
         let of = |id: &&str| {
             let own = all.iter().filter(|h| h.id() == *id);
             let gains = own.flat_map(|h| {
                 let applied = h.apply(model, &scene).unwrap();
                 crate::diagnose::fit::gains::gains(&applied, &at, &[&basis])
             });
-            let best = gains.flatten().max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap();
+            let best = gains.flatten().flatten().max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap();
             (best.gain, best.values)
         };
         ids.iter().map(of).collect()

@@ -1,6 +1,7 @@
 //! Contestants of the diagnosis, their fits to the logs, and their evidence.
 
 pub(crate) mod autoregression;
+pub(crate) mod basis;
 pub(crate) mod bounded;
 pub(crate) mod colour;
 pub(crate) mod contestant;
@@ -15,6 +16,7 @@ pub(crate) mod innovations;
 pub(crate) mod lagging;
 pub(crate) mod moved;
 pub(crate) mod outputs;
+pub(crate) mod outs;
 pub(crate) mod peaks;
 pub(crate) mod responses;
 pub(crate) mod sampling;

@@ -4,6 +4,19 @@
 pub(crate) const BLOCKS: usize = 8;
 pub(crate) const DRAWS: usize = 400;
 
+/// Draws of random forces and noise, for the band that holds their errors and for how often it does: a share of 95 % is then known to
+/// a hundredth.
+pub(crate) const SPREADS: usize = 200;
+
+/// Half width of a band that holds 95 % of a normal variable, in its deviations.
+pub(crate) const BAND: f64 = 1.96;
+
+/// Chance below which errors are no longer those that the forces predict: one true force in a hundred is doubted.
+pub(crate) const COVERED: f64 = 0.01;
+
+/// Error over the noise's floor, as a share of it, within which held-out runs show no gap to close.
+pub(crate) const QUIET: f64 = 0.1;
+
 /// Share of the floor below which there is no gap to close: the floor itself is known no better: 800 samples tell
 /// a variance to a twentieth.
 pub(crate) const NO_GAP: f64 = 0.05;

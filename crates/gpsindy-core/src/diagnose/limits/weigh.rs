@@ -23,6 +23,15 @@ pub(crate) const FEW: usize = 3;
 pub(crate) const CROWDING: f64 = 0.2;
 pub(crate) const CROWDED: f64 = 0.15;
 
+/// Logs that are simulated with the named causes, and the chance below which the one seen is none of these: with thirty, the chance
+/// falls below it where none of them leaves as much.
+pub(crate) const SIMULATED: usize = 30;
+pub(crate) const TYPICAL: f64 = 0.05;
+
+/// Share of the gap from which a cause must be credible for the gap to be explained: without it a hundredth would be left, which the
+/// verdict allows.
+pub(crate) const COUNTS: f64 = 0.01;
+
 /// Probability above which a statement counts, in the verdict and in words.
 pub(crate) const LIKELY: f64 = 0.5;
 

@@ -29,6 +29,9 @@ pub struct Closure {
     /// Duration of the longest rollout, s: longer ones were restarted from the log.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub horizon: Option<f64>,
+    /// Share of the held-out errors within the 95 % band that random forces predict; `None` without such forces.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub spread: Option<f64>,
     /// By logged column that moves, in its unit.
     pub by_state: Vec<ClosureState>,
 }

@@ -8,79 +8,96 @@ use crate::diagnose::steps::detect::{Suspected, nameless_p_value};
 use crate::diagnose::steps::findings::{Judged, Left, Outcome};
 use crate::diagnose::steps::lengthen::lengthen;
 use crate::diagnose::steps::places::{Place, places};
-use crate::diagnose::steps::round::{Expansion, Tried, survey};
+use crate::diagnose::steps::round::{Expansion, expand};
 use crate::diagnose::steps::screen::nameless;
 use crate::diagnose::steps::search::search;
-use crate::diagnose::steps::simplify::{merged, pruned, strongest};
+use crate::diagnose::steps::simplify::{pruned, strongest};
 use crate::error::Result;
 
 /// The causes of a detected gap.
 ///
-/// Effects are added while they convince; then, place by place, every other suspect applies for the place of each, and the
-/// best move of all is made until none is left. Looking at all places first, the order of the effects does not count.
+/// Effects are added, and exchanged for others, while that convinces; then once more on the rollouts by which causes are told, until
+/// no move is left. All places are looked at in every round, so the order of the effects does not count.
 pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<Judged> {
     if !suspected.detected.gap {
         return Ok(suspected.without_gap());
     }
     let Suspected { nominal, first, nameless, detected } = suspected;
     let singles = first.singles();
-    let (found, mut tried) = search(contest, &nominal, first)?;
-    let (nominal, mut best, is_structured) = settle(contest, nominal, found, &mut tried)?;
-    let mut seats = places(contest, &nominal, &best, is_structured, &mut tried)?;
+    let (found, round) = search(contest, &nominal, first)?;
+    let Settled { nominal, mut best, is_structured, is_moved } = settle(contest, nominal, &found)?;
+    // What was tried on other rollouts, or with another set of effects, says nothing of these.
+    let is_known = !is_moved && best.has_effects_of(&found);
+    let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
+    let mut round = if is_known { round } else { again(&best)? };
+    let mut seats = places(contest, &nominal, &best, &round.fits, is_structured)?;
+    let mut known: Vec<Contestant> = Vec::new();
     for _ in 0..MOST_MOVES {
-        let next = match moved(contest, &best, &seats) {
-            Some(next) => Some(next),
-            // Where a rest is left anyhow, fewer effects explain it no better.
-            None if is_structured => None,
-            None => merged(contest, &nominal, &best, &seats, &mut tried)?,
-        };
-        let Some(next) = next else { break };
+        known.push(best.clone());
+        let Some(next) = moved(contest, &best, &seats, &round.fits, is_structured) else { break };
+        // The rules that add and those that take away may disagree about a set: then it stays as it was first.
+        if known.iter().any(|other| other.has_effects_of(&next)) || contest.run.is_out_of_time() {
+            break;
+        }
         best = next;
-        seats = places(contest, &nominal, &best, is_structured, &mut tried)?;
+        round = again(&best)?;
+        seats = places(contest, &nominal, &best, &round.fits, is_structured)?;
     }
-    let last = survey(contest, &best, "what is left")?;
-    let left = left_over(contest, &best, &last)?;
-    let nameless = if tried.was_cleared { self::nameless(contest, &nominal)? } else { nameless };
+    let left = left_over(contest, &best, &round)?;
+    let nameless = if is_moved { self::nameless(contest, &nominal)? } else { nameless };
     let removed = seats.iter().map(|seat| seat.removed).collect();
     let alternatives = seats.into_iter().map(|seat| seat.fits).collect();
-    let outcome = Outcome { best, alternatives, removed, singles, left, screened: last.screened };
+    let outcome = Outcome { best, alternatives, removed, singles, left, screened: round.screened };
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
 }
 
-/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are told, and whether
-/// structure without a name is left beside them.
-fn settle(
-    contest: &Contest<'_>,
+/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are told.
+struct Settled {
     nominal: Contestant,
-    found: Contestant,
-    tried: &mut Tried,
-) -> Result<(Contestant, Contestant, bool)> {
-    contest.run.begin("settling");
-    let (found, _) = pruned(contest, &nominal, found)?;
-    let before = (found.experiment.windows.clone(), nominal.free.len());
-    let (nominal, found) = lengthen(contest, nominal, found)?;
-    let (nominal, found) = charge_tolerated(contest, nominal, found)?;
-    // Once more, because longer rollouts show what an effect is worth.
-    let (found, is_structured) = pruned(contest, &nominal, found)?;
-    if before != (found.experiment.windows.clone(), nominal.free.len()) {
-        // What was tried on other rollouts says nothing of these.
-        tried.clear();
-    }
-    Ok((nominal, found, is_structured))
+    best: Contestant,
+    /// Whether structure without a name is left beside them.
+    is_structured: bool,
+    /// Whether rollouts or tolerances are others now.
+    is_moved: bool,
 }
 
-/// The best move of all places: several effects for one, else one effect less, else another effect in its place.
-fn moved(contest: &Contest<'_>, best: &Contestant, seats: &[Place]) -> Option<Contestant> {
+fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
+    contest.run.begin("settling");
+    let (best, is_structured) = pruned(contest, &nominal, found.clone())?;
+    let before = (best.experiment.windows.clone(), nominal.free.len());
+    let (nominal, best) = lengthen(contest, nominal, best)?;
+    let (nominal, best) = charge_tolerated(contest, nominal, best)?;
+    let is_moved = before != (best.experiment.windows.clone(), nominal.free.len());
+    // Once more, because longer rollouts show what an effect is worth.
+    let (best, is_structured) = if is_moved { pruned(contest, &nominal, best)? } else { (best, is_structured) };
+    Ok(Settled { nominal, best, is_structured, is_moved })
+}
+
+/// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.
+fn moved(
+    contest: &Contest<'_>,
+    best: &Contestant,
+    seats: &[Place],
+    fits: &[Contestant],
+    is_structured: bool,
+) -> Option<Contestant> {
     let first = |fits: Vec<&Contestant>| {
         let order = |a: &&Contestant, b: &&Contestant| contest.score(a).total_cmp(&contest.score(b));
         fits.into_iter().max_by(order).cloned()
     };
-    let richer = seats.iter().filter_map(|seat| seat.richer.as_ref());
-    let superfluous = |rest: &&Contestant| best.hypotheses.len() > 1 && !contest.is_convincing(best, rest);
+    let own = best.hypotheses.len();
+    let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, best);
+    let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = seats.iter().filter_map(|seat| seat.rest.as_ref()).filter(superfluous);
     let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
     let other = seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better);
-    first(richer.collect()).or_else(|| first(simpler.collect())).or_else(|| first(other.collect()))
+    // Where a rest is left anyhow, fewer effects explain it no better.
+    let is_one_for_two =
+        |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
+    first(fits.iter().filter(is_richer).collect())
+        .or_else(|| first(simpler.collect()))
+        .or_else(|| first(other.collect()))
+        .or_else(|| first(fits.iter().filter(is_one_for_two).collect()))
 }
 
 /// Structure that a function without a name, or one more effect, would still remove.

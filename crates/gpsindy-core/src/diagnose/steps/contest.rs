@@ -80,12 +80,24 @@ impl<'a> Contest<'a> {
         best: &Contestant,
         effects: &[(Entrant<'_>, Vec<f64>)],
     ) -> Result<Option<Contestant>> {
-        let hypotheses: Vec<&Hypothesis> = effects.iter().map(|e| e.0.hypothesis).collect();
         let entrants: Vec<Entrant<'_>> = effects.iter().map(|e| e.0).collect();
         let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
+        self.from_values(base, best, &entrants, &[values], Budget::Usual)
+    }
+
+    /// The same from the best of several values of all effects together.
+    pub(crate) fn from_values(
+        &self,
+        base: &Contestant,
+        best: &Contestant,
+        entrants: &[Entrant<'_>],
+        values: &[Vec<f64>],
+        budget: Budget,
+    ) -> Result<Option<Contestant>> {
+        let hypotheses: Vec<&Hypothesis> = entrants.iter().map(|e| e.hypothesis).collect();
         let applied = joint::apply(&hypotheses, base.system.model(), &self.scene)?;
         let base = standing_at(base, best);
-        unless_refused(self.fitter.with(&base, &entrants, &applied, &[values], Budget::Usual))
+        unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))
     }
 
     /// `best` without the effects at some places, fitted again from the nominal model.

@@ -54,7 +54,7 @@ pub(crate) fn detect(contest: &Contest<'_>, nominal: Contestant) -> Result<Suspe
 /// Ripples and edges need shorter ones than the nominal model does, and lose the contest without.
 fn suspects(contest: &Contest<'_>, mut nominal: Contestant) -> Result<(Contestant, Expansion)> {
     loop {
-        let first = expand(contest, &nominal, "suspects")?;
+        let first = expand(contest, &nominal, &nominal, "suspects")?;
         let Some(finer) = first.fits.first().and_then(finer) else { return Ok((nominal, first)) };
         nominal = contest.fitter.on(&nominal, &finer, Budget::Usual)?;
     }

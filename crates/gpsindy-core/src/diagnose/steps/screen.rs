@@ -4,13 +4,16 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::rival::Rival;
+use crate::diagnose::fit::basis::{Basis, Out, View};
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
-use crate::diagnose::fit::gains::{Basis, Gain, gains};
+use crate::diagnose::fit::gains::{Gain, gains};
 use crate::diagnose::fit::innovations::Innovations;
+use crate::diagnose::fit::outs::{in_place, interact, outs};
 use crate::diagnose::fit::peaks::peaks;
-use crate::diagnose::limits::{SCREENED, SKETCHED};
+use crate::diagnose::limits::{SCREENED, SKETCHED, SWAPPED};
 use crate::diagnose::run::Stage;
 use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::pairs::{Pair, pairs};
 use crate::error::Result;
 use crate::parallel::*;
 use crate::refine::{Refined, tangent};
@@ -28,17 +31,42 @@ pub(crate) struct Summary {
 /// Noise models of a screening: white, coloured, and a filter's innovations, which only a simulator that steps has.
 pub(crate) const BASES: usize = 3;
 
-/// Hypotheses screened together (most alone): their gains by start, under white and under coloured noise.
+/// Hypotheses screened together (most alone): their gains by start, noise model and view.
 pub(crate) struct Screened {
     pub(crate) members: Vec<usize>,
     pub(crate) applied: Applied,
-    pub(crate) gains: Vec<Vec<Gain>>,
+    pub(crate) gains: Vec<Vec<Vec<Gain>>>,
+}
+
+/// What a screening looks for: one more effect, or another one in the place of some.
+#[derive(Debug, Clone)]
+pub(crate) struct Looked {
+    /// The places that are left out.
+    pub(crate) places: Vec<usize>,
+    /// What leaving them out costs in twice the log likelihood, by a straight line.
+    pub(crate) loss: f64,
+}
+
+/// A screening of all suspects at a contestant.
+pub(crate) struct Survey {
+    /// In the order of the hypotheses, then of the sets that apply together.
+    pub(crate) suspects: Vec<Option<Screened>>,
+    /// By noise model and view.
+    pub(crate) looked: Vec<Vec<Looked>>,
+    /// Two suspects together, by the noise models that tell.
+    pub(crate) pairs: Vec<Pair>,
 }
 
 impl Screened {
     /// The largest gain of any start: under white (0) or coloured (1) noise, or of the innovations (2), where these are looked at.
     pub(crate) fn best(&self, basis: usize) -> f64 {
-        self.gains.iter().filter_map(|g| g.get(basis)).map(|g| g.gain).fold(0.0, f64::max)
+        self.best_in(basis, 0)
+    }
+
+    /// The same in the place of the effects that a view leaves out.
+    pub(crate) fn best_in(&self, basis: usize, view: usize) -> f64 {
+        let of = |gains: &Vec<Vec<Gain>>| Some(gains.get(basis)?.get(view)?.gain);
+        self.gains.iter().filter_map(of).fold(0.0, f64::max)
     }
 
     /// The noise models by which suspects are chosen: rollouts far from the log point nowhere, so that of a simulator that steps
@@ -49,7 +77,7 @@ impl Screened {
     }
 
     pub(crate) fn summary(&self) -> Summary {
-        let all = self.gains.iter().map(|g| &g[1]);
+        let all = self.gains.iter().map(|g| &g[1][0]);
         let Some(best) = all.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Summary::default() };
         let unit = self.applied.fitted.first().map(|(_, a)| a.unit.clone()).unwrap_or_default();
         let resolution = best.deviation.map(|deviation| (deviation, unit));
@@ -57,18 +85,18 @@ impl Screened {
     }
 }
 
-/// Straight-line gains of every hypothesis that is not in `base` already.
+/// Straight-line gains of every hypothesis that is not in `base` already, beside its effects and in the place of each.
 ///
-/// Of a simulator that steps all are screened on a part of the windows first, and only those that lead there on all of them; the
-/// others keep what the part says of the whole, but below the leaders. Its suspects have one more gain each, by the innovations.
-pub(crate) fn screen(contest: &Contest<'_>, base: &Contestant, stage: &str) -> Result<Vec<Option<Screened>>> {
+/// Of long logs all are screened on a part of the windows first, and only those that lead there on all of them; the others keep what
+/// the part says of the whole, but below the leaders. Suspects of a simulator that steps have one more gain each, by the innovations.
+pub(crate) fn screen(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Survey> {
     let scene = Scene { peaks: peaks(base), ..contest.scene.clone() };
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
     // Where there are innovations, all suspects have their turn with them, too.
     let turns = if base.system.engine().is_some() { 2 } else { 1 };
     let stage = contest.run.stage(stage, turns * suspects.len())?;
-    let screening = Screening { contest, base, scene, suspects, stage };
+    let screening = Screening { contest, nominal, base, scene, suspects, stage };
     let at = base.linearised()?;
     if base.system.engine().is_some() {
         // Its derivatives along all windows serve for a part, too.
@@ -78,7 +106,10 @@ pub(crate) fn screen(contest: &Contest<'_>, base: &Contestant, stage: &str) -> R
     let mut all = screening.run(&at, &[true, false])?;
     let innovations = Innovations::of(base, &at.jacobian);
     if let Some(innovations) = &innovations {
-        for (all, more) in all.iter_mut().zip(screening.run(&innovations.linearised(), &[false])?) {
+        let more = screening.run(&innovations.linearised(), &[false])?;
+        all.looked.extend(more.looked);
+        all.pairs = more.pairs;
+        for (all, more) in all.suspects.iter_mut().zip(more.suspects) {
             let Some((all, more)) = all.as_mut().zip(more) else { continue };
             all.gains.iter_mut().zip(more.gains).for_each(|(all, more)| all.extend(more));
         }
@@ -89,6 +120,7 @@ pub(crate) fn screen(contest: &Contest<'_>, base: &Contestant, stage: &str) -> R
 /// A screening of all suspects at a contestant.
 struct Screening<'a> {
     contest: &'a Contest<'a>,
+    nominal: &'a Contestant,
     base: &'a Contestant,
     scene: Scene,
     suspects: Vec<Vec<usize>>,
@@ -97,20 +129,23 @@ struct Screening<'a> {
 
 impl Screening<'_> {
     /// Gains of all suspects under some noise models, white or not.
-    fn run(&self, at: &Linearised<'_>, white: &[bool]) -> Result<Vec<Option<Screened>>> {
-        let is_dear = self.base.system.engine().is_some();
-        let Some(sketch) = is_dear.then(|| at.sketch(SKETCHED)).flatten() else { return self.on(at, white, &|_| true) };
-        let mut rough = self.on(&sketch.linearised(), white, &|_| true)?;
+    fn run(&self, at: &Linearised<'_>, white: &[bool]) -> Result<Survey> {
+        let Some(sketch) = at.sketch(SKETCHED) else { return self.on(at, white, &|_| true, false) };
+        let mut rough = self.on(&sketch.linearised(), white, &|_| true, true)?.suspects;
         let leaders = leaders(self.contest, &rough, white.len());
-        let mut whole = self.on(at, white, &|place| leaders.contains(&place))?;
+        let mut whole = self.on(at, white, &|place| leaders.contains(&place), false)?;
         for basis in 0..white.len() {
-            let last = whole.iter().flatten().map(|s| s.best(basis)).fold(f64::INFINITY, f64::min);
-            for gain in rough.iter_mut().flatten().flat_map(|s| &mut s.gains).map(|g| &mut g[basis]) {
-                gain.gain = (gain.gain / sketch.share).min(last);
-                gain.deviation = gain.deviation.map(|deviation| deviation * sketch.share.sqrt());
+            for view in 0..whole.looked[basis].len() {
+                let last =
+                    whole.suspects.iter().flatten().map(|s| s.best_in(basis, view)).fold(f64::INFINITY, f64::min);
+                let all = rough.iter_mut().flatten().flat_map(|s| &mut s.gains);
+                for gain in all.filter_map(|g| g[basis].get_mut(view)) {
+                    gain.gain = (gain.gain / sketch.share).min(last);
+                    gain.deviation = gain.deviation.map(|deviation| deviation * sketch.share.sqrt());
+                }
             }
         }
-        for (whole, rough) in whole.iter_mut().zip(rough) {
+        for (whole, rough) in whole.suspects.iter_mut().zip(rough) {
             if whole.is_none() {
                 *whole = rough;
             }
@@ -118,20 +153,41 @@ impl Screening<'_> {
         Ok(whole)
     }
 
-    /// The same for some of the suspects, on all windows.
-    fn on(&self, at: &Linearised<'_>, white: &[bool], which: &dyn Fn(usize) -> bool) -> Result<Vec<Option<Screened>>> {
-        let bases: Vec<Basis> = white.iter().map(|&white| Basis::new(at, white)).collect();
+    /// The same for some of the suspects; of a part of the windows, `is_rough`, no pairs.
+    fn on(&self, at: &Linearised<'_>, white: &[bool], which: &dyn Fn(usize) -> bool, is_rough: bool) -> Result<Survey> {
+        let outs = outs(self.nominal, at, &self.contest.scene);
+        let bases: Vec<Basis> = white.iter().map(|&white| Basis::new(at, white, &outs)).collect();
+        let looked = |basis: &Basis| {
+            let of = |view: &View| Looked { places: view.places.clone(), loss: view.loss };
+            basis.views().iter().map(of).collect()
+        };
+        let looked = bases.iter().map(looked).collect();
         let bases: Vec<&Basis> = bases.iter().collect();
         let wanted: Vec<Option<&Vec<usize>>> =
             self.suspects.iter().enumerate().map(|(place, members)| which(place).then_some(members)).collect();
-        wanted
+        let suspects: Result<Vec<Option<Screened>>> = wanted
             .into_par_iter()
-            .map(|members| members.map_or(Ok(None), |members| self.one(members, at, &bases)))
-            .collect()
+            .map(|members| members.map_or(Ok(None), |members| self.one(members, at, (&bases, &outs))))
+            .collect();
+        let (suspects, looked): (_, Vec<Vec<Looked>>) = (suspects?, looked);
+        let mut found: Vec<Pair> = Vec::new();
+        for (number, (basis, looked)) in bases.iter().zip(&looked).enumerate().filter(|_| !is_rough) {
+            for pair in pairs(&suspects, (basis, number), looked, at) {
+                if !found.iter().any(|known| (&known.members, &known.places) == (&pair.members, &pair.places)) {
+                    found.push(pair);
+                }
+            }
+        }
+        Ok(Survey { suspects, looked, pairs: found })
     }
 
-    fn one(&self, members: &[usize], at: &Linearised<'_>, bases: &[&Basis]) -> Result<Option<Screened>> {
-        let Self { contest, base, .. } = self;
+    fn one(
+        &self,
+        members: &[usize],
+        at: &Linearised<'_>,
+        (bases, outs): (&[&Basis], &[Out]),
+    ) -> Result<Option<Screened>> {
+        let Self { contest, nominal, base, .. } = self;
         let hypotheses: Vec<&Hypothesis> = members.iter().map(|&h| &contest.hypotheses[h]).collect();
         let known = hypotheses.iter().any(|h| base.hypotheses.contains(h) || is_freed(base, h));
         let is_too_many = members.len() > 1 && base.hypotheses.len() + members.len() > contest.most;
@@ -140,27 +196,45 @@ impl Screening<'_> {
         }
         // An effect that can't be written into this model is none of its suspects.
         let Ok(applied) = joint::apply(&hypotheses, base.system.model(), &self.scene) else { return Ok(None) };
-        let gains = gains(&applied, at, bases);
+        let mut gains = gains(&applied, at, bases);
+        // What acts on the same control or column as an effect that is there does something else in its place.
+        for (number, out) in outs.iter().enumerate() {
+            let [hypothesis] = hypotheses[..] else { break };
+            if out.places.len() > 1 || !interact(hypothesis, &base.hypotheses[out.places[0]]) {
+                continue;
+            }
+            let Some(columns) = in_place(nominal, at, hypothesis, out, (&self.scene, &contest.scene)) else { continue };
+            for ((gains, start), columns) in gains.iter_mut().zip(&applied.starts).zip(columns) {
+                for (gains, basis) in gains.iter_mut().zip(bases) {
+                    gains[1 + number] = basis.gain_in(1 + number, start, &applied.fitted, &mut columns.clone());
+                }
+            }
+        }
         self.stage.advance()?;
         Ok(Some(Screened { members: members.to_vec(), applied, gains }))
     }
 }
 
-/// The suspects with the largest gains by any of so many noise models, and the best of every family.
+/// The suspects with the largest gains in any view by any of so many noise models, and the best of every family.
 fn leaders(contest: &Contest<'_>, screened: &[Option<Screened>], models: usize) -> Vec<usize> {
+    let views = |basis: usize| {
+        let count = |s: &Screened| s.gains.iter().filter_map(|g| Some(g.get(basis)?.len())).max();
+        screened.iter().flatten().filter_map(count).max().unwrap_or(0)
+    };
     let mut all = Vec::new();
-    for basis in 0..models {
+    for (basis, view) in (0..models).flat_map(|basis| (0..views(basis)).map(move |view| (basis, view))) {
         let mut order: Vec<(usize, &Screened)> =
             screened.iter().enumerate().filter_map(|(place, s)| Some((place, s.as_ref()?))).collect();
-        order.sort_by(|a, b| b.1.best(basis).total_cmp(&a.1.best(basis)));
+        order.sort_by(|a, b| b.1.best_in(basis, view).total_cmp(&a.1.best_in(basis, view)));
         let mut families = Vec::new();
+        let most = if view == 0 { SCREENED } else { SWAPPED };
         for (rank, (place, suspect)) in order.into_iter().enumerate() {
             let family = contest.hypotheses[suspect.members[0]].family();
-            let is_first = !families.contains(&family);
+            let is_first = view == 0 && !families.contains(&family);
             if is_first {
                 families.push(family);
             }
-            if rank < SCREENED || is_first {
+            if rank < most || is_first {
                 all.push(place);
             }
         }
@@ -176,15 +250,15 @@ pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(
     let gain = |rival: &Rival, at: &Linearised<'_>, coloured: &Basis| {
         let applied = rival.apply(base.system.model(), &contest.scene);
         let found = gains(&applied, at, &[coloured]);
-        found.first().map_or((0.0, 1), |g| (g[0].gain, g[0].degrees))
+        found.first().map_or((0.0, 1), |g| (g[0][0].gain, g[0][0].degrees))
     };
-    let coloured = Basis::new(&at, false);
-    let is_dear = base.system.engine().is_some() && contest.rivals.len() > SCREENED;
+    let coloured = Basis::new(&at, false, &[]);
+    let is_dear = contest.rivals.len() > SCREENED;
     let Some(sketch) = is_dear.then(|| at.sketch(SKETCHED)).flatten() else {
         return Ok(contest.rivals.par_iter().map(|rival| gain(rival, &at, &coloured)).collect());
     };
     let part = sketch.linearised();
-    let rough_noise = Basis::new(&part, false);
+    let rough_noise = Basis::new(&part, false, &[]);
     let mut all: Vec<(f64, usize)> = contest.rivals.par_iter().map(|rival| gain(rival, &part, &rough_noise)).collect();
     let mut order: Vec<usize> = (0..all.len()).collect();
     order.sort_by(|&a, &b| all[b].0.total_cmp(&all[a].0));

@@ -1,56 +1,36 @@
-//! Search: a beam search that adds effects as long as they improve the evidence enough.
+//! Search: from one set of effects to a better one, a move at a time.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{ALIKE, BEAM};
-use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::round::{Expansion, Tried};
+use crate::diagnose::limits::{MOST_MOVES, SWAP};
+use crate::diagnose::steps::contest::Contest;
+use crate::diagnose::steps::round::{Expansion, expand};
 use crate::error::Result;
 
-/// The winner, and what was tried on the way; `first` is the round at the nominal model.
-pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansion) -> Result<(Contestant, Tried)> {
-    let mut best = nominal.clone();
-    let mut tried = Tried::default();
-    tried.keep(nominal, &first.fits);
-    let mut beam = different(first.fits);
-    for round in 1..=contest.most {
-        let Some(leader) = beam.first() else { break };
-        if !contest.is_convincing(leader, &best) {
+/// The set of effects from which no move leads to a better one, and the round that found none; `first` is the round at the nominal
+/// model.
+pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansion) -> Result<(Contestant, Expansion)> {
+    let (mut best, mut round) = (nominal.clone(), first);
+    for number in 1..=MOST_MOVES {
+        let Some(next) = better(contest, &best, &round.fits) else { break };
+        best = next.clone();
+        if contest.run.is_out_of_time() || best.evidence.misfit() < 1e-12 {
+            round.fits.clear();
             break;
         }
-        best = leader.clone();
-        // With as many effects as may be, or nothing left, no more are added.
-        if round == contest.most || best.hypotheses.len() >= contest.most || best.evidence.misfit() < 1e-12 {
-            break;
-        }
-        let mut next = Vec::new();
-        for (place, contestant) in beam.iter().filter(|f| f.hypotheses.len() < contest.most).enumerate() {
-            // Where nothing is left at the leader, the others need not be tried with more.
-            if place > 0 && next.is_empty() {
-                break;
-            }
-            let stage = format!("effects together: {}", round + 1);
-            let fits = tried.expand(contest, contestant, &stage)?;
-            next.extend(fits.into_iter().take(2 * BEAM));
-        }
-        contest.sort(&mut next);
-        beam = different(keep_first_of_each(next));
+        round = expand(contest, nominal, &best, &format!("move {number}"))?;
     }
-    Ok((best, tried))
+    Ok((best, round))
 }
 
-/// The first contestants whose outputs differ: what cannot be told apart now need not be carried on twice, and
-/// leaves room for another account of the logs. The final swaps bring the twins back.
-fn different(fits: Vec<Contestant>) -> Vec<Contestant> {
-    let mut kept: Vec<Contestant> = Vec::with_capacity(BEAM);
-    for fit in fits {
-        if kept.len() == BEAM {
-            break;
-        }
-        let is_known =
-            |other: &Contestant| other.distance(&fit) < ALIKE * other.evidence.misfit().min(fit.evidence.misfit());
-        if !kept.iter().any(is_known) {
-            kept.push(fit);
-        }
-    }
-    kept
+/// The best move: one more effect that convinces or another one that explains more, else one in the place of two that convince no more.
+pub(crate) fn better<'f>(contest: &Contest<'_>, best: &Contestant, fits: &'f [Contestant]) -> Option<&'f Contestant> {
+    let own = best.hypotheses.len();
+    let is_better = |fit: &&Contestant| match fit.hypotheses.len() > own {
+        true => contest.is_convincing(fit, best),
+        false => fit.hypotheses.len() == own && contest.score(fit) > contest.score(best) + SWAP,
+    };
+    let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
+    let order = |a: &&Contestant, b: &&Contestant| contest.score(a).total_cmp(&contest.score(b));
+    let first = fits.iter().filter(is_better).max_by(order);
+    first.or_else(|| fits.iter().filter(is_simpler).max_by(order))
 }

@@ -8,7 +8,9 @@ use crate::diagnose::fit::outputs::outputs;
 use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, NO_GAP, RARELY, ROUNDING};
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
+use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::noise::{noise_levels, remove_outliers, resolution};
+use crate::diagnose::steps::spread::{self, Spread};
 use crate::diagnose::steps::start::starts;
 use crate::diagnose::steps::windows::{Purpose, choose_windows};
 use crate::diagnose::steps::{curves, floor};
@@ -26,6 +28,8 @@ pub(crate) struct Verification {
     pub(crate) missed: Vec<Missed>,
     /// States whose columns never move.
     pub(crate) resting: Vec<usize>,
+    /// How random forces predict the held-out errors; none where there are none, or nothing predicts them.
+    pub(crate) spread: Option<Spread>,
 }
 
 impl Verification {
@@ -77,13 +81,8 @@ struct Block {
     count: Vec<f64>,
 }
 
-pub(crate) fn closure(
-    nominal: &Contestant,
-    best: &Contestant,
-    holdout: &Dataset,
-    confidence: f64,
-    notes: &Notes,
-) -> Result<Verification> {
+pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64, notes: &Notes) -> Result<Verification> {
+    let (nominal, best) = (&judged.nominal, &judged.outcome.best);
     let system = &nominal.system;
     let Heldout { experiment, moving } = held_out(best, holdout, notes)?;
     let resting: Vec<usize> =
@@ -96,6 +95,8 @@ pub(crate) fn closure(
     let before = rollouts(nominal, &system.parameter_values(), &experiment);
     let changed = !best.hypotheses.is_empty();
     let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
+    let forcing = judged.forcing.as_ref().filter(|forcing| !forcing.forces.is_empty());
+    let spread = forcing.and_then(|forcing| spread::of(best, &experiment, &moving, &after, forcing));
     let (floor, floor_source) = floor::of(best, &experiment);
     // In units of the noise, as everything here.
     let floor: Vec<f64> = floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect();
@@ -115,6 +116,7 @@ pub(crate) fn closure(
         low: finite(interval.0),
         high: finite(interval.1),
         horizon: finite(experiment.longest_window()),
+        spread: spread.as_ref().map(|spread| spread.within),
         by_state: moving.iter().map(|&c| by_state(system, &experiment, &floor, &blocks, c)).collect(),
     };
     let model_error = nominal.evidence.model_error;
@@ -126,7 +128,7 @@ pub(crate) fn closure(
     let missed = moving.iter().map(missed).collect();
     let figures = curves::rollouts(system, &experiment, &moving, &before, changed.then_some(&after));
     let checks = curves::checks(system, &experiment, &moving, &after);
-    Ok(Verification { closure, figures, checks, missed, resting })
+    Ok(Verification { closure, figures, checks, missed, resting, spread })
 }
 
 /// The held-out logs, cut into rollouts that are as long as the corrected model can predict.

@@ -4,34 +4,43 @@ use crate::data::Dataset;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
-use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::weigh::{CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
+use crate::diagnose::limits::verify::QUIET;
+use crate::diagnose::limits::weigh::{COUNTS, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
 use crate::diagnose::limits::{REST, SHOWN, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
-    Cause, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, Unexplained, Verdict, finite,
+    Cause, Check, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, Unexplained, Verdict, finite,
 };
 use crate::diagnose::steps::augment::equations;
 use crate::diagnose::steps::causes::{Causes, gap_energy, random_force};
+use crate::diagnose::steps::checks::Checked;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome, Told, crowding};
 use crate::diagnose::steps::localise::Located;
 use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, Stability};
+use crate::diagnose::steps::typicality::Typicality;
 use crate::diagnose::steps::verify::Verification;
 use crate::model::Model;
+
+/// All that a report is made of.
+pub(crate) struct Found<'a> {
+    pub(crate) judged: &'a findings::Judged,
+    pub(crate) typicality: Option<Typicality>,
+    pub(crate) verification: Verification,
+    pub(crate) located: Located,
+}
 
 pub(crate) fn report(
     confidence: f64,
     contest: &Contest<'_>,
-    found: &findings::Judged,
-    located: Located,
-    verification: Verification,
+    found: Found<'_>,
     (train, holdout): (&Dataset, &Dataset),
     augmented: Model,
 ) -> (Diagnosis, Model) {
-    let findings::Judged { nominal, detected, outcome, forcing, .. } = found;
+    let Found { judged, typicality, verification, located } = found;
+    let findings::Judged { nominal, detected, outcome, forcing, .. } = judged;
     let hypotheses = &outcome.best.hypotheses;
     let has_function = hypotheses.iter().any(is_nameless);
     let model = nominal.system.model();
@@ -54,7 +63,21 @@ pub(crate) fn report(
         credible(share, unexplained.probability, named, stabilities[place].as_ref().map_or(1.0, |s| s.p_value))
     };
     let credible: Vec<f64> = (0..hypotheses.len()).map(credible).collect();
-    let verdict = verdict(outcome, detected, &unexplained, &stabilities, &credible, &verification);
+    let is_forced = forcing.as_ref().is_some_and(|forcing| !forcing.forces.is_empty());
+    let checked = Checked {
+        outcome,
+        unexplained: &unexplained,
+        stabilities: &stabilities,
+        verification: &verification,
+        typicality: typicality.as_ref(),
+        is_forced,
+    };
+    let has_causes = detected.gap && (is_forced || !hypotheses.is_empty());
+    let checks = if has_causes { checked.all() } else { Vec::new() };
+    // A cause without which less than the verdict allows would be left need not be sure.
+    let share = |place: usize| outcome.removed.get(place).map_or(1.0, |removed| removed / gap);
+    let are_credible = (0..hypotheses.len()).all(|place| credible[place] > LIKELY || share(place) < COUNTS);
+    let verdict = verdict(judged, &checks, are_credible, &verification);
     // A search that was cut short has not shown that nothing else is there.
     let verdict = match verdict {
         Verdict::Explained if contest.run.is_cut() => Verdict::PartlyExplained,
@@ -97,6 +120,7 @@ pub(crate) fn report(
         parameters: if keep { parameters(nominal.system.model(), &augmented, &outcome.best) } else { Vec::new() },
         excluded: excluded(contest, outcome),
         unexplained,
+        checks: if keep { checks } else { Vec::new() },
         closure: verification.closure,
         augmented_model: Some("augmented.toml".into()),
         notes: contest.run.notes.all().iter().map(ToString::to_string).collect(),
@@ -199,31 +223,27 @@ fn unexplained(
     Unexplained { probability, share, depends_on }
 }
 
-fn verdict(
-    outcome: &Outcome,
-    detected: &Detected,
-    unexplained: &Unexplained,
-    stabilities: &[Option<Stability>],
-    credible: &[f64],
-    verification: &Verification,
-) -> Verdict {
+/// `are_credible`: whether every cause that counts is more likely one of the machine's than an imitation.
+fn verdict(judged: &findings::Judged, checks: &[Check], are_credible: bool, verification: &Verification) -> Verdict {
+    let findings::Judged { detected, outcome, forcing, .. } = judged;
     if !detected.gap {
         return Verdict::NoGap;
     }
-    if outcome.best.hypotheses.iter().all(is_nameless) {
+    let is_forced = forcing.as_ref().is_some_and(|forcing| !forcing.forces.is_empty());
+    if outcome.best.hypotheses.iter().all(is_nameless) && !is_forced {
         return Verdict::Unexplained;
     }
     let has_function = outcome.best.hypotheses.iter().any(is_nameless);
-    let disagrees = stabilities.iter().flatten().any(|s| s.p_value < DISAGREES);
-    let all_real: f64 = credible.iter().product();
-    if unexplained.probability < LIKELY && all_real > LIKELY && !disagrees && !has_function {
-        return Verdict::Explained;
-    }
     // A nominal model that diverges where the corrected one does not is all gap.
     let closure = &verification.closure;
     let rescued = closure.before.is_none() && closure.after.is_some();
     let closed = if rescued { 1.0 } else { closure.closed.unwrap_or(0.0) };
-    if closed >= PART { Verdict::PartlyExplained } else { Verdict::Unexplained }
+    let is_quiet = closure.before.zip(closure.floor).is_some_and(|(before, floor)| before < (1.0 + QUIET) * floor);
+    let is_closed = closed >= PART || is_quiet || is_forced;
+    if checks.iter().all(|check| check.passed) && are_credible && !has_function && is_closed {
+        return Verdict::Explained;
+    }
+    if closed >= PART || is_forced { Verdict::PartlyExplained } else { Verdict::Unexplained }
 }
 
 /// Effects that these logs would have shown beside the winner's, had they been larger than a size.

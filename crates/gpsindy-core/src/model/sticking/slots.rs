@@ -2,6 +2,7 @@
 
 use super::Sticks;
 use crate::model::System;
+use nalgebra::DMatrix;
 use pulp::Simd;
 
 /// What a slot does in a lane.
@@ -221,6 +222,35 @@ impl<'a, const L: usize> Slots<'a, L> {
             self.modes[slot][lane] = if is_forward { Mode::Forward } else { Mode::Backward };
             self.share[slot][lane] = f64::from(is_forward);
         }
+    }
+
+    /// By how much a push on each rate moves all of them in the modes of the last evaluation (n x n, row after row): what is held
+    /// takes up its own, and hands on what its force does to the others.
+    pub(crate) fn yielding(&self, lane: usize) -> Vec<f64> {
+        let n = self.table[0].len();
+        let held: Vec<usize> = (0..self.count()).filter(|&slot| self.modes[slot][lane] == Mode::Held).collect();
+        let m = held.len();
+        let own = DMatrix::from_fn(m, m, |a, b| self.rise(self.state(held[a]), held[b], lane));
+        let all = DMatrix::from_fn(n, m, |j, b| self.rise(j, held[b], lane));
+        // A slot without any force takes up nothing.
+        let forces = own.try_inverse().unwrap_or_else(|| DMatrix::zeros(m, m));
+        let taken = all * forces;
+        let unit = |i: usize| if i / n == i % n { 1.0 } else { 0.0 };
+        let mut yielding: Vec<f64> = (0..n * n).map(unit).collect();
+        for j in 0..n {
+            for (b, &slot) in held.iter().enumerate() {
+                yielding[j * n + self.state(slot)] -= taken[(j, b)];
+            }
+        }
+        for &slot in &held {
+            yielding[self.state(slot) * n..][..n].fill(0.0);
+        }
+        yielding
+    }
+
+    /// The states that a lane holds at rest.
+    pub(crate) fn held(&self, lane: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.count()).filter(move |&slot| self.modes[slot][lane] == Mode::Held).map(|slot| self.state(slot))
     }
 
     /// Solves for the shares of the held slots of a lane, by elimination with pivots.

@@ -1,6 +1,6 @@
 use super::*;
 use crate::expression::Expression;
-use crate::model::{Control, Model, State};
+use crate::model::{Control, Model, State, System};
 
 #[test]
 fn a_play_drags_its_output_along_once_the_gap_is_used_up() {
@@ -31,7 +31,7 @@ fn log(time: Vec<f64>, u: Vec<f64>) -> Log {
 #[test]
 fn a_late_held_input_enters_a_step_by_its_mean() {
     let (system, log) = (system("delay(u, 0.25)"), log(vec![0.0, 1.0, 2.0, 3.0], vec![0.0, 4.0, 4.0, 4.0]));
-    let mut late = Histories::<1>::new(&system, &log, Hold::Zero, &[]);
+    let mut late = Histories::<1>::new(system.inputs(), &log, Hold::Zero, &[]);
     late.rewind(1);
     let mut step = |sample: usize| {
         let mut stages = [[[0.0]; 3]];
@@ -73,7 +73,7 @@ fn a_part_of_a_long_log_gives_what_the_whole_gives() {
                 }
                 all
             };
-            let fresh = || Histories::<1>::new(&system, &log, hold, &[]);
+            let fresh = || Histories::<1>::new(system.inputs(), &log, hold, &[]);
             let mut whole = fresh();
             let reference = values(&mut whole, 0..count - 1);
             // One that looks ahead is in memory as a whole.

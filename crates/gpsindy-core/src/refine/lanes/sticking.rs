@@ -14,7 +14,7 @@ const MOST_CHANGES: usize = 8;
 const STAGES: [(f64, f64); 4] = [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)];
 
 /// One step of every lane, of lengths of their own.
-struct Trial<const L: usize> {
+pub(super) struct Trial<const L: usize> {
     end: Vec<[f64; L]>,
     stage: Vec<[f64; L]>,
     sum: Vec<[f64; L]>,
@@ -33,6 +33,35 @@ struct Change {
     let_go: Option<Mode>,
 }
 
+impl<const L: usize> Trial<L> {
+    pub(super) fn new(slots: &Slots<'_, L>, n: usize) -> Self {
+        let zeros = || vec![[0.0; L]; n];
+        Self {
+            end: zeros(),
+            stage: zeros(),
+            sum: zeros(),
+            rate: zeros(),
+            start_rate: zeros(),
+            forces: vec![[[0.0; L]; 3]; slots.count()],
+        }
+    }
+}
+
+/// One step of every lane from `a` over `step`, s, in modes that nothing decided beforehand.
+#[inline(always)]
+pub(super) fn step<S: pulp::Simd, const L: usize>(
+    simd: S,
+    slots: &mut Slots<'_, L>,
+    (a, step): (f64, f64),
+    x: &mut [[f64; L]],
+    inputs: &[Stages<L>],
+    trial: &mut Trial<L>,
+) {
+    slots.open();
+    begin(simd, slots, [a; L], x, inputs, [0.0; L], trial);
+    across(simd, slots, (a, step), x, inputs, trial);
+}
+
 impl<const L: usize> Lanes<'_, L> {
     /// As [`Lanes::integrate`], with slots that hold.
     #[inline(always)]
@@ -46,15 +75,7 @@ impl<const L: usize> Lanes<'_, L> {
         let Roll { span: (first, last), initial, substeps, columns, receive } = roll;
         let log = self.log;
         let mut x = initial.to_vec();
-        let zeros = || vec![[0.0; L]; x.len()];
-        let mut trial = Trial {
-            end: zeros(),
-            stage: zeros(),
-            sum: zeros(),
-            rate: zeros(),
-            start_rate: zeros(),
-            forces: vec![[[0.0; L]; 3]; slots.count()],
-        };
+        let mut trial = Trial::new(slots, x.len());
         let mut nodes: Vec<Node<L>> = Vec::new();
         for sample in first..=last {
             let t = log.time[sample];

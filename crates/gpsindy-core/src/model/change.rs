@@ -1,0 +1,172 @@
+//! By how much another model's rates and readings differ from a system's, at the same states: a suspect without its plant.
+
+use super::inputs::{Extraction, Input, LateState, input_name, late_name};
+use super::{Model, System};
+use crate::error::Result;
+use crate::expression::{Expression, Operator, Tape};
+
+/// What a model adds to the rates and readings of another one.
+///
+/// The tapes' variables are states (n), controls (m), inputs with a history (h), the changed model's parameters, and then the base
+/// model's own values of the parameters that the change moves; of the readings, behind them the states that are read late.
+pub(crate) struct Change {
+    pub(crate) inputs: Vec<Input>,
+    /// The states whose rates differ, and by how much.
+    pub(crate) rows: Vec<usize>,
+    pub(crate) rates: Tape,
+    /// The states whose readings differ, and by how much.
+    pub(crate) shown: Vec<usize>,
+    pub(crate) readings: Tape,
+    pub(crate) late: Vec<LateState>,
+}
+
+impl Change {
+    /// From `base` to `changed`, which has the parameters of `base` first and moves those of number `moved`.
+    ///
+    /// `None` where the two don't have the same states, or a rate is late.
+    ///
+    /// # Errors
+    /// As [`System::new`].
+    pub(crate) fn between(base: &System, changed: &Model, moved: &[usize]) -> Result<Option<Self>> {
+        let n = base.n_states();
+        if changed.states.len() != n || changed.states.iter().zip(&base.model().states).any(|(a, b)| a.name != b.name) {
+            return Ok(None);
+        }
+        let (before, after) = (base.model().closed(), changed.closed());
+        // The base model's own value of a parameter that moves, under a name that no parameter has.
+        let own = |p: usize| format!("value of {}", before.parameters[p].name);
+        let still = |e: &Expression| {
+            moved
+                .iter()
+                .fold(e.clone(), |e, &p| e.substitute(&before.parameters[p].name, &Expression::variable(own(p))))
+        };
+        let mut extraction = Extraction { model: changed, inputs: Vec::new(), late: Vec::new() };
+        let mut differences = |of: &dyn Fn(&super::State) -> Expression| {
+            let (mut places, mut all) = (Vec::new(), Vec::new());
+            for (j, (a, b)) in before.states.iter().zip(&after.states).enumerate() {
+                let difference = difference(&of(b), &still(&of(a)));
+                if difference != Expression::Number(0.0) {
+                    places.push(j);
+                    all.push(extraction.extract(&difference));
+                }
+            }
+            (places, all)
+        };
+        let (rows, rates) = differences(&|state| state.equation.clone());
+        let read =
+            |state: &super::State| state.measured.clone().unwrap_or_else(|| Expression::variable(state.name.clone()));
+        let (shown, readings) = differences(&read);
+        let controls: Vec<String> = changed.controls.iter().map(|c| c.name.clone()).collect();
+        let parameters: Vec<String> =
+            changed.parameters.iter().map(|p| p.name.clone()).chain(moved.iter().map(|&p| own(p))).collect();
+        let mut inputs = Vec::new();
+        for (index, (kind, parts)) in extraction.inputs.iter().enumerate() {
+            let earlier = (0..index).map(input_name);
+            let variables: Vec<String> = controls.iter().cloned().chain(earlier).chain(parameters.clone()).collect();
+            inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
+        }
+        let names = changed.states.iter().map(|s| s.name.clone());
+        let variables: Vec<String> =
+            names.chain(controls).chain((0..inputs.len()).map(input_name)).chain(parameters.clone()).collect();
+        let mut late = Vec::new();
+        for (kind, state, amounts) in &extraction.late {
+            late.push(LateState { state: *state, kind: *kind, amounts: Tape::new(amounts, &parameters)? });
+        }
+        let with_late: Vec<String> = variables.iter().cloned().chain((0..late.len()).map(late_name)).collect();
+        let n_outputs = base.simulator().map_or(0, |s| s.n_states());
+        Ok(Some(Self {
+            inputs,
+            rows,
+            rates: Tape::with_simulator(&rates, &variables, n_outputs)?,
+            shown,
+            readings: Tape::with_simulator(&readings, &with_late, n_outputs)?,
+            late,
+        }))
+    }
+}
+
+/// `after - before`; where terms were added to `before`, these alone.
+fn difference(after: &Expression, before: &Expression) -> Expression {
+    added(after, before).unwrap_or_else(|| after.clone().minus(before.clone()))
+}
+
+/// What was added to `before`, where `after` is that and terms behind it.
+fn added(after: &Expression, before: &Expression) -> Option<Expression> {
+    if after == before {
+        return Some(Expression::Number(0.0));
+    }
+    match after {
+        Expression::Binary(Operator::Add, a, b) => Some(added(a, before)?.plus((**b).clone())),
+        Expression::Binary(Operator::Subtract, a, b) => Some(added(a, before)?.minus((**b).clone())),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::model::{Control, Parameter, State};
+
+    fn model(rate: &str) -> Model {
+        Model {
+            states: vec![
+                State::new("x", Expression::parse("v").unwrap()),
+                State::new("v", Expression::parse(rate).unwrap()),
+            ],
+            controls: vec![Control::new("u")],
+            parameters: [("k", 4.0), ("c", 0.5)].map(|(n, v)| Parameter::new(n, v)).into(),
+            ..Model::default()
+        }
+    }
+
+    #[test]
+    fn a_term_that_was_added_stands_alone() {
+        let base = System::new(&model("u - k*x")).unwrap();
+        let change = Change::between(&base, &model("u - k*x - c*sin(v)"), &[]).unwrap().unwrap();
+        assert_eq!((change.rows.as_slice(), change.shown.len()), (&[1][..], 0));
+        // x, v, u, k, c.
+        let found = change.rates.evaluate_once(&[0.3, 0.7, 9.0, 4.0, 0.5], 0.0);
+        assert_eq!(found, [-0.5 * 0.7f64.sin()]);
+        // No instruction of the plant is left.
+        assert!(!change.rates.reads(2) && !change.rates.reads(0));
+    }
+
+    #[test]
+    fn a_parameter_that_moves_counts_from_the_base_models_value() {
+        let base = System::new(&model("u - k*x")).unwrap();
+        let change = Change::between(&base, &model("u - k*x"), &[0]).unwrap().unwrap();
+        // x, v, u, k, c, and k as it was.
+        let found = change.rates.evaluate_once(&[0.5, 0.0, 0.2, 5.0, 0.0, 4.0], 0.0);
+        assert!((found[0] + 0.5).abs() < 1e-15, "{found:?}");
+    }
+
+    #[test]
+    fn a_control_that_comes_late_is_an_input_with_a_history() {
+        let base = System::new(&model("u - k*x")).unwrap();
+        let change = Change::between(&base, &model("delay(u, c) - k*x"), &[]).unwrap().unwrap();
+        assert_eq!(change.inputs.len(), 1);
+        // x, v, u, the late control, k, c.
+        assert_eq!(change.rates.evaluate_once(&[0.5, 0.0, 0.2, 0.7, 4.0, 0.1], 0.0), [0.5]);
+    }
+
+    #[test]
+    fn another_state_is_no_change_at_the_same_states() {
+        let base = System::new(&model("u - k*x")).unwrap();
+        let mut more = model("u - k*x");
+        more.states.push(State::new("lag", Expression::parse("u - lag").unwrap()));
+        assert!(Change::between(&base, &more, &[]).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_reading_that_comes_late_is_the_late_state_less_the_present_one() {
+        let base = System::new(&model("u - k*x")).unwrap();
+        let mut late = model("u - k*x");
+        late.states[0].measured = Some(Expression::parse("delay(x, c)").unwrap());
+        let change = Change::between(&base, &late, &[]).unwrap().unwrap();
+        assert_eq!((change.rows.len(), change.shown.as_slice(), change.late[0].state), (0, &[0][..], 0));
+        // x, v, u, k, c, and x as it was.
+        assert_eq!(change.readings.evaluate_once(&[0.5, 0.0, 0.2, 4.0, 0.1, 0.75], 0.0), [0.25]);
+        assert_eq!(change.late[0].amounts(&[[4.0], [0.1]])[0][0], 0.1);
+    }
+}
