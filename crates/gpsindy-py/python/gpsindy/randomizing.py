@@ -1,6 +1,7 @@
 """Ranges for domain randomisation out of a diagnosis: as numbers, and as a Python file for mjlab and Isaac Lab.
 
-What the logs tell keeps their error, widened where the runs disagree; what they do not tell keeps its prior range.
+What the logs tell keeps their error, widened where the runs disagree. Of what they do not tell, an error that they would have shown is
+left out of its range, and the rest keeps its prior range.
 """
 
 from __future__ import annotations
@@ -16,12 +17,17 @@ from typing import Any
 import numpy as np
 
 from gpsindy import _gpsindy
+from gpsindy._events import EVENTS
 from gpsindy.dataset import Path
 from gpsindy.diagnosis import Diagnosis
 from gpsindy.model import Model
+from gpsindy.parts import Parameter
 
-#: Attributes of joints and actuators that cannot be negative.
+#: Attributes of joints, actuators and bodies that cannot be negative.
 _POSITIVE = re.compile(r"\.(frictionloss|damping|armature|stiffness|kp|kv|mass)$")
+
+#: Least and longest time, s, for which a random force of ``FORCES`` stays: longer than a controller's step, far shorter than an episode.
+FORCE_HELD = (0.1, 0.5)
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,8 @@ class Range:
         In the nominal simulator.
     identified : bool
         The logs tell it; else it keeps its prior range.
+    bounded : bool
+        The logs do not tell it and yet narrow its prior range: a larger error would have shown in them.
     """
 
     name: str
@@ -47,6 +55,7 @@ class Range:
     unit: str
     nominal: float
     identified: bool
+    bounded: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,7 @@ class Randomization:
     ranges : tuple of Range
         Numbers of the simulator.
     delays : tuple of Range
-        Delays of commands, s.
+        Delays of commands, s, by their actuators where the simulator has such.
     forces : tuple of Range
         What no cause explains, as a bounded random force on a joint.
     notes : tuple of str
@@ -67,6 +76,8 @@ class Randomization:
         The simulator's own step, s; None where it is equations.
     drives : dict of str to str
         Joint of each actuator, where the simulator has actuators.
+    gears : dict of str to float
+        Gear of each of these actuators.
     """
 
     ranges: tuple[Range, ...]
@@ -75,6 +86,7 @@ class Randomization:
     notes: tuple[str, ...]
     step: float | None
     drives: Mapping[str, str] = field(default_factory=dict)
+    gears: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Range:
         """A range by its name."""
@@ -103,26 +115,34 @@ class Randomization:
 
         lines.extend(["# In the nominal simulator.", "NOMINAL = {"])
         lines.extend(f"    {one.name!r}: {one.nominal!r}," for one in self.ranges)
-        lines.extend(["}", "", "# Joint of each actuator.", f"DRIVES = {dict(self.drives)!r}", ""])
+        lines.extend(["}", "", "# Joint and gear of each actuator."])
+        lines.extend([f"DRIVES = {dict(self.drives)!r}", f"GEARS = {dict(self.gears)!r}", ""])
+        bounded = [one for one in self.ranges if one.bounded]
+        kept = [one for one in self.ranges if not one.identified and not one.bounded]
         told = [one for one in self.ranges if one.identified]
-        kept = [one for one in self.ranges if not one.identified]
         table("IDENTIFIED", told, "What the logs tell: the estimate with its error, widened where runs disagree.")
+        table("BOUNDED", bounded, "What the logs do not tell, but bound: an error beyond this range would have shown in them.")
         table("PRIOR", kept, "What the logs do not identify: the prior range, unchanged.")
-        if self.step:
-            lines.extend([f"# Delays of commands in physics steps of {self.step:g} s, fewest and most.", "DELAY_STEPS = {"])
-            lines.extend(f"    {one.name!r}: {self.steps(one)!r}," for one in self.delays)
-            lines.extend(["}", ""])
+        steps = {one.name: self.steps(one) for one in self.delays} if self.step else {}
+        period = f" of {self.step:g} s" if self.step else ""
+        lines.extend([f"# Delays of commands in physics steps{period}, fewest and most.", "DELAY_STEPS = {"])
+        lines.extend(f"    {name!r}: {span!r}," for name, span in steps.items())
+        lines.extend(["}", ""])
         table("FORCES", list(self.forces), "What no cause explains, as a bounded random force: of a joint, low and high.")
-        lines.extend(f"# Not a range of a simulator's field: {note}" for note in self.notes)
-        return "\n".join([*lines, "", _EVENTS])
+        lines.extend(["# Least and longest time for which such a force stays, s.", f"FORCE_HELD = {FORCE_HELD!r}", ""])
+        lines.extend(f"# {note}" for note in self.notes)
+        return "\n".join([*lines, "", EVENTS])
 
     def save(self, path: Path) -> None:
         """Writes :meth:`to_python` to a file; whole or not at all."""
         _gpsindy.write_whole(os.fspath(path), self.to_python())
 
     def __repr__(self) -> str:
-        rows = [(one, "" if one.identified else "  (prior)") for one in (*self.ranges, *self.delays, *self.forces)]
-        return "\n".join(f"{one.name}: {one.low:.4g} to {one.high:.4g} {one.unit}{told}" for one, told in rows)
+        def source(one: Range) -> str:
+            return "" if one.identified else "  (bounded by the logs)" if one.bounded else "  (prior)"
+
+        rows = (*self.ranges, *self.delays, *self.forces)
+        return "\n".join(f"{one.name}: {one.low:.4g} to {one.high:.4g} {one.unit}{source(one)}" for one in rows)
 
 
 def randomization(
@@ -140,7 +160,8 @@ def randomization(
     prior : mapping of str to (float, float), optional
         Ranges of numbers that the logs do not identify.
     share : float, default 0.3
-        The prior range of all others, above and below their nominal value, as a share of it.
+        The prior range of all others, above and below their nominal value, as a share of it. Where the logs exclude an error
+        that the prior range holds, the range ends there. A number that is 0 and that the logs do not bound has no range.
     confidence : float, default 0.95
         That the true value lies in its range, where the logs identify it.
 
@@ -167,24 +188,63 @@ def randomization(
         raise ValueError(f"prior: no parameter {unknown[0]!r}; the simulator has {', '.join(nominal)}")
     z = NormalDist().inv_cdf(0.5 + 0.5 * confidence) * _disagreement(diagnosis)
     values, deviations = _spread(diagnosis)
-    ranges = []
+    excluded = _excluded(diagnosis)
+    ranges, notes = [], []
     for name, parameter in nominal.items():
         value, deviation = values.get(("parameter", name), parameter.value), deviations.get(("parameter", name), 0.0)
         if deviation > 0.0:
             low, high = value - z * deviation, value + z * deviation
             low = max(low, 0.0) if _POSITIVE.search(name) else low
             ranges.append(Range(name, low, high, parameter.unit, parameter.value, True))
+            continue
+        one = _untold(name, parameter, given.get(name), share, excluded.get(name))
+        if one is None:
+            notes.append(f"No range: {name} is 0 in the simulator and the logs do not bound it; prior={{{name!r}: (0, ...)}} gives it one.")
         else:
-            wide = share * abs(parameter.value)
-            low, high = given.get(name, (parameter.value - wide, parameter.value + wide))
-            ranges.append(Range(name, float(low), float(high), parameter.unit, parameter.value, False))
+            ranges.append(one)
+    # A delay is an actuator's, whatever its column is called.
+    acting: Mapping[str, str] = getattr(source, "_acting", {})
     delays = []
     for (kind, name), value in values.items():
         if kind == "delay":
             reach = z * deviations.get((kind, name), 0.0)
-            delays.append(Range(name, max(value - reach, 0.0), value + reach, "s", 0.0, True))
-    step = getattr(source, "_period", None)
-    return Randomization(tuple(ranges), tuple(delays), _forces(diagnosis), tuple(_notes(diagnosis)), step, getattr(source, "_drives", {}))
+            delays.append(Range(acting.get(name, name), max(value - reach, 0.0), value + reach, "s", 0.0, True))
+    notes = [*(f"Not a range of a simulator's field: {note}" for note in _notes(diagnosis)), *notes]
+    step, drives, gears = (getattr(source, name, other) for name, other in (("_period", None), ("_drives", {}), ("_gears", {})))
+    return Randomization(tuple(ranges), tuple(delays), _forces(diagnosis), tuple(notes), step, drives, gears)
+
+
+def _untold(
+    name: str, parameter: Parameter, given: tuple[float, float] | None, share: float, excluded: float | None
+) -> Range | None:
+    """The range of a number that the logs do not tell: its prior one, up to where they exclude an error. None where nothing says it."""
+    value, unit = parameter.value, parameter.unit
+    wide = share * abs(value)
+    low, high = given or (value - wide, value + wide)
+    if given is None and not wide > 0.0:
+        if excluded is None:
+            return None
+        low, high = -math.inf, math.inf
+    bounded = excluded is not None and (low < value - excluded or value + excluded < high)
+    if bounded and excluded is not None:
+        # A prior range beside the nominal value stays, where all of it is excluded: the user knows more than these logs.
+        narrow = max(low, value - excluded), min(high, value + excluded)
+        bounded = narrow[0] < narrow[1]
+        low, high = narrow if bounded else (low, high)
+    low = max(low, 0.0) if _POSITIVE.search(name) else low
+    return Range(name, float(low), float(high), unit, value, False, bounded)
+
+
+def _excluded(diagnosis: Diagnosis) -> dict[str, float]:
+    """Sizes of errors of the simulator's numbers above which the logs would have shown them."""
+    carried: Mapping[tuple[str, str], str] = getattr(diagnosis.augmented._source, "_carried", {})
+    found: dict[str, float] = {}
+    for row in diagnosis._report["excluded"]:
+        variables = row.get("variables", [])
+        name = variables[0] if row["effect"] == "parameter_error" and variables else carried.get((row["effect"], row.get("place") or ""))
+        if name is not None:
+            found[name] = max(found.get(name, 0.0), float(row["above"]))
+    return found
 
 
 def _disagreement(diagnosis: Diagnosis) -> float:
@@ -264,77 +324,14 @@ def _forces(diagnosis: Diagnosis) -> tuple[Range, ...]:
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
-    """Corrections that are neither a parameter nor a delay."""
+    """Corrections that are neither a number of the simulator nor a delay."""
+    augmented = diagnosis.augmented
+    # A force that stands in a number of the simulator, as friction does in its joint, does not act at its port.
+    inputs = augmented._inner.simulator_inputs() if augmented._inner.calls_simulator else []
+    idle = {name for kind, name, expression, _ in inputs if kind == "force" and expression == "0"}
     notes = []
     for cause in diagnosis.included:
         sizes = ", ".join(f"{p['name']} = {p['value']:.4g} {p['unit']}".strip() for p in cause.parameters)
-        if cause.effect not in ("parameter_error", "input_delay"):
+        if cause.effect not in ("parameter_error", "input_delay") and cause.place not in idle:
             notes.append(f"{cause.effect} at {cause.place or cause.state}: {cause.form} with {sizes}")
     return notes
-
-
-_EVENTS = '''
-_JOINTS = {"frictionloss": "joint_friction", "damping": "joint_damping", "armature": "joint_armature", "stiffness": "joint_stiffness"}
-
-
-def ranges():
-    """All ranges by name: those that the logs tell, and the prior ones."""
-    return {**PRIOR, **IDENTIFIED}
-
-
-def mjlab_events(entity="robot"):
-    """Events of mjlab: a dictionary for ``EnvCfg.events``. Delays belong to the actuators: see DELAY_STEPS."""
-    from mjlab.envs.mdp import dr
-    from mjlab.managers.event_manager import EventTermCfg
-    from mjlab.managers.scene_entity_config import SceneEntityCfg
-    import math
-
-    events = {}
-    gains = {}
-    for name, (low, high) in ranges().items():
-        element, _, attribute = name.rpartition(".")
-        if attribute in _JOINTS:
-            params = {"ranges": (low, high), "operation": "abs", "asset_cfg": SceneEntityCfg(entity, joint_names=(element,))}
-            events[name] = EventTermCfg(mode="startup", func=getattr(dr, _JOINTS[attribute]), params=params)
-        elif attribute == "mass" and NOMINAL[name] > 0.0:
-            # Mass and inertia in proportion: pseudo_inertia scales both by exp(2 alpha).
-            alpha = tuple(0.5 * math.log(max(value, 1e-9) / NOMINAL[name]) for value in (low, high))
-            params = {"alpha_range": alpha, "asset_cfg": SceneEntityCfg(entity, body_names=(element,))}
-            events[name] = EventTermCfg(mode="startup", func=dr.pseudo_inertia, params=params)
-        elif attribute in ("kp", "kv"):
-            gains.setdefault(element, {})[attribute] = (low, high)
-    for actuator, found in gains.items():
-        nominal = {key: NOMINAL[f"{actuator}.{key}"] for key in found}
-        scaled = {key: (low / nominal[key], high / nominal[key]) if nominal[key] else (1.0, 1.0) for key, (low, high) in found.items()}
-        params = {
-            "kp_range": scaled.get("kp", (1.0, 1.0)),
-            "kd_range": scaled.get("kv", (1.0, 1.0)),
-            "operation": "scale",
-            "asset_cfg": SceneEntityCfg(entity, actuator_names=[actuator]),
-        }
-        events[f"{actuator}.gains"] = EventTermCfg(mode="startup", func=dr.pd_gains, params=params)
-    return events
-
-
-def isaaclab_events(entity="robot"):
-    """Events of Isaac Lab: a dictionary of ``EventTerm``. Delays belong to ``DelayedPDActuatorCfg``: see DELAY_STEPS."""
-    import isaaclab.envs.mdp as mdp
-    from isaaclab.managers import EventTermCfg, SceneEntityCfg
-
-    arguments = {"frictionloss": "friction_distribution_params", "armature": "armature_distribution_params"}
-    gains = {"stiffness": "stiffness_distribution_params", "kp": "stiffness_distribution_params", "kv": "damping_distribution_params", "damping": "damping_distribution_params"}
-    events = {}
-    for name, (low, high) in ranges().items():
-        element, _, attribute = name.rpartition(".")
-        joint = SceneEntityCfg(entity, joint_names=[DRIVES.get(element, element)])
-        if attribute in arguments:
-            params = {"asset_cfg": joint, arguments[attribute]: (low, high), "operation": "abs"}
-            events[name] = EventTermCfg(func=mdp.randomize_joint_parameters, mode="startup", params=params)
-        elif attribute in gains:
-            params = {"asset_cfg": joint, gains[attribute]: (low, high), "operation": "abs"}
-            events[name] = EventTermCfg(func=mdp.randomize_actuator_gains, mode="startup", params=params)
-        elif attribute == "mass":
-            params = {"asset_cfg": SceneEntityCfg(entity, body_names=[element]), "mass_distribution_params": (low, high), "operation": "abs"}
-            events[name] = EventTermCfg(func=mdp.randomize_rigid_body_mass, mode="startup", params=params)
-    return events
-'''

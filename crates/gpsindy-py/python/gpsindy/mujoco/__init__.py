@@ -83,11 +83,11 @@ class Simulator:
         self._period = float(self._mj.opt.timestep)
         #: Force, inertia and unit by the column of a joint's velocity.
         self._inertia = self._inertias()
-        self._drives = {
-            actuator: self._joints[self._mj.actuator_trnid[a, 0]]
-            for a, actuator in enumerate(self._actuators)
-            if self._mj.actuator_trntype[a] in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-        }
+        on_joint = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
+        driving = [a for a in range(self._mj.nu) if int(self._mj.actuator_trntype[a]) in on_joint]
+        self._drives = {self._actuators[a]: self._joints[self._mj.actuator_trnid[a, 0]] for a in driving}
+        self._acting = dict(zip(self._commands, self._actuators))
+        self._gears = {self._actuators[a]: float(self._mj.actuator_gear[a, 0]) for a in driving}
         self._model = self._made(dict(sensors or {}))
 
     @property
@@ -176,6 +176,9 @@ class Simulator:
         hinges = [m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE for j in range(m.njnt)]
         units = ["rad" if hinge else "m" for hinge in hinges]
         ports = []
+        known = {setting.name for setting in self._settings}
+        #: Numbers of the engine that carry an effect, by the effect and its port.
+        self._carried: dict[tuple[str, str], str] = {}
         for joint, position, velocity, hinge in zip(self._joints, self._positions, self._velocities, hinges):
             carried = [
                 ("coulomb_friction", f"{joint}.frictionloss"),
@@ -183,11 +186,11 @@ class Simulator:
                 ("linear_stiffness", f"{joint}.stiffness"),
                 ("inertia", f"{joint}.armature"),
             ]
-            known = {setting.name for setting in self._settings}
             carried = [(effect, name) for effect, name in carried if name in known]
-            ports.append(
-                (f"{position}_torque" if hinge else f"{position}_force", velocity, "N m" if hinge else "N", position, carried)
-            )
+            port = f"{position}_torque" if hinge else f"{position}_force"
+            # An inertia is told as a share of the row's own.
+            self._carried.update({(effect, port): name for effect, name in carried if effect != "inertia"})
+            ports.append((port, velocity, "N m" if hinge else "N", position, carried))
         top = (0.0, float("inf"))
         start = [float(m.qpos0[m.jnt_qposadr[j]]) for j in range(m.njnt)]
         return stepping_model(
