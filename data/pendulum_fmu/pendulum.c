@@ -1,5 +1,7 @@
 /* A pendulum as an FMU of FMI 2, for model exchange and co-simulation (steps of Euler, 0.1 ms):
-   th' = w, w' = (u + f - b w)/m - 9.81 sin(th). */
+   th' = w, w' = (u + f - b w)/m - 9.81 sin(th).
+   With -DWALL=a a wall stands at th = a, from which it bounces with half its speed, an event.
+   With -DINTERNAL=h co-simulation makes whole steps of h s only, as solvers of a fixed step do. */
 #include <stdlib.h>
 #include <math.h>
 typedef struct { double v[8]; } Copy; /* th, w, der(th), der(w), u, f, m, b */
@@ -29,7 +31,28 @@ int fmi2GetReal(void *c, const unsigned *r, size_t n, double *v) {
   return 0;
 }
 typedef struct { int more, stop, nominals, values, timed; double next; } Event;
-int fmi2NewDiscreteStates(void *c, Event *e) { Event none = {0}; *e = none; return 0; }
+static int bounce(Copy *c) {
+#ifdef WALL
+  if (c->v[0] >= WALL && c->v[1] > 0) { c->v[1] *= -0.5; return 1; }
+#endif
+  return 0;
+}
+int fmi2NewDiscreteStates(void *c, Event *e) {
+  Event none = {0};
+  *e = none;
+  e->values = bounce(c);
+  return 0;
+}
+int fmi2GetEventIndicators(void *c, double *z, size_t n) {
+#ifdef WALL
+  for (size_t i = 0; i < n; i++) z[i] = WALL - ((Copy*)c)->v[0];
+#endif
+  return 0;
+}
+int fmi2GetContinuousStates(void *c, double *x, size_t n) {
+  for (size_t i = 0; i < n; i++) x[i] = ((Copy*)c)->v[i];
+  return 0;
+}
 int fmi2CompletedIntegratorStep(void *c, int k, int *e, int *t) { *e = *t = 0; return 0; }
 int fmi2EnterEventMode(void *c) { return 0; }
 int fmi2EnterContinuousTimeMode(void *c) { return 0; }
@@ -45,8 +68,16 @@ int fmi2GetDerivatives(void *c, double *d, size_t n) {
 }
 int fmi2DoStep(void *c, double t, double h, int k) {
   Copy *p = c;
+#ifdef INTERNAL
+  h = INTERNAL*floor(h/INTERNAL + 1e-9);
+#endif
   int steps = (int)ceil(h/1e-4 - 1e-9);
-  for (int i = 0; i < steps; i++) { rates(p); p->v[1] += h/steps*p->v[3]; p->v[0] += h/steps*p->v[1]; }
+  for (int i = 0; i < steps; i++) {
+    rates(p);
+    p->v[1] += h/steps*p->v[3];
+    p->v[0] += h/steps*p->v[1];
+    bounce(p);
+  }
   return 0;
 }
 
@@ -65,8 +96,6 @@ int fmi2SerializedFMUstateSize(void) { return 3; }
 int fmi2SerializeFMUstate(void) { return 3; }
 int fmi2DeSerializeFMUstate(void) { return 3; }
 int fmi2GetDirectionalDerivative(void) { return 3; }
-int fmi2GetEventIndicators(void) { return 3; }
-int fmi2GetContinuousStates(void) { return 3; }
 int fmi2GetNominalsOfContinuousStates(void) { return 3; }
 int fmi2SetRealInputDerivatives(void) { return 3; }
 int fmi2GetRealOutputDerivatives(void) { return 3; }

@@ -6,6 +6,7 @@ import pathlib
 import shutil
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -18,13 +19,27 @@ pytest.importorskip("fmpy")
 FOLDER = pathlib.Path(__file__).parents[3] / "data" / "pendulum_fmu"
 
 
-@pytest.fixture(scope="module")
-def pendulum(tmp_path_factory):
+def built(tmp_path_factory, *variants):
     if shutil.which("cc") is None:
         pytest.skip("no C compiler")
     folder = tmp_path_factory.mktemp("fmu")
-    subprocess.run([sys.executable, FOLDER / "build.py"], cwd=folder, check=True)
+    subprocess.run([sys.executable, FOLDER / "build.py", *variants], cwd=folder, check=True)
     return folder / "pendulum.fmu"
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory):
+    return built(tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def walled(tmp_path_factory):
+    return built(tmp_path_factory, "WALL=0.2")
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    return built(tmp_path_factory, "INTERNAL=0.01")
 
 
 EQUATIONS = """
@@ -79,4 +94,49 @@ def test_dry_friction_at_a_force_input_is_found_there(pendulum, tmp_path):
     )
     assert [(c.effect, c.place) for c in found.included] == [("coulomb_friction", "f")]
     found.augmented.save(tmp_path / "augmented.ssv")
-    assert "f" in (tmp_path / "augmented.ssv").read_text()
+    text = (tmp_path / "augmented.ssv").read_text()
+    size = found.included[0].parameters[0]["value"]
+    assert 0.45 < size < 0.55 and "not in this file: f: " in text and "<ssv:Parameter " not in text
+
+
+def test_changed_parameters_are_a_parameter_set(pendulum):
+    from gpsindy import fmu
+
+    simulator = fmu.Simulator(pendulum)
+    text = simulator.corrected(simulator.model.with_parameters(b=0.35))
+    ssv = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
+    (one,) = ElementTree.fromstring(text).iter(f"{ssv}Parameter")
+    assert one.get("name") == "b" and one.find(f"{ssv}Real").get("value") == "0.35"
+
+
+@pytest.mark.parametrize("kind", ["model exchange", "co-simulation"])
+def test_events_of_the_states_act(walled, kind):
+    from gpsindy import fmu
+
+    t = np.arange(0, 3, 0.01)
+    found = fmu.Simulator(walled, kind=kind, dt=0.01).model.simulate([-0.5, 0.0], t, u=np.zeros((len(t), 2))).x
+    # The same by fine steps: th' = w, w' = -b w/m - 9.81 sin(th), and half the speed back at the wall.
+    th, w, fine = -0.5, 0.0, []
+    for i in range(len(t)):
+        fine.append(th)
+        for _ in range(1000):
+            w += 1e-5 * (-0.2 * w / 0.8 - 9.81 * np.sin(th))
+            th += 1e-5 * w
+            if th >= 0.2 and w > 0.0:
+                w *= -0.5
+    assert max(fine) < 0.201 and min(fine[100:]) < -0.05
+    assert np.abs(found[:, 0] - fine).max() < 2e-3
+
+
+def test_a_co_simulation_that_made_no_step_is_an_error(coarse):
+    from gpsindy import fmu
+
+    t, u = np.arange(0, 1, 0.02), np.ones((50, 1))
+    both = np.column_stack([u, 0.0 * u])
+    simulator = fmu.Simulator(coarse, kind="co-simulation", dt=0.02)
+    same = gpsindy.Model.from_toml(EQUATIONS).simulate([0.3, 0.0], t, u=u)
+    assert np.abs(simulator.model.simulate([0.3, 0.0], t, u=both).x - same.x).max() < 2e-3
+    for wrong, period in [(0.005, 0.02), (0.02, 0.025)]:
+        shorter = fmu.Simulator(coarse, kind="co-simulation", dt=wrong)
+        with pytest.raises(ValueError, match="asked for a step of 0.005 s, the FMU went 0 s: its own steps are longer"):
+            shorter.model.simulate([0.3, 0.0], np.arange(0, 1, period), u=both[: len(np.arange(0, 1, period))])

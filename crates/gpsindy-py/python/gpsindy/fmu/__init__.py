@@ -5,7 +5,6 @@ Needs the package ``fmpy``: ``pip install gpsindy[fmu]``.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import pathlib
 import re
@@ -14,7 +13,7 @@ import tempfile
 import weakref
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -22,6 +21,7 @@ import numpy as np
 from gpsindy import _gpsindy
 from gpsindy._tables import Array
 from gpsindy.dataset import Path
+from gpsindy.fmu.instance import Instance, Kind
 from gpsindy.model import Model
 from gpsindy.stepper import stepping_model
 
@@ -30,7 +30,7 @@ try:
 except ImportError as missing:
     raise ImportError("gpsindy.fmu needs the package fmpy: pip install 'gpsindy[fmu]'") from missing
 
-Kind = Literal["model exchange", "co-simulation"]
+__all__ = ["Kind", "Simulator"]
 
 #: Instances that are kept at most, each with parameters of its own.
 _KEPT = 64
@@ -40,8 +40,9 @@ class Simulator:
     """An FMU in place of equations.
 
     States are the FMU's continuous states, controls its real inputs, parameters its real parameters. As model exchange it
-    is integrated by steps of Runge-Kutta of order 4 that last ``dt``; as co-simulation it makes steps of ``dt`` itself,
-    each from start values of its own. A log's period is walked in whole steps, the last one shortened where it must be.
+    is integrated by steps of Runge-Kutta of order 4 that last ``dt``, from event to event where it has events of its states; as
+    co-simulation it makes steps of ``dt`` itself, each from start values of its own. A log's period is walked in whole steps,
+    the last one shortened where it must be; a co-simulation whose own steps are longer is an error.
 
     Parameters
     ----------
@@ -60,12 +61,13 @@ class Simulator:
     parameters : sequence of str, optional
         Parameters that may be wrong. Default: all real ones.
     kind : {"model exchange", "co-simulation"}, optional
-        Default: model exchange where the FMU has it and no events, else co-simulation.
+        Default: model exchange where the FMU has it and no events, or no co-simulation.
 
     Raises
     ------
     ValueError
-        No continuous state, a state that a co-simulation does not let itself be started from, an unknown name.
+        No continuous state, a state that is an array or that a co-simulation does not let itself be started from, an unknown
+        name. From rollouts: events at set times, a step that a co-simulation did not make.
     """
 
     def __init__(
@@ -93,9 +95,12 @@ class Simulator:
         states = [unknown.variable.derivative for unknown in self._description.derivatives]
         if not states:
             raise ValueError(f"{self._path.name}: no continuous state, so there is nothing to roll out")
+        for variable in [v for v in variables if v.dimensions and (v in states or v.causality == "input")]:
+            raise ValueError(f"{self._path.name}: {variable.name!r} is an array, which no column carries; export its elements one by one")
         inputs = [v for v in variables if v.causality == "input" and v.type in ("Real", "Float64")]
         named = {v.name: v for v in variables}
-        own = [v for v in variables if v.causality == "parameter" and v.type in ("Real", "Float64")]
+        real = [v for v in variables if v.type in ("Real", "Float64") and not v.dimensions]
+        own = [v for v in real if v.causality == "parameter"]
         if parameters is not None:
             unknown = [name for name in parameters if name not in named]
             if unknown:
@@ -118,7 +123,7 @@ class Simulator:
         ports = [next(v for v in inputs if v.name == name) for name in places]
         self._references = [[v.valueReference for v in part] for part in (states, controls, ports, own)]
         self._names = {_dotted(v.name): v.name for v in own}
-        self._instances: OrderedDict[bytes, _Instance] = OrderedDict()
+        self._instances: OrderedDict[bytes, Instance] = OrderedDict()
         experiment = self._description.defaultExperiment
         step = float(getattr(experiment, "stepSize", None) or 0.01) if dt is None else float(dt)
 
@@ -203,14 +208,14 @@ class Simulator:
             raise ValueError(f"{self._path.name}: neither model exchange nor co-simulation")
         return "co-simulation"
 
-    def _instance(self, parameters: Array) -> _Instance:
+    def _instance(self, parameters: Array) -> Instance:
         key = parameters.tobytes()
         if key in self._instances:
             self._instances.move_to_end(key)
             return self._instances[key]
         if len(self._instances) >= _KEPT:
             self._instances.popitem(last=False)[1].free()
-        made = _Instance(self._description, self._folder, self._kind, self._references, parameters)
+        made = Instance(self._description, self._folder, self._kind, self._references, parameters)
         self._instances[key] = made
         return made
 
@@ -223,78 +228,6 @@ class Simulator:
 
     def __repr__(self) -> str:
         return f"gpsindy.fmu.Simulator of {self._description.modelName}, {self._kind}"
-
-
-class _Instance:
-    """One instance with parameters of its own; FMI 2 and 3 behind the same words."""
-
-    def __init__(
-        self, description: Any, folder: str, kind: Kind, references: list[list[int]], parameters: Array
-    ) -> None:
-        from fmpy.simulation import instantiate_fmu
-
-        self.two = description.fmiVersion.startswith("2")
-        self.exchange = kind == "model exchange"
-        self.states, controls, ports, self.own = references
-        self.inputs = [*controls, *ports]
-        self.parameters = [float(value) for value in parameters]
-        words = "ModelExchange" if self.exchange else "CoSimulation"
-        self.fmu = instantiate_fmu(folder, description, words, require_functions=False)
-        if self.exchange:
-            self.begin()
-            self.settle()
-            self.fmu.enterContinuousTimeMode()
-            double = ctypes.c_double * len(self.states)
-            self.x, self.dx = double(), double()
-
-    def set(self, references: list[int], values: Sequence[float]) -> None:
-        if references:
-            (self.fmu.setReal if self.two else self.fmu.setFloat64)(references, values)
-
-    def begin(self, x: Array | None = None, inputs: Sequence[float] = ()) -> None:
-        """Initialises with the parameters, from start values where they are given."""
-        if self.two:
-            self.fmu.setupExperiment(startTime=0.0)
-        self.set(self.own, self.parameters)
-        if x is not None:
-            self.set(self.states, [float(value) for value in x])
-        self.fmu.enterInitializationMode()
-        if x is not None:
-            self.set(self.inputs, [float(value) for value in inputs])
-        self.fmu.exitInitializationMode()
-
-    def settle(self) -> None:
-        """Repeats events at the beginning until there is none."""
-        for _ in range(100):
-            again = self.fmu.newDiscreteStates() if self.two else self.fmu.updateDiscreteStates()
-            if not again[0]:
-                return
-
-    def step(self, x: Array, inputs: Sequence[float], dt: float) -> Array:
-        if not self.exchange:
-            self.fmu.reset()
-            self.begin(x, inputs)
-            self.fmu.doStep(0.0, dt)
-            read = self.fmu.getReal if self.two else self.fmu.getFloat64
-            return np.array(read(self.states))
-        self.fmu.setTime(0.0)
-        self.set(self.inputs, [float(value) for value in inputs])
-        first = self.rates(x)
-        second = self.rates(x + 0.5 * dt * first)
-        third = self.rates(x + 0.5 * dt * second)
-        fourth = self.rates(x + dt * third)
-        found: Array = x + dt / 6 * (first + 2 * second + 2 * third + fourth)
-        return found
-
-    def rates(self, x: Array) -> Array:
-        n = len(self.states)
-        self.x[:] = x.tolist()
-        self.fmu.setContinuousStates(self.x, n)
-        (self.fmu.getDerivatives if self.two else self.fmu.getContinuousStateDerivatives)(self.dx, n)
-        return np.array(self.dx)
-
-    def free(self) -> None:
-        self.fmu.freeInstance()
 
 
 def _plain(name: str) -> str:
