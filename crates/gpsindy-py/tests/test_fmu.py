@@ -140,3 +140,27 @@ def test_a_co_simulation_that_made_no_step_is_an_error(coarse):
         shorter = fmu.Simulator(coarse, kind="co-simulation", dt=wrong)
         with pytest.raises(ValueError, match="asked for a step of 0.005 s, the FMU went 0 s: its own steps are longer"):
             shorter.model.simulate([0.3, 0.0], np.arange(0, 1, period), u=both[: len(np.arange(0, 1, period))])
+
+
+@pytest.mark.parametrize("kind", ["model exchange", "co-simulation"])
+def test_processes_step_the_same_numbers(pendulum, kind):
+    from gpsindy import fmu
+
+    rng = np.random.default_rng(0)
+    rows = (rng.normal(size=(401, 2)), rng.normal(size=(401, 1)), rng.normal(size=(401, 1)), rng.uniform(0.5, 1.0, (5, 2))[np.arange(401) % 5], 0.01)
+    alone, together = (fmu.Simulator(pendulum, kind=kind, forces={"f": "w"}, processes=count) for count in (1, 3))
+    together._cost = 1.0
+    assert np.array_equal(alone._step(*rows), together._step(*rows))
+    assert len(together._workers._processes) == 2
+
+
+def test_what_a_copy_raises_in_another_process_is_raised_here(coarse):
+    from gpsindy import fmu
+
+    simulator = fmu.Simulator(coarse, kind="co-simulation", processes=2)
+    simulator._cost = 1.0
+    rows = (np.ones((40, 2)), np.ones((40, 2)), np.zeros((40, 0)), np.tile([0.8, 0.2], (40, 1)))
+    with pytest.raises(ValueError, match="its own steps are longer"):
+        simulator._step(*rows, 0.005)
+    # And the processes go on.
+    assert simulator._step(*rows, 0.01).shape == (40, 2)

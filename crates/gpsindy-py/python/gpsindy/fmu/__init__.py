@@ -5,13 +5,14 @@ Needs the package ``fmpy``: ``pip install gpsindy[fmu]``.
 
 from __future__ import annotations
 
+import math
 import os
 import pathlib
 import re
 import shutil
 import tempfile
+import time
 import weakref
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -21,7 +22,9 @@ import numpy as np
 from gpsindy import _gpsindy
 from gpsindy._tables import Array
 from gpsindy.dataset import Path
-from gpsindy.fmu.instance import Instance, Kind
+from gpsindy.fmu.copies import Copies
+from gpsindy.fmu.instance import Kind
+from gpsindy.fmu.workers import Workers, shared
 from gpsindy.model import Model
 from gpsindy.stepper import stepping_model
 
@@ -32,8 +35,8 @@ except ImportError as missing:
 
 __all__ = ["Kind", "Simulator"]
 
-#: Instances that are kept at most, each with parameters of its own.
-_KEPT = 64
+#: Work of a call, s, from which on processes share it: ten times what it takes to hand a thousand rows over and back.
+_WORTH_PROCESSES = 5e-3
 
 
 class Simulator:
@@ -63,6 +66,9 @@ class Simulator:
     kind : {"model exchange", "co-simulation"}, optional
         Default: model exchange where the FMU has it and no events, or no co-simulation.
 
+    processes : int
+        Processes that step copies side by side; 0: one a core, 1: this one alone. The numbers are the same.
+
     Raises
     ------
     ValueError
@@ -80,6 +86,7 @@ class Simulator:
         forces: Mapping[str, str | tuple[str, str]] | None = None,
         parameters: Sequence[str] | None = None,
         kind: Kind | None = None,
+        processes: int = 0,
     ) -> None:
         self._path = pathlib.Path(os.fspath(path))
         if not self._path.exists():
@@ -123,7 +130,12 @@ class Simulator:
         ports = [next(v for v in inputs if v.name == name) for name in places]
         self._references = [[v.valueReference for v in part] for part in (states, controls, ports, own)]
         self._names = {_dotted(v.name): v.name for v in own}
-        self._instances: OrderedDict[bytes, Instance] = OrderedDict()
+        self._processes = processes or os.cpu_count() or 1
+        # Unknown before the first call, which is not shared.
+        self._cost = math.nan
+        made = (os.fspath(self._folder), self._kind, self._references)
+        self._copies = Copies(self._description, *made)
+        self._workers = Workers(os.fspath(self._path.resolve()), *made, self._processes - 1)
         experiment = self._description.defaultExperiment
         step = float(getattr(experiment, "stepSize", None) or 0.01) if dt is None else float(dt)
 
@@ -208,23 +220,22 @@ class Simulator:
             raise ValueError(f"{self._path.name}: neither model exchange nor co-simulation")
         return "co-simulation"
 
-    def _instance(self, parameters: Array) -> Instance:
-        key = parameters.tobytes()
-        if key in self._instances:
-            self._instances.move_to_end(key)
-            return self._instances[key]
-        if len(self._instances) >= _KEPT:
-            self._instances.popitem(last=False)[1].free()
-        made = Instance(self._description, self._folder, self._kind, self._references, parameters)
-        self._instances[key] = made
-        return made
-
     def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
-        found = np.empty_like(x)
-        for i in range(len(x)):
-            inputs = [*u[i], *force[i]]
-            found[i] = self._instance(parameters[i]).step(x[i], inputs, dt)
-        return found
+        inputs = np.hstack([u, force])
+        if self._processes == 1 or not len(x) * self._cost >= _WORTH_PROCESSES:
+            begun = time.perf_counter()
+            found = self._copies.step(x, inputs, parameters, dt)
+            # An instance is made where parameters are new, so the least is what a step takes.
+            taken = (time.perf_counter() - begun) / max(len(x), 1)
+            self._cost = taken if math.isnan(self._cost) else min(self._cost, taken)
+            return found
+        own, *others = shared(len(x), self._processes)
+        self._workers.begin([(x[one], inputs[one], parameters[one], dt) for one in others])
+        try:
+            first = self._copies.step(x[own], inputs[own], parameters[own], dt)
+        finally:
+            rest = self._workers.end(len(others))
+        return np.vstack([first, *rest])
 
     def __repr__(self) -> str:
         return f"gpsindy.fmu.Simulator of {self._description.modelName}, {self._kind}"

@@ -1,0 +1,49 @@
+"""Copies of one FMU: many rows, each with parameters and a state of its own, stepped one after the other."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+
+from gpsindy._tables import Array
+from gpsindy.fmu.instance import Instance, Kind
+
+#: Instances that are kept at most, each with parameters of its own.
+_KEPT = 64
+
+
+class Copies:
+    """Instances of an unpacked FMU, as many as there are parameters.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+    folder : str
+        Where the FMU is unpacked.
+    kind : Kind
+    references : list of list of int
+        Value references of states, controls, ports and parameters.
+    """
+
+    def __init__(self, description: Any, folder: str, kind: Kind, references: list[list[int]]) -> None:
+        self._made = (description, folder, kind, references)
+        self._instances: OrderedDict[bytes, Instance] = OrderedDict()
+
+    def step(self, x: Array, inputs: Array, parameters: Array, dt: float) -> Array:
+        """States (n, n_states) ``dt`` s after ``x``."""
+        found = np.empty_like(x)
+        for i in range(len(x)):
+            found[i] = self._instance(parameters[i]).step(x[i], inputs[i].tolist(), dt)
+        return found
+
+    def _instance(self, parameters: Array) -> Instance:
+        key = parameters.tobytes()
+        if key in self._instances:
+            self._instances.move_to_end(key)
+            return self._instances[key]
+        if len(self._instances) >= _KEPT:
+            self._instances.popitem(last=False)[1].free()
+        self._instances[key] = Instance(*self._made, parameters)
+        return self._instances[key]
