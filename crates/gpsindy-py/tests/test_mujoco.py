@@ -9,6 +9,7 @@ import gpsindy
 
 mujoco = pytest.importorskip("mujoco")
 gm = pytest.importorskip("gpsindy.mujoco")
+Corrections = pytest.importorskip("gpsindy.mujoco.corrections").Corrections
 
 HINGE = """
 <mujoco model="hinge">
@@ -114,13 +115,126 @@ def test_velocities_may_be_missing():
     [
         ('<joint name="hinge" type="hinge" axis="0 1 0" damping="0.05" armature="0.01"/>', '<joint name="hinge" type="ball"/>',
          "joint 'hinge' is a ball joint"),
-        ('<motor name="drive" joint="hinge"/>', '<general name="drive" joint="hinge" dyntype="filter" dynprm="0.1"/>',
-         "actuator 'drive' has an activation"),
     ],
 )  # fmt: skip
 def test_what_has_no_number_in_a_log_is_refused(old, new, words):
     text = HINGE.replace(old, new)
-    if "ball" in new:
-        text = text[: text.index("<actuator>")] + "</mujoco>"
+    text = text[: text.index("<actuator>")] + "</mujoco>"
     with pytest.raises(ValueError, match=words):
         gm.Simulator(text)
+
+
+def stepped(text, log, change=lambda model: None, *, late=0, command=None):
+    """Positions at the log's samples, by MuJoCo's own steps from rest; the command acts `late` steps later."""
+    model = mujoco.MjModel.from_xml_string(text)
+    change(model)
+    data = mujoco.MjData(model)
+    per = round((log["t"][1] - log["t"][0]) / model.opt.timestep)
+    found = []
+    for i in range(len(log["t"])):
+        found.append(np.array(data.qpos))
+        for step in range(i * per, (i + 1) * per):
+            u = log["drive"][max(0, step - late) // per]
+            data.ctrl[0] = u if command is None else command(u, data)
+            mujoco.mj_step(model, data)
+    return np.array(found)
+
+
+def rolled(simulator, log, model=None):
+    states = (model or simulator.model).states
+    return gpsindy.simulate(model or simulator.model, log, initial={state.name: 0.0 for state in states})[0].x
+
+
+LATE = HINGE.replace("<motor", '<motor delay="0.03" nsample="8"')
+
+
+def test_a_command_that_waits_in_the_engine_is_refused():
+    with pytest.raises(ValueError, match="actuator 'drive' has a delay"):
+        gm.Simulator(LATE)
+
+
+@pytest.mark.parametrize("late", [0.0199975, 0.0212, 0.0184, 0.005])
+def test_a_delay_in_the_file_is_that_of_the_report_in_every_step(late):
+    found = gm.Simulator(HINGE)
+    said = Corrections(HINGE, None, found._mj, found.settings)
+    said.command("drive", "drive", 0, f"delay(drive, {late})")
+    text = said.commented("corrected")
+    assert said.missing == [] and "buffer holds 0" in text and "not in this file" not in text
+    log = real_log(3, seconds=20.0)
+    # MuJoCo's own buffer, but for its first commands of 0.
+    log["drive"][:40] = 0.0
+    steps = round(late / 0.005)
+    assert np.abs(stepped(text, log) - stepped(HINGE, log, late=steps)).max() < 1e-9
+
+
+RATIO = HINGE.replace('<motor name="drive" joint="hinge"/>', '<position name="drive" joint="hinge" kp="5" dampratio="0.8"/>')
+CLASS = RATIO.replace('dampratio="0.8"', "").replace("<worldbody>", '<default><position dampratio="0.8"/></default><worldbody>')
+GENERAL = HINGE.replace(
+    '<motor name="drive" joint="hinge"/>',
+    '<general name="drive" joint="hinge" biastype="affine" gainprm="5" biasprm="0 -5 -0.4"/>',
+)
+GEOMS = HINGE.replace("<option", '<compiler inertiafromgeom="true"/><option')
+IGNORED = GEOMS.replace(
+    "<geom", '<inertial pos="0 0 -1" mass="9" diaginertia="1 1 1"/>\n      <geom'
+)
+
+
+@pytest.mark.parametrize("text", [HINGE, SERVO, RATIO, CLASS, GENERAL, GEOMS, IGNORED])
+def test_the_corrected_file_rolls_out_as_the_corrected_simulator(text):
+    found = gm.Simulator(text)
+    log = real_log(5)
+    for parameter in found.model.parameters:
+        model = found.model.with_parameters(**{parameter.name: 0.8 * parameter.value or 0.03})
+        corrected = found.corrected(model)
+        assert "not in this file" not in corrected, parameter
+        assert np.abs(rolled(found, log) - rolled(found, log, model)).max() > 1e-4, parameter
+        assert np.abs(rolled(gm.Simulator(corrected), log) - rolled(found, log, model)).max() < 1e-6, parameter
+
+
+def test_what_the_file_turns_into_another_number_is_said():
+    found = gm.Simulator(HINGE.replace("<option", '<compiler settotalmass="0.5"/><option'))
+    text = found.corrected(found.model.with_parameters(**{"link.mass": 0.4}))
+    assert "not in this file: link.mass is 0.4; from this file MuJoCo makes 0.5" in text
+
+
+@pytest.mark.parametrize(
+    "actuator",
+    [
+        '<position name="drive" joint="hinge" kp="5" kv="0.4" timeconst="0.08"/>',
+        '<intvelocity name="drive" joint="hinge" kp="5" kv="0.4" actrange="-1 1"/>',
+        '<general name="drive" joint="hinge" dyntype="filter" dynprm="0.05" gainprm="0.6"/>',
+        '<cylinder name="drive" joint="hinge" timeconst="0.1" area="0.8"/>',
+        '<muscle name="drive" joint="hinge" range="0.7 1.1" force="3" lengthrange="-1 1"/>',
+        '<dcmotor name="drive" joint="hinge" motorconst="0.4" resistance="2" inductance="0.05"/>',
+    ],
+)
+def test_an_activation_is_a_hidden_state(actuator):
+    text = HINGE.replace('<motor name="drive" joint="hinge"/>', actuator)
+    found = gm.Simulator(text)
+    assert [state.name for state in found.model.states] == ["hinge", "hinge_vel", "drive_act"]
+    log = real_log(5)
+    assert np.abs(rolled(found, log)[:, :1] - stepped(text, log)).max() < 1e-9
+
+
+def test_a_driver_turns_a_wanted_position_into_torque_at_every_step():
+    found = gm.Simulator(HINGE, drivers={"drive": (4.0, 0.3)})
+    log = real_log(5)
+    wanted = stepped(HINGE, log, command=lambda u, data: 4.0 * (u - data.qpos[0]) - 0.3 * data.qvel[0])
+    assert np.abs(rolled(found, log)[:, :1] - wanted).max() < 1e-9
+    softer = found.model.with_parameters(**{"drive.kp": 3.0})
+    assert "not in this file: drive.kp is 3.0, of the driver" in found.corrected(softer)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"drve": (1.0, 0.1)}, "drivers: the model has no actuator 'drve'; found drive"),
+        ({"drive": (1.0, -0.1)}, "gains must be finite and at least 0"),
+        ({"drive": 1.0}, r"expected its gains \(kp, kd\), found 1.0"),
+    ],
+)
+def test_a_driver_without_its_motor_or_gains_is_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        gm.Simulator(HINGE, drivers=given)
+    with pytest.raises(ValueError, match="a driver's loop goes around a <motor>"):
+        gm.Simulator(SERVO, drivers={"drive": (1.0, 0.1)})

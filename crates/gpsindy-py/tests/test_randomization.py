@@ -267,6 +267,18 @@ def test_events_of_isaac_lab_keep_a_joint_and_its_drive_apart(drawn, isaaclab):
         drawn["isaaclab_delays"]({"arm": types.SimpleNamespace(joint_names_expr=["el.*"])})
 
 
+def test_the_gains_of_a_driver_are_those_of_its_drive(mjlab, isaaclab):
+    ranges = (span(16.0, 24.0, "knee.kp", 20.0), span(0.4, 0.6, "knee.kd", 0.5))
+    made = {}
+    exec(randomizing.Randomization(ranges, (), (), (), 0.002, {"knee": "knee_joint"}, {"knee": 2.0}).to_python(), made)
+    scaled = bound(made["mjlab_events"]()["knee.gains"])
+    assert np.allclose([scaled["kp_range"], scaled["kd_range"]], [[0.8, 1.2], [0.8, 1.2]])
+    # A driver reads the joint, so its torque alone goes through the gear.
+    gains = bound(made["isaaclab_events"]()["knee.gains"])
+    assert np.allclose(gains["stiffness_distribution_params"], (32.0, 48.0))
+    assert np.allclose(gains["damping_distribution_params"], (0.8, 1.2))
+
+
 def test_joints_of_one_group_need_one_delay(drawn):
     drawn["DRIVES"]["other"] = "wrist"
     with pytest.raises(ValueError, match="elbow, wrist are one group"):

@@ -12,10 +12,11 @@ def ranges():
 
 
 def _by_element(attributes):
-    """Ranges of these attributes: ``{element: {attribute: range}}``."""
+    """Ranges of these attributes: ``{element: {attribute: range}}``. A driver's kd counts as a servo's kv."""
     found = {}
     for name, span in ranges().items():
         element, _, attribute = name.rpartition(".")
+        attribute = "kv" if attribute == "kd" else attribute
         if attribute in attributes:
             found.setdefault(element, {})[attribute] = span
     return found
@@ -42,7 +43,8 @@ def mjlab_events(entity="robot"):
         events[f"{body}.mass"] = EventTermCfg(mode="startup", func=dr.pseudo_inertia, params=params)
     for actuator, found in _by_element(("kp", "kv")).items():
         # mjlab counts groups of actuators here, so each of these actuators needs a group of its own.
-        scaled = {key: tuple(value / NOMINAL[f"{actuator}.{key}"] for value in span) for key, span in found.items()}
+        nominal = {"kp": NOMINAL.get(f"{actuator}.kp"), "kv": NOMINAL.get(f"{actuator}.kv", NOMINAL.get(f"{actuator}.kd"))}
+        scaled = {key: tuple(value / nominal[key] for value in span) for key, span in found.items() if nominal[key]}
         params = {
             "kp_range": scaled.get("kp", (1.0, 1.0)),
             "kd_range": scaled.get("kv", (1.0, 1.0)),
@@ -100,9 +102,10 @@ def isaaclab_events(entity="robot"):
     arguments = {"kp": "stiffness_distribution_params", "kv": "damping_distribution_params"}
     for actuator, found in _by_element(arguments).items():
         if actuator in DRIVES:
-            # A servo's length is its gear times the joint's position, and its torque its gear times its force.
-            square = GEARS[actuator] ** 2
-            gains = {arguments[key]: tuple(square * value for value in span) for key, span in found.items()}
+            # A servo's length is its gear times the joint's position, and its torque its gear times its force. A driver reads the
+            # joint itself.
+            gear = GEARS[actuator] ** (1 if f"{actuator}.kd" in NOMINAL else 2)
+            gains = {arguments[key]: tuple(gear * value for value in span) for key, span in found.items()}
             params = {"asset_cfg": joint_of(DRIVES[actuator]), **gains, "operation": "abs"}
             events[f"{actuator}.gains"] = EventTermCfg(func=mdp.randomize_actuator_gains, mode="startup", params=params)
     for body, found in _by_element(("mass",)).items():

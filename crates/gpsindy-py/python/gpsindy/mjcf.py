@@ -98,6 +98,24 @@ class Text:
         self.text = self.text[: element.start] + tag + self.text[end:]
         self._read()
 
+    def unset(self, element: Element, attribute: str) -> None:
+        """Takes an attribute out of a start tag, where it is there."""
+        end = _tag_end(self.text, element.start)
+        tag = re.sub(rf"\s{re.escape(attribute)}\s*=\s*(\"[^\"]*\"|'[^']*')", "", self.text[element.start : end], count=1)
+        self.text = self.text[: element.start] + tag + self.text[end:]
+        self._read()
+
+    def remove(self, element: Element) -> None:
+        """Takes out an element that holds no other, with its line where it has one of its own."""
+        start, end = element.start, _tag_end(self.text, element.start)
+        if not self.text[:end].endswith("/>"):
+            end = self.text.index(">", self.text.index(f"</{element.tag}", end)) + 1
+        before, after = self.text[:start], self.text[end:]
+        if re.search(r"\n[ \t]*$", before) and re.match(r"[ \t]*\n", after):
+            before = re.sub(r"\n[ \t]*$", "", before)
+        self.text = before + after
+        self._read()
+
     def named(self, tag: str) -> list[Element]:
         """All elements with a tag, in their order."""
         return [element for element in self._elements if element.tag == tag]

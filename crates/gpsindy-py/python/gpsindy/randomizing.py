@@ -22,9 +22,10 @@ from gpsindy.dataset import Path
 from gpsindy.diagnosis import Diagnosis
 from gpsindy.model import Model
 from gpsindy.parts import Parameter
+from gpsindy.stepper import seconds_late
 
 #: Attributes of joints, actuators and bodies that cannot be negative.
-_POSITIVE = re.compile(r"\.(frictionloss|damping|armature|stiffness|kp|kv|mass)$")
+_POSITIVE = re.compile(r"\.(frictionloss|damping|armature|stiffness|kp|kv|kd|mass)$")
 
 #: Least and longest time, s, for which a random force of ``FORCES`` stays: longer than a controller's step, far shorter than an episode.
 FORCE_HELD = (0.1, 0.5)
@@ -190,7 +191,12 @@ def randomization(
     values, deviations = _spread(diagnosis)
     excluded = _excluded(diagnosis)
     ranges, notes = [], []
+    # A delay is an actuator's, whatever its column is called.
+    acting: Mapping[str, str] = getattr(source, "_acting", {})
+    late = {f"{actuator}.delay" for actuator in acting.values()}
     for name, parameter in nominal.items():
+        if name in late:
+            continue
         value, deviation = values.get(("parameter", name), parameter.value), deviations.get(("parameter", name), 0.0)
         if deviation > 0.0:
             low, high = value - z * deviation, value + z * deviation
@@ -202,16 +208,24 @@ def randomization(
             notes.append(f"No range: {name} is 0 in the simulator and the logs do not bound it; prior={{{name!r}: (0, ...)}} gives it one.")
         else:
             ranges.append(one)
-    # A delay is an actuator's, whatever its column is called.
-    acting: Mapping[str, str] = getattr(source, "_acting", {})
     delays = []
     for (kind, name), value in values.items():
         if kind == "delay":
-            reach = z * deviations.get((kind, name), 0.0)
-            delays.append(Range(acting.get(name, name), max(value - reach, 0.0), value + reach, "s", 0.0, True))
+            actuator, deviation = acting.get(name, name), deviations.get((kind, name), 0.0)
+            own = nominal.get(f"{actuator}.delay")
+            told = deviation > 0.0 or own is None
+            reach = z * deviation if told else share * value
+            delays.append(Range(actuator, max(value - reach, 0.0), value + reach, "s", own.value if own else 0.0, told))
     notes = [*(f"Not a range of a simulator's field: {note}" for note in _notes(diagnosis)), *notes]
-    step, drives, gears = (getattr(source, name, other) for name, other in (("_period", None), ("_drives", {}), ("_gears", {})))
-    return Randomization(tuple(ranges), tuple(delays), _forces(diagnosis), tuple(notes), step, drives, gears)
+    return Randomization(
+        tuple(ranges),
+        tuple(delays),
+        _forces(diagnosis),
+        tuple(notes),
+        getattr(source, "_period", None),
+        getattr(source, "_drives", {}),
+        getattr(source, "_gears", {}),
+    )
 
 
 def _untold(
@@ -298,9 +312,9 @@ def _inputs(model: Model) -> dict[tuple[str, str], float]:
     for kind, name, expression, value in model._inner.simulator_inputs():
         if kind == "parameter" and value is not None:
             found[kind, name] = value
-        late = re.search(rf"delay\({re.escape(name)}, ([0-9.e+-]+)\)", expression) if kind == "command" else None
-        if late:
-            found["delay", name] = float(late.group(1))
+        seconds = seconds_late(expression, name) if kind == "command" else None
+        if seconds:
+            found["delay", name] = seconds
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -114,6 +115,15 @@ class Stepper:
 def stepping_model(step: Step, name: str, dt: float, *, source: Any = None, **parts: Any) -> Model:
     """A model around a step function of many rows; ``source`` can write a corrected model in its own format."""
     return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), parts), source)
+
+
+def seconds_late(expression: str, name: str) -> float | None:
+    """How much later ``delay(name, a)`` is than ``name``, s; delays of delays add up. None where it is something else."""
+    if expression == name:
+        return 0.0
+    found = re.fullmatch(r"delay\((.*), ([0-9.e+-]+)\)", expression)
+    inner = None if found is None else seconds_late(found.group(1), name)
+    return None if found is None or inner is None else inner + float(found.group(2))
 
 
 def _by_rows(step: Step) -> Step:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gpsindy._tables import Array
 from gpsindy.mujoco._engine import batch
+from gpsindy.mujoco.drivers import Drivers
 from gpsindy.mujoco.settings import OF_A_DOF, Setting, first
 
 #: Work of a call, s, from which on threads share it: measured with models of 2 and of 8 us a step, from 200 and 32 copies on.
@@ -38,20 +39,20 @@ def quiet(copies: Any) -> None:
 class Copies:
     """A number of copies of one model, each with parameters of its own."""
 
-    def __init__(self, model: Any, settings: Sequence[Setting], size: int, threads: int) -> None:
+    def __init__(self, model: Any, settings: Sequence[Setting], drivers: Drivers, size: int, threads: int) -> None:
         self.batch = batch.Batch(model, size, nthread=threads)
         quiet(self.batch)
         self.settings = settings
-        self.size = size
+        self.drivers = drivers
         self.position = model.jnt_qposadr.copy()
         self.velocity = model.jnt_dofadr.copy()
         bind = self.batch.bind
         self.qpos, self.qvel, self.force = bind("qpos"), bind("qvel"), bind("qfrc_applied")
         self.ctrl = bind("ctrl") if model.nu else np.zeros((size, 0))
+        self.act = bind("act") if model.na else np.zeros((size, 0))
         self.timestep = self.batch.expand("opt.timestep")
         self.dt = float(model.opt.timestep)
         self.parameters = np.tile([s.value for s in settings], (size, 1))
-        self.nominal = {s.name: s.value for s in settings}
         self.fields: dict[str, Any] = {}
         self.mass, self.inertia = model.body_mass.copy(), model.body_inertia.copy()
 
@@ -63,9 +64,10 @@ class Copies:
             self.timestep[:] = dt
             self.dt = dt
         self.qpos[:rows, self.position] = x[:, :joints]
-        self.qvel[:rows, self.velocity] = x[:, joints:]
+        self.qvel[:rows, self.velocity] = x[:, joints : 2 * joints]
+        self.act[:rows] = x[:, 2 * joints :]
         self.force[:rows, self.velocity] = force
-        self.ctrl[:rows] = u
+        self.ctrl[:rows] = self.drivers.commands(x, u, parameters)
         failed: Any = ()
         try:
             self.batch.step(ids=np.arange(rows, dtype=np.int32))
@@ -73,7 +75,8 @@ class Copies:
             failed = np.asarray(error.ids)
         found = np.empty_like(x)
         found[:, :joints] = self.qpos[:rows, self.position]
-        found[:, joints:] = self.qvel[:rows, self.velocity]
+        found[:, joints : 2 * joints] = self.qvel[:rows, self.velocity]
+        found[:, 2 * joints :] = self.act[:rows]
         if len(failed):
             found[failed] = np.nan
         return found
@@ -82,6 +85,8 @@ class Copies:
         rows = len(parameters)
         constants = False
         for column, setting in enumerate(self.settings):
+            if setting.driver:
+                continue
             values = parameters[:, column]
             if np.array_equal(values, self.parameters[:rows, column]):
                 continue

@@ -19,7 +19,8 @@ class Setting:
     ----------
     name : str
         ``JOINT.frictionloss``, ``JOINT.damping``, ``JOINT.armature``, ``JOINT.stiffness``, ``ACTUATOR.kp``,
-        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion).
+        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion); ``ACTUATOR.kp`` and ``ACTUATOR.kd`` of
+        a driver.
     value : float
         In the nominal model.
     unit : str
@@ -31,6 +32,8 @@ class Setting:
         Of the element in the engine's arrays.
     scale : float or None
         A change that matters, where the value itself tells none.
+    driver : bool
+        It belongs to the driver around the engine, which no MJCF describes.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Setting:
     attribute: str
     index: int
     scale: float | None
+    driver: bool = False
 
 
 def name_of(m: Any, kind: Any, index: int) -> str:
