@@ -32,6 +32,26 @@ fn a_table_is_shown_with_its_clock_its_columns_and_its_faults() {
 }
 
 #[test]
+fn a_pipeline_refuses_a_flawed_log_with_its_reasons() {
+    let folder = Folder::new();
+    let rows =
+        |x: &dyn Fn(u32) -> f64| (0..200).map(|i| format!("{},{}\n", 0.01 * f64::from(i), x(i))).collect::<String>();
+    folder.write("good.csv", &format!("t,x\n{}", rows(&|i| (0.1 * f64::from(i)).sin())));
+    folder.write("still.csv", &format!("t,x\n{}", rows(&|_| 1.0)));
+    folder.run("inspect good.csv --strict").done();
+    folder.run("inspect still.csv").done();
+    let refused = folder.run("inspect good.csv still.csv --strict");
+    assert_eq!(refused.status, 3, "{}", refused.stderr);
+    assert!(
+        refused.stdout.contains("good.csv") && refused.stderr.contains("1 flaw: still.csv: x: "),
+        "{}",
+        refused.stderr
+    );
+    folder.run("inspect still.csv --strict --allow held,constant").done();
+    assert!(folder.run("inspect still.csv --strict --allow heldd").refused().contains("heldd"));
+}
+
+#[test]
 fn stamps_that_stand_still_are_inspected_and_refused_by_the_methods() {
     let folder = Folder::new();
     folder.write("log.csv", "t,x\n0,1\n0.1,2\n0.1,3\n0.2,4\n");

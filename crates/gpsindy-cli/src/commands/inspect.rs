@@ -2,11 +2,29 @@
 
 use crate::args::{Clock, Output};
 use crate::commands::{check_folder_of, deliver};
-use crate::failure::Outcome;
+use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
-use gpsindy_files::{LogOptions, Stamp, inspect};
+use clap::builder::PossibleValuesParser;
+use gpsindy_files::{Inspection, LogOptions, Stamp, inspect};
 use std::path::PathBuf;
+
+/// Kinds of flaws, as [`gpsindy_files::Finding`] names them.
+const KINDS: [&str; 13] = [
+    "jitter",
+    "gaps",
+    "repeated_stamps",
+    "backward_stamps",
+    "float32_stamps",
+    "clock_drift",
+    "constant",
+    "quantised",
+    "held",
+    "wrapped",
+    "difference",
+    "missing",
+    "unread",
+];
 
 /// Show what a log holds, and which of its flaws would harm an identification
 ///
@@ -14,7 +32,9 @@ use std::path::PathBuf;
 /// gaps, repeated and float32 stamps, clock drift, quantised and held signals, constant columns, wrapped angles, and columns that are
 /// differences of other columns.
 #[derive(Debug, Args)]
-#[command(before_help = "Example: gpsindy inspect flight.mcap\n         gpsindy inspect run_*.csv --json")]
+#[command(
+    before_help = "Example: gpsindy inspect flight.mcap\n         gpsindy inspect run_*.csv --json\n         gpsindy inspect recording.mcap --strict"
+)]
 pub(crate) struct Inspect {
     /// One or more logs: CSV, MCAP, Parquet, ULog, the folder of a LeRobot data set or of a ROS 2 bag; `-` is standard input
     #[arg(required = true, value_name = "LOG")]
@@ -28,6 +48,12 @@ pub(crate) struct Inspect {
     /// Which time stamps of messages to use [default: that of the header if there is one, else the recording time]
     #[arg(long, value_enum, value_name = "CLOCK")]
     stamp: Option<Clock>,
+    /// End with status 3 where a log has a flaw, with the flaws on standard error
+    #[arg(long)]
+    strict: bool,
+    /// With --strict: kinds of flaws that are accepted, such as `held` for commands or `constant` for unused columns
+    #[arg(long, value_name = "KIND", value_delimiter = ',', requires = "strict", value_parser = PossibleValuesParser::new(KINDS))]
+    allow: Vec<String>,
     #[command(flatten)]
     output: Output,
 }
@@ -36,16 +62,33 @@ pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
     check_folder_of(command.output.out.as_deref())?;
     let stamp = command.stamp.map_or(Stamp::Auto, Into::into);
     let options = LogOptions { time: command.time.clone(), run: command.run.clone(), stamp, ..LogOptions::default() };
-    let (mut texts, mut values) = (Vec::new(), Vec::new());
+    let (mut texts, mut values, mut flaws) = (Vec::new(), Vec::new(), Vec::new());
     for log in &command.logs {
         let found = inspect(log, &options, &screen.progress())?;
         texts.push(found.text(screen.width()));
         values.push(found.json());
+        flaws.extend(flaws_of(&found, &command.allow));
     }
     let text = if screen.json() {
         format!("{}\n", serde_json::json!({ "schema": "gpsindy.inspection/1", "logs": values }))
     } else {
         texts.join("\n")
     };
-    deliver(&command.output, &text, screen)
+    deliver(&command.output, &text, screen)?;
+    if command.strict && !flaws.is_empty() {
+        let (count, all) = (flaws.len(), flaws.join("; "));
+        return Err(Failure::Verdict(format!("{count} flaw{}: {all}", if count == 1 { "" } else { "s" })));
+    }
+    Ok(())
+}
+
+/// The flaws of a log that are not allowed, in one line each.
+fn flaws_of(found: &Inspection, allowed: &[String]) -> Vec<String> {
+    let told = found.findings.iter().filter(|flaw| !allowed.contains(&flaw.kind)).map(|flaw| {
+        let parts = [flaw.topic.as_str(), flaw.column.as_deref().unwrap_or_default()];
+        let place: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        let place = if place.is_empty() { "stamps".into() } else { place.join(".") };
+        format!("{}: {place}: {}", found.file, flaw.text)
+    });
+    told.collect()
 }
