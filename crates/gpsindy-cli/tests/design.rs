@@ -68,6 +68,11 @@ fn what_is_missing_or_wrong_is_one_line() {
         ("design drag.toml friction.toml --noise x=0.1 --limit w=-2:2", "`w`"),
         ("design . --limit u=-2:2", "open.json"),
         ("diagnose robot.xml run.csv", "pip install 'gpsindy[mujoco]'"),
+        (
+            "design robot.xml drag.toml --noise x=0.1 --limit u=-2:2",
+            "a simulator's own file (MJCF, URDF), not equations",
+        ),
+        ("export robot.xml --to c", "a simulator's own file (MJCF, URDF), not equations"),
     ] {
         let ran = folder.run(line);
         assert!(ran.refused().contains(words), "{line}: {ran:?}");

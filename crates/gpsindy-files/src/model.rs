@@ -32,6 +32,13 @@ pub fn parse_model(file: &str, text: &str) -> Result<Model> {
     if file.ends_with(".csv") {
         return Err(Error::file(file, "not a model; a model is TOML or JSON, a log is CSV"));
     }
+    if text.trim_start().starts_with('<') {
+        return Err(Error::file(
+            file,
+            "a simulator's own file (MJCF, URDF), not equations; diagnose, simulate and score of the Python package's command take it, \
+             in Python gpsindy.mujoco.Simulator; other commands take model files (TOML or JSON)",
+        ));
+    }
     let json = file.ends_with(".json") || text.trim_start().starts_with('{');
     let model: Model = if json { from_json(file, text)? } else { from_toml(file, text)? };
     model.check().map_err(|source| Error::Content { file: file.into(), source })?;

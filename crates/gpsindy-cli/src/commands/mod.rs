@@ -13,6 +13,7 @@ pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod mcp;
+mod measured;
 mod nominal;
 pub(crate) mod score;
 pub(crate) mod simulate;
@@ -172,6 +173,7 @@ fn model_dataset(
         all_controls.extend(controls.into_iter().filter(|name| !all_controls.contains(name)).collect::<Vec<_>>());
         all_states.extend(states.into_iter().filter(|name| !all_states.contains(name)).collect::<Vec<_>>());
     }
+    models.iter().for_each(|model| measured::warn_of_unmeasured(logs, model, screen));
     // A state of one model may be a control of another.
     all_states.retain(|name| !all_controls.contains(name));
     dataset_and_offsets(
