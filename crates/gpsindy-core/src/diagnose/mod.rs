@@ -220,6 +220,9 @@ impl Diagnose {
         progress: &dyn Progress,
     ) -> Result<Diagnosed> {
         self.check()?;
+        for run in train.runs().iter().chain(holdout.runs()) {
+            system.check_stamps(&run.name, &run.time)?;
+        }
         let (mut diagnosed, found) = self.body(system, [train, holdout], progress)?;
         if let Some(power) = &self.power {
             // The copies are judged as the logs were, but each in its own time.

@@ -1,8 +1,12 @@
 //! Simulators that step: the next state of many rows at once, with forces and the simulator's own parameters.
 
 use super::{Dynamics, Model, System};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expression::{Expression, Tape};
+
+/// Steps of a simulator that the middle sample of a run may last at most. Simulators of machines step at 1 ms or a little less or more, and
+/// machines are logged at 1 Hz and more: a thousand steps. Time stamps in ms where s belong make that a million.
+const MOST_STEPS_A_SAMPLE: f64 = 5000.0;
 
 /// A simulator that steps by itself, for many rows at once: `x' = F(x, u, f, p, dt)`.
 ///
@@ -136,6 +140,26 @@ impl System {
     /// The user's own simulator where it steps by itself.
     pub(crate) fn engine(&self) -> Option<&dyn Steps> {
         self.simulator().and_then(|s| s.steps())
+    }
+
+    /// Refuses a run, `name`, whose time stamps can't be seconds for a simulator that steps.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where its middle sample lasts more than [`MOST_STEPS_A_SAMPLE`] steps.
+    pub(crate) fn check_stamps(&self, name: &str, time: &[f64]) -> Result<()> {
+        let Some(engine) = self.engine() else { return Ok(()) };
+        let mut apart: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        apart.sort_by(f64::total_cmp);
+        let Some(middle) = apart.get(apart.len() / 2) else { return Ok(()) };
+        let (period, steps) = (engine.period(), middle / engine.period());
+        if steps <= MOST_STEPS_A_SAMPLE {
+            return Ok(());
+        }
+        let message = format!(
+            "{name}: samples are {middle} s apart, which is {steps:.3e} steps of the simulator ({period} s each); time stamps are \
+             seconds: divide milliseconds by 1e3 and nanoseconds by 1e9"
+        );
+        Err(Error::Data { message })
     }
 
     /// How all rates of the nominal equations change when the input or parameter `name` is raised by `change`, at each of

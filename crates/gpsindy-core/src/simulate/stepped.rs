@@ -15,6 +15,7 @@ pub(super) fn rollout(
     initial: &[f64],
     range: Range<usize>,
 ) -> Result<Rollout> {
+    system.check_stamps(&system.model().name, excitation.time())?;
     let n = system.n_states();
     let time: Vec<f64> = excitation.time().into();
     let log = Log { name: String::new(), time, controls: excitation.controls().to_vec(), measured: Vec::new() };
