@@ -98,8 +98,8 @@ impl PyModel {
             return Err(error(Error::range("dt", "above 0 s", period)));
         }
         let (n_states, n_controls) = parts.size();
+        let parameters = parts.values();
         let model = parts.model(name)?;
-        let parameters = model.parameters.iter().map(|p| p.value).collect();
         let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters };
         let simulator = Simulator { function, n_states, n_controls, kind };
         Ok(Self { simulator: Some(simulator), model })

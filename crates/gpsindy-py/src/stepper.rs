@@ -1,6 +1,7 @@
 //! What a simulator that steps is made of, as Python hands it over.
 
 use crate::convert::error;
+use gpsindy_core::expression::Function;
 use gpsindy_core::{Control, Error, Expression, Model, Parameter, Port, State};
 use pyo3::prelude::*;
 
@@ -19,6 +20,8 @@ pub(crate) struct Stepper {
     kinematic: Vec<(String, String)>,
     ports: Vec<PortParts>,
     parameters: Vec<ParameterParts>,
+    /// (control, name, s, scale): a control that reaches the simulator late by a parameter that is not the simulator's.
+    delays: Vec<(String, String, f64, f64)>,
     initial: Vec<(String, f64)>,
     /// State, and what its column reads as an expression.
     measured: Vec<(String, String)>,
@@ -30,9 +33,14 @@ impl Stepper {
         (self.states.len(), self.controls.len())
     }
 
+    /// Values of the simulator's own parameters.
+    pub(crate) fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|parameter| parameter.1).collect()
+    }
+
     /// The model that calls the simulator.
     pub(crate) fn model(self, name: String) -> PyResult<Model> {
-        let Stepper { states, controls, kinematic, ports, parameters, initial, measured } = self;
+        let Stepper { states, controls, kinematic, ports, parameters, delays, initial, measured } = self;
         let index = |name: &str| {
             let found = states.iter().position(|(known, ..)| known == name);
             found.ok_or_else(|| error(Error::unknown("state", name, states.iter().map(|s| &s.0))))
@@ -66,6 +74,15 @@ impl Stepper {
             model.states[index(state)?].measured = Some(Expression::parse(reads).map_err(error)?);
         }
         model.call_simulator(&kinematic);
+        for (control, name, late, scale) in delays {
+            let amounts = vec![Expression::variable(&control), Expression::variable(&name)];
+            let late_control = Expression::Call(Function::Delay, amounts);
+            for state in &mut model.states {
+                state.equation = state.equation.substitute(&control, &late_control);
+            }
+            let (range, scale) = (Some((0.0, f64::INFINITY)), Some(scale));
+            model.parameters.push(Parameter { unit: "s".into(), range, scale, ..Parameter::new(name, late) });
+        }
         model.check().map_err(error)?;
         Ok(model)
     }

@@ -148,9 +148,19 @@ def rolled(simulator, log, model=None):
 LATE = HINGE.replace("<motor", '<motor delay="0.03" nsample="8"')
 
 
-def test_a_command_that_waits_in_the_engine_is_refused():
-    with pytest.raises(ValueError, match="actuator 'drive' has a delay"):
-        gm.Simulator(LATE)
+@pytest.mark.parametrize(("attributes", "steps"), [('delay="0.03" nsample="8"', 6), ('delay="0.028" nsample="8"', 6), ('delay="0.03" nsample="4"', 4)])
+def test_a_late_command_acts_in_whole_steps_and_a_rollout_repeats(attributes, steps):
+    found = gm.Simulator(HINGE.replace("<motor", f"<motor {attributes}"))
+    log = real_log(3)
+    first, again = rolled(found, log), rolled(found, log)
+    assert np.array_equal(first, again)
+    assert np.abs(first[:, :1] - stepped(HINGE, log, late=steps)).max() < 1e-9
+    assert {p.name: p.value for p in found.model.parameters}["drive.delay"] == pytest.approx(0.005 * steps)
+
+
+def test_a_late_command_that_the_engine_interpolates_is_refused():
+    with pytest.raises(ValueError, match='actuator \'drive\' interpolates its late command; write interp="zoh"'):
+        gm.Simulator(LATE.replace("nsample", 'interp="linear" nsample'))
 
 
 @pytest.mark.parametrize("late", [0.0199975, 0.0212, 0.0184, 0.005])
@@ -165,6 +175,18 @@ def test_a_delay_in_the_file_is_that_of_the_report_in_every_step(late):
     log["drive"][:40] = 0.0
     steps = round(late / 0.005)
     assert np.abs(stepped(text, log) - stepped(HINGE, log, late=steps)).max() < 1e-9
+    # And once more as a simulator.
+    assert np.abs(rolled(gm.Simulator(text), log)[:, :1] - stepped(HINGE, log, late=steps)).max() < 1e-9
+
+
+def test_a_nominal_delay_is_corrected_to_a_longer_a_shorter_and_no_one():
+    found = gm.Simulator(LATE)
+    log = real_log(5)
+    for late, steps in [(0.05, 10), (0.012, 2), (0.0, 0)]:
+        model = found.model.with_parameters(**{"drive.delay": late})
+        text = found.corrected(model)
+        assert np.abs(rolled(found, log, model)[:, :1] - stepped(HINGE, log, late=steps)).max() < 1e-9
+        assert np.abs(rolled(gm.Simulator(text), log) - rolled(found, log, model)).max() < 1e-9
 
 
 RATIO = HINGE.replace('<motor name="drive" joint="hinge"/>', '<position name="drive" joint="hinge" kp="5" dampratio="0.8"/>')
@@ -192,7 +214,7 @@ def test_the_corrected_file_rolls_out_as_the_corrected_simulator(text):
 
 
 def test_what_the_file_turns_into_another_number_is_said():
-    found = gm.Simulator(HINGE.replace("<option", '<compiler settotalmass="0.5"/><option'))
+    found = gm.Simulator(HINGE.replace("<option", '<compiler boundmass="0.5"/><option'))
     text = found.corrected(found.model.with_parameters(**{"link.mass": 0.4}))
     assert "not in this file: link.mass is 0.4; from this file MuJoCo makes 0.5" in text
 
@@ -238,3 +260,12 @@ def test_a_driver_without_its_motor_or_gains_is_refused(given, words):
         gm.Simulator(HINGE, drivers=given)
     with pytest.raises(ValueError, match="a driver's loop goes around a <motor>"):
         gm.Simulator(SERVO, drivers={"drive": (1.0, 0.1)})
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e9])
+def test_time_stamps_that_are_no_seconds_are_refused_at_once(unit):
+    found = gm.Simulator(HINGE)
+    log = {**real_log(3), "t": real_log(3)["t"] * unit}
+    for work in (lambda: gpsindy.diagnose(found, [log, log]), lambda: gpsindy.simulate(found.model, log), lambda: found.model.score([log])):
+        with pytest.raises(ValueError, match="steps of the simulator .* time stamps are seconds: divide milliseconds by 1e3"):
+            work()

@@ -114,7 +114,7 @@ class Stepper:
 
 def stepping_model(step: Step, name: str, dt: float, *, source: Any = None, **parts: Any) -> Model:
     """A model around a step function of many rows; ``source`` can write a corrected model in its own format."""
-    return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), parts), source)
+    return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}), source)
 
 
 def seconds_late(expression: str, name: str) -> float | None:

@@ -33,7 +33,9 @@ class Simulator:
     States are position and velocity of every hinge and slide joint and then the activations of the actuators that have one,
     controls the actuators, ports the generalised forces of the joints. Rollouts are MuJoCo's own steps, contacts and limits
     included; the log's period is walked in the model's ``timestep``, and where it is no whole number of steps the last one is
-    shortened. The engine's warm start is off, so that a step depends on the state alone.
+    shortened. The engine's warm start is off, and a command that the model lets act late waits outside of the engine, so that
+    a step depends on the state alone: the parameter ``ACTUATOR.delay``, in s, acts in whole steps, and before a log begins
+    its first command is held.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ class Simulator:
     Raises
     ------
     ValueError
-        A free or ball joint, an actuator with a delay, a name that the model lacks.
+        A free or ball joint, an actuator that interpolates a late command, a name that the model lacks.
 
     Examples
     --------
@@ -76,7 +78,7 @@ class Simulator:
         threads: int = 0,
     ) -> None:
         loaded = load(model)
-        self._mj, self._text, self._source = loaded.model, loaded.text, loaded.source
+        self._mj, self._text, self._source, self._late = loaded.model, loaded.text, loaded.source, loaded.late
         self._mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._threads = threads
         self._batches: dict[int, Copies] = {}
@@ -188,6 +190,11 @@ class Simulator:
             kinematic=list(zip(self._positions, self._velocities)),
             ports=ports,
             parameters=[(s.name, s.value, s.unit, None, top, s.scale) for s in self._settings],
+            delays=[
+                (command, f"{actuator}.delay", late, step)
+                for command, actuator, late in zip(self._commands, self._actuators, self._late)
+                if late > 0.0
+            ],
             initial=[*zip(self._positions, start), *((name, 0.0) for name in [*self._velocities, *self._activations])],
             measured=list(sensors.items()),
             source=self,
