@@ -1,0 +1,202 @@
+"""Measured systems of nonlinearbenchmark.org: equations from the training log, judged by free runs over the test log.
+
+    python benches/public/nonlinear.py --data FOLDER [--methods gpsindy pysindy] [--systems emps silverbox tanks]
+
+The data are read from your copy and not shipped. FOLDER holds, as CSV with `t` in s:
+
+    emps/train.csv, emps/test_pulses.csv              t, q [m], u [V]            every tenth sample is used
+    silverbox/multisine.csv, silverbox/arrow.csv      t, y [V], u [V]            trained on the multisine
+    tanks/train.csv, tanks/test.csv                   t, y [V], u [V]            level of the lower tank, voltage of the pump
+
+Every method is given the same structure: the position and its unlogged velocity, with the terms named below; it gets no
+starting values. A free run sees the inputs and the first state alone. Error: root mean square over the whole test log, in
+the unit of the table.
+
+Methods: `gpsindy`, the command line as it comes; `pysindy`, degree and terms the same, the velocity and the derivatives
+from smoothed differences, the threshold of the best free run over the last quarter of the training log.
+
+A line a job stands in `--out`; a run that was interrupted goes on where it was. Needs numpy, scipy; pysindy for the peer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import tempfile
+import warnings
+from pathlib import Path
+
+METHODS = ("gpsindy", "pysindy")
+# Files, the position, every so many samples, degree of the library, further terms, factor and unit of the error.
+SYSTEMS = {
+    "emps": ("train", "test_pulses", "q", 10, 1, ("sign(w)",), 1e3, "mm"),
+    "silverbox": ("multisine", "arrow", "y", 1, 3, (), 1e3, "mV"),
+    "tanks": ("train", "test", "y", 1, 3, (), 1.0, "V"),
+}
+
+
+def read(path, position, stride):
+    """Time, position and input of every `stride`-th sample."""
+    import numpy as np
+
+    lines = path.read_text(encoding="utf-8").splitlines()
+    header = [name.split("[")[0].strip() for name in lines[0].split(",")]
+    columns = [header.index(name) for name in ("t", position, "u")]
+    rows = np.array([[float(line.split(",")[c]) for c in columns] for line in lines[1::stride]])
+    return rows[:, 0], rows[:, 1], rows[:, 2]
+
+
+def write(path, names, columns):
+    rows = [",".join(names)] + [",".join(f"{value:.12g}" for value in row) for row in zip(*columns)]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def run_gpsindy(train, test, position, degree, terms):
+    import numpy as np
+
+    program = os.environ.get("GPSINDY", "gpsindy")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write(folder / "train.csv", ("t", position, "u"), train)
+        write(folder / "test.csv", ("t", position, "u"), test)
+        command = [
+            program,
+            "identify",
+            "train.csv",
+            "--state",
+            f"{position},w",
+            "--control",
+            "u",
+            "--fix",
+            f"{position}' = w",
+        ]
+        command += ["--degree", str(degree), "--threads", "1", "--json", "--out", "model.toml"]
+        for term in terms:
+            command += ["--term", term]
+        learnt = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if not learnt.stdout.strip():
+            raise RuntimeError(learnt.stderr.strip()[-300:])
+        found = json.loads(learnt.stdout)
+        command = [program, "simulate", "model.toml", "--data", "test.csv", "--hold", found["hold"]]
+        rolled = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        about = {"status": learnt.returncode, "hold": found["hold"], "notes": found["notes"]}
+        about["equation"] = found["model"]["state"][1]["equation"]
+        if rolled.returncode:
+            return None, {**about, "note": rolled.stderr.strip()[-200:]}
+        lines = rolled.stdout.splitlines()
+        place = lines[0].split(",").index(position)
+        return np.array([float(line.split(",")[place]) for line in lines[1:]]), about
+
+
+def run_pysindy(train, test, position, degree, terms):
+    import numpy as np
+    import pysindy
+    from scipy.integrate import solve_ivp
+    from scipy.interpolate import interp1d
+
+    smoothed = pysindy.SmoothedFiniteDifference()
+    library = pysindy.PolynomialLibrary(degree=degree)
+    if terms:
+        library = library + pysindy.CustomLibrary([np.sign], [lambda name: f"sign({name})"])
+
+    def fit(threshold, t, q, u):
+        w = smoothed._differentiate(q[:, None], t)
+        model = pysindy.SINDy(
+            optimizer=pysindy.STLSQ(threshold=threshold), feature_library=library, differentiation_method=smoothed
+        )
+        model.fit(np.column_stack([q, w[:, 0]]), t=t, u=u)
+        return model
+
+    def free_run(model, t, q, u):
+        speed = smoothed._differentiate(q[:50, None], t[:50])[0, 0]
+        control = interp1d(t, u, fill_value="extrapolate")
+
+        def side(time, x):
+            return [x[1], float(model.predict(np.array([x]), u=np.array([[control(time)]]))[0, 1])]
+
+        found = solve_ivp(
+            side, (t[0], t[-1]), [q[0], speed], t_eval=t, max_step=float(t[1] - t[0]), method="RK23", rtol=1e-3
+        )
+        return found.y[0] if found.y.shape[1] == len(t) else None
+
+    cut = 3 * len(train[0]) // 4
+
+    def error(threshold):
+        try:
+            rest = [column[cut : cut + 2000] for column in train]
+            found = free_run(fit(threshold, *(column[:cut] for column in train)), *rest)
+            return float(((found - rest[1]) ** 2).sum())
+        except Exception:
+            return np.inf
+
+    model = fit(min((0.001, 0.01, 0.1, 1.0), key=error), *train)
+    return free_run(model, *test), {"equation": model.equations()[1]}
+
+
+def job(folder, system, method):
+    import numpy as np
+
+    train_name, test_name, position, stride, degree, terms, factor, unit = SYSTEMS[system]
+    train = read(folder / f"{train_name}.csv", position, stride)
+    test = read(folder / f"{test_name}.csv", position, stride)
+    begun = processor_time()
+    try:
+        found, about = (run_gpsindy if method == "gpsindy" else run_pysindy)(train, test, position, degree, terms)
+        usable = found is not None and np.isfinite(found).all()
+        about["error"] = factor * float(np.sqrt(np.mean((found - test[1]) ** 2))) if usable else None
+        about["mean"] = factor * float(test[1].std())
+    except Exception as failure:
+        about = {"error": None, "note": f"{type(failure).__name__}: {failure}"[:300]}
+    return {**about, "unit": unit, "processor": round(processor_time() - begun, 1)}
+
+
+def processor_time():
+    return sum(
+        use.ru_utime + use.ru_stime for use in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    )
+
+
+def table(lines):
+    rows = [
+        "| system | method | error of the free run | of the mean | status | processor time, s |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for line in lines:
+        error = "diverges or fails" if line["error"] is None else f"{line['error']:.3g} {line['unit']}"
+        mean = f"{line['mean']:.3g} {line['unit']}" if "mean" in line else "-"
+        status = line.get("status", "-")
+        rows.append(f"| {line['system']} | {line['method']} | {error} | {mean} | {status} | {line['processor']:.1f} |")
+    return "\n".join(rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="the folder with your copy of the data")
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
+    parser.add_argument("--systems", nargs="+", choices=list(SYSTEMS), help="default: those that FOLDER holds")
+    parser.add_argument("--out", type=Path, default=Path("out/nonlinear.jsonl"))
+    asked = parser.parse_args()
+    if "gpsindy" in asked.methods and not shutil.which(os.environ.get("GPSINDY", "gpsindy")):
+        parser.error("the program `gpsindy` is not on the path; name it in the variable GPSINDY")
+    warnings.simplefilter("ignore")
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", RAYON_NUM_THREADS="1")
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
+    lines = [json.loads(line) for line in asked.out.read_text().splitlines()] if asked.out.exists() else []
+    done = {(line["system"], line["method"]) for line in lines}
+    for system in asked.systems or [name for name in SYSTEMS if (asked.data / name).is_dir()]:
+        for method in asked.methods:
+            if (system, method) in done:
+                continue
+            line = {"system": system, "method": method, **job(asked.data / system, system, method)}
+            lines.append(line)
+            with asked.out.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(line) + "\n")
+    print(table(lines))
+
+
+if __name__ == "__main__":
+    main()
