@@ -7,12 +7,12 @@
 //! weak is reported in the result.
 //! Source: Rasmussen & Williams 2006, sections 5.4.1 and 5.4.2.
 
-use super::cost::Cost;
+use super::blocks;
 use super::kernel::{Kernel, Role};
-use super::likelihood::{Engine, Evaluation, Workspace};
+use super::likelihood::{Engine, Evaluation, has_state_space};
+use super::one::{JITTER, OneFit, fit_one, polished};
 use super::points::Points;
 use super::scale::{Scale, standardise};
-use super::search::search;
 use super::start::Bounds;
 use crate::error::{Error, Result};
 use crate::parallel::*;
@@ -140,15 +140,8 @@ impl Fit {
     }
 }
 
-/// Jitter ladder, relative to the diagonal; tried only where the one before fails.
-const JITTER: [f64; 4] = [0.0, 1e-10, 1e-8, 1e-6];
 /// Fewer points than this are a reason to trust a fit less.
 const FEW_POINTS: usize = 8;
-/// A fit that leaves more than this share of the variance unpredicted ...
-const UNPREDICTED: f64 = 0.25;
-/// ... while it calls less than this share of the leave-one-out error noise, interpolates.
-const NOISE_SHARE: f64 = 0.1;
-
 /// Fits every kernel to all runs together (shared hyperparameters) and keeps the best.
 ///
 /// Kernels are tried in parallel; the result does not depend on the number of threads.
@@ -166,26 +159,72 @@ pub fn fit(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> Resul
     };
     let (kernels, replaced) = affordable(&tellable(kernels, runs, dimension), runs, settings);
     let bounds = Bounds::of(&standard, &scale, settings);
-    let mut fits: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, &standard, &bounds, settings)).collect();
-    if !fits.iter().flatten().any(|f| f.predicts) {
-        // Every kernel interpolates: ask for a length that several samples share.
-        let wider = bounds.wider();
-        let again: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, &standard, &wider, settings)).collect();
-        if again.iter().flatten().any(|f| f.predicts) {
-            fits = again;
-        }
-    }
+    let (fits, best) = if blocks::are_needed(&kernels, &standard) {
+        by_blocks(&kernels, &standard, &bounds, settings)
+    } else {
+        let fits = fit_all(&kernels, &standard, &bounds, settings);
+        let best = best_of(&fits);
+        (fits, best)
+    };
     let candidates = kernels.iter().zip(&fits).map(|(kernel, fit)| candidate(kernel, fit.as_ref())).collect();
-    let best = fits
-        .into_iter()
-        .zip(&kernels)
-        .filter_map(|(f, k)| f.map(|f| (f, k)))
-        .min_by(|(a, _), (b, _)| b.predicts.cmp(&a.predicts).then(a.nll.total_cmp(&b.nll)));
-    let Some((best, kernel)) = best else {
+    let Some((best, kernel)) = best.and_then(|k| Some((fits.into_iter().nth(k)??, &kernels[k]))) else {
         let size = runs.iter().map(Points::len).max().unwrap_or(0);
         return Err(Error::NotPositiveDefinite { what: "covariance".into(), size, jitter: JITTER[JITTER.len() - 1] });
     };
     Ok(finish(best, kernel, &standard, &scale, dimension, replaced, candidates))
+}
+
+/// Every kernel fitted to all runs; with a length that several samples share where otherwise every kernel interpolates.
+fn fit_all(kernels: &[Kernel], runs: &[Points], bounds: &Bounds, settings: &FitSettings) -> Vec<Option<OneFit>> {
+    let fits: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, runs, bounds, settings)).collect();
+    let predicts = |fits: &[Option<OneFit>]| fits.iter().flatten().any(|f| f.predicts);
+    if predicts(&fits) {
+        return fits;
+    }
+    let wider = bounds.wider();
+    let again: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, runs, &wider, settings)).collect();
+    if predicts(&again) { again } else { fits }
+}
+
+/// Place of the fit of the lowest negative log marginal likelihood among those that do not only interpolate.
+fn best_of(fits: &[Option<OneFit>]) -> Option<usize> {
+    let found = fits.iter().enumerate().filter_map(|(k, fit)| fit.as_ref().map(|fit| (k, fit)));
+    found.min_by(|(_, a), (_, b)| b.predicts.cmp(&a.predicts).then(a.nll.total_cmp(&b.nll))).map(|(k, _)| k)
+}
+
+/// Every kernel fitted to blocks of the runs that are long beside what the best one remembers, and the place of that one: it is
+/// then fitted to all points where that is cheap, and led to the optimum of all points where it has a period, since a period
+/// that is a little off is out of step at the other end of a run.
+fn by_blocks(
+    kernels: &[Kernel],
+    runs: &[Points],
+    bounds: &Bounds,
+    settings: &FitSettings,
+) -> (Vec<Option<OneFit>>, Option<usize>) {
+    let mut stride = 1;
+    let (mut fits, best) = loop {
+        let fits = fit_all(kernels, &blocks::of(runs, stride), bounds, settings);
+        let best = best_of(&fits);
+        let short = |k: usize| fits[k].as_ref().is_some_and(|f| blocks::are_short(&kernels[k], &f.hyper, runs, stride));
+        if !best.is_some_and(short) {
+            break (fits, best);
+        }
+        stride *= 2;
+    };
+    if let Some(k) = best {
+        let kernel = &kernels[k];
+        let again = if has_state_space(kernel) {
+            fit_one(kernel, runs, bounds, settings)
+        } else if kernel.roles(1).contains(&Role::Period) {
+            fits[k].as_ref().and_then(|found| polished(kernel, runs, bounds, settings, found))
+        } else {
+            None
+        };
+        if again.is_some() {
+            fits[k] = again;
+        }
+    }
+    (fits, best)
 }
 
 fn check(runs: &[Points], settings: &FitSettings) -> Result<usize> {
@@ -224,64 +263,13 @@ fn affordable(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> (V
         return (kernels.to_vec(), false);
     }
     let ordered = runs.iter().all(Points::ordered);
-    let linear = |k: &Kernel| ordered && super::likelihood::has_state_space(k);
+    let linear = |k: &Kernel| ordered && has_state_space(k);
     let kept: Vec<Kernel> = kernels.iter().filter(|k| linear(k)).cloned().collect();
     if !kept.is_empty() || !ordered {
         // Inputs without an order have no engine of linear cost: the caller thins or waits.
         return if kept.is_empty() { (kernels.to_vec(), false) } else { (kept, false) };
     }
     (vec![Kernel::Matern52, Kernel::Matern32], true)
-}
-
-struct OneFit {
-    /// Standardised log hyperparameters, the log noise last.
-    hyper: Vec<f64>,
-    nll: f64,
-    jitter: f64,
-    converged: bool,
-    at_bound: bool,
-    leave_one_out: f64,
-    predicts: bool,
-    evaluations: usize,
-}
-
-fn fit_one(kernel: &Kernel, runs: &[Points], bounds: &Bounds, settings: &FitSettings) -> Option<OneFit> {
-    JITTER.iter().find_map(|&jitter| fit_with_jitter(kernel, runs, bounds, settings, jitter))
-}
-
-fn fit_with_jitter(
-    kernel: &Kernel,
-    runs: &[Points],
-    bounds: &Bounds,
-    settings: &FitSettings,
-    jitter: f64,
-) -> Option<OneFit> {
-    let cost = Cost::new(kernel, runs, bounds, settings, jitter);
-    let mut workspace = Workspace::default();
-    let minimum = search(&cost, settings, &mut workspace)?;
-    let (hyper, evaluations) = (cost.expand(&minimum.point), minimum.evaluations);
-    let evaluation = Evaluation { kernel, hyper: &hyper, jitter };
-    let nll = cost.likelihood(minimum.cost, &minimum.point);
-    let (leave_one_out, share) = left_out(&evaluation, runs, &mut workspace)?;
-    let predicts = leave_one_out.powi(2) <= UNPREDICTED || share >= NOISE_SHARE;
-    let at_bound = cost.at_bound(&minimum.point);
-    Some(OneFit { nll, jitter, converged: minimum.converged, at_bound, leave_one_out, predicts, evaluations, hyper })
-}
-
-/// Root-mean-square leave-one-out error, and the share of its square that the noise accounts for.
-fn left_out(evaluation: &Evaluation, runs: &[Points], workspace: &mut Workspace) -> Option<(f64, f64)> {
-    let (mut sum, mut noise, mut count) = (0.0, 0.0, 0.0);
-    let noise2 = (2.0 * evaluation.hyper.last()?).exp();
-    for run in runs.iter().filter(|r| !r.is_empty()) {
-        let out = evaluation.leave_one_out(run, workspace)?;
-        for i in 0..run.len() {
-            sum += (out.weights[i] / out.diagonal[i]).powi(2);
-            noise += noise2 * run.noise_weight(i);
-            count += 1.0;
-        }
-    }
-    let rms = (sum / count).sqrt();
-    rms.is_finite().then_some((rms, if sum > 0.0 { noise / sum } else { 1.0 }))
 }
 
 fn candidate(kernel: &Kernel, fit: Option<&OneFit>) -> Candidate {
@@ -338,7 +326,7 @@ fn finish(
 /// All targets are equal: a process of negligible amplitude and noise about them.
 fn constant_fit(kernel: &Kernel, runs: &[Points], dimension: usize, scale: &Scale) -> Fit {
     let ordered = runs.iter().all(Points::ordered);
-    let kernel = if ordered && !super::likelihood::has_state_space(kernel) { &Kernel::Matern52 } else { kernel };
+    let kernel = if ordered && !has_state_space(kernel) { &Kernel::Matern52 } else { kernel };
     let deviation = if scale.mean == 0.0 { 1e-12 } else { 1e-12 * scale.mean.abs() };
     let mut hyper = vec![0.0; kernel.n_hyper(dimension)];
     for (h, role) in hyper.iter_mut().zip(kernel.roles(dimension)) {

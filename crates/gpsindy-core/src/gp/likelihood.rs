@@ -13,7 +13,7 @@ use super::toeplitz::{self, ToeplitzWorkspace};
 pub enum Engine {
     /// Any kernel, any inputs; O(n^3).
     Dense,
-    /// Any kernel on uniform times (within 1e-9 relative) without weights; O(n^2).
+    /// Any kernel on uniform times (within 1e-5 of a step) without weights; O(n^2).
     Toeplitz,
     /// `Matern12`, `Matern32`, `Matern52` on ordered times; O(n).
     StateSpace,

@@ -6,6 +6,7 @@
 
 #[cfg(test)]
 mod agreement;
+mod blocks;
 #[cfg(test)]
 mod contract;
 mod cost;
@@ -20,6 +21,7 @@ mod lanes;
 mod likelihood;
 mod line_search;
 mod matern;
+mod one;
 mod optimise;
 mod overlap;
 mod points;

@@ -46,6 +46,14 @@ pub(super) fn search(cost: &Cost, settings: &FitSettings, workspace: &mut Worksp
     ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|m| Minimum { evaluations, ..m })
 }
 
+/// The minimum near hyperparameters (log noise last) that are nearly right already.
+pub(super) fn polish(cost: &Cost, hyper: &[f64], workspace: &mut Workspace) -> Option<Minimum> {
+    let start = cost.compress(hyper);
+    let optimiser = Optimiser { tolerance_gradient: 1e-4, ..Optimiser::default() };
+    let free = Round { longest: f64::INFINITY, optimiser: &optimiser };
+    free.descend(cost, &start, &sharpness(cost, &start), workspace)
+}
+
 /// Follows the best starts that are not alike.
 fn follow(cost: &Cost, optimiser: &Optimiser, workspace: &mut Workspace) -> Vec<Minimum> {
     let mut ranked: Vec<(f64, Vec<f64>)> = starts(cost.kernel, cost.runs, cost.bounds)
