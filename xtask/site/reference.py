@@ -9,10 +9,15 @@ from griffe2md import render_object_docs
 
 HEAD = """# Python
 
-Made from the docstrings of the package. Everything here is in `gpsindy`; `import gpsindy` is enough. `gpsindy.mujoco` and `gpsindy.fmu` are
-imported by name, since they need packages of their own.
+Made from the docstrings of the package. `import gpsindy` is enough for the first part.
 
 """
+#: Modules that are imported by name, since they need packages of their own, with what a user takes from each.
+BESIDE = {
+    "gpsindy.mujoco": ("MuJoCo models, with `gpsindy[mujoco]`.", ["mujoco.Simulator", "mujoco.settings.Setting"]),
+    "gpsindy.fmu": ("FMUs, with `gpsindy[fmu]`.", ["fmu.Simulator"]),
+    "gpsindy.plot": ("Figures, with `gpsindy[plot]`.", ["plot.rollouts", "plot.smoothed", "plot.diagnosis"]),
+}
 SETTINGS = {
     # A list, not a table: it reads on a phone.
     "docstring_section_style": "list",
@@ -44,6 +49,12 @@ def main():
         # The compiled part has a stub without docstrings.
         if thing.is_class or thing.is_function:
             parts.append(page(name, thing))
+    for module, (words, names) in BESIDE.items():
+        parts.append(f"## {module}\n\n{words} `import {module}`.\n")
+        # A name that is gone is an error here, so that the list can't go stale.
+        for name in names:
+            own = name.rpartition(".")[2]
+            parts.append(page(name, package[name]).replace(f"`{own}`", f"`{module.rpartition('.')[2]}.{own}`", 1))
     pathlib.Path(target).write_text(HEAD + "\n".join(parts), encoding="utf-8")
 
 

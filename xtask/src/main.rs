@@ -3,12 +3,16 @@
 
 mod bag;
 mod data;
+mod files;
+mod gallery;
 mod package;
 mod picture;
+mod plot;
 mod python;
 mod shell;
 mod site;
 mod skipped;
+mod snippets;
 mod tools;
 
 use std::process::ExitCode;
@@ -23,8 +27,9 @@ cargo xtask semver [REV]  the public interface against a tag or commit; without 
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
 cargo xtask features      the readers of logs with each format alone and with none, warnings as errors; a part of `rust`
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
-cargo xtask picture       draw docs/hare_lynx.svg again
+cargo xtask picture       draw docs/hare_lynx.svg and docs/pendulum.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
+cargo xtask gallery [PAGE] run a page of docs/gallery, or all, and keep what it prints, draws and reports; `effects` afterwards
 cargo xtask site          build the site of docs/ into target/site/public: references, every command and program of the pages, links
 ";
 
@@ -41,9 +46,10 @@ fn main() -> ExitCode {
         "msrv" => tools::msrv(),
         "features" => tools::features(),
         "data" => data::write(),
-        "picture" => picture::hare_lynx(),
+        "picture" => picture::all(),
         "effects" => site::effects(),
-        "site" => site::build(true),
+        "gallery" => site::write_gallery(argument.as_deref()),
+        "site" => site::build(),
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);
             Ok(())

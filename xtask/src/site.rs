@@ -2,47 +2,58 @@
 //!
 //! Zensical builds it: pages stay plain Markdown, search works without a server, and one wheel from the package index is all it needs.
 
-use crate::python;
+use crate::files::{copy, files, read, write};
 use crate::shell::{complain, root, run};
+use crate::snippets::{Tools, run_page};
+use crate::{gallery, python};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 /// What builds the site, beside what tests the Python package.
 const BUILDERS: [&str; 3] = ["zensical==0.0.*", "latex2mathml>=3.77", "griffe2md>=1.2"];
 
-/// Folders of pages whose `sh` and `python` blocks are run.
-const RUN: [&str; 3] = ["start", "logs", "gallery"];
+/// Pages and folders of pages whose blocks are run, from the root of the repository. The gallery is run apart.
+const RUN: [&str; 8] = [
+    "README.md",
+    "crates/gpsindy-cli/README.md",
+    "crates/gpsindy-py/README.md",
+    "docs/formats.md",
+    "docs/effects/README.md",
+    "docs/start",
+    "docs/logs",
+    "docs/simulators.md",
+];
 
 /// Writes `docs/effects` from the catalogue.
 pub(crate) fn effects() -> Result<(), String> {
     // Built with all packages at once, for the same reason as below.
     run("cargo", "build --release --workspace --exclude gpsindy-py --example effects".split(' '), &[])?;
     let program = root().join("target/release/examples").join(format!("effects{}", std::env::consts::EXE_SUFFIX));
-    run(program, ["docs/effects"], &[])
+    run(program, ["docs/effects", "docs/gallery"], &[])
 }
 
-/// Builds `target/site/public` and checks its links; with `snippets` the commands and programs of the pages are run first.
-pub(crate) fn build(snippets: bool) -> Result<(), String> {
+/// Runs the gallery and keeps in `docs/gallery` what comes out.
+pub(crate) fn write_gallery(only: Option<&str>) -> Result<(), String> {
+    gallery::write_all(only, &tools()?)
+}
+
+/// Builds `target/site/public` and checks its links. The blocks of the pages are run first.
+pub(crate) fn build() -> Result<(), String> {
     let site = root().join("target/site");
     let pages = site.join("docs");
     if pages.exists() {
         std::fs::remove_dir_all(&pages).map_err(|e| format!("{}: {e}", pages.display()))?;
     }
     copy(&root().join("docs"), &pages)?;
-    // With all packages at once, as everything else here is built: other features of a dependency would build it anew.
-    run("cargo", "build --release --workspace --exclude gpsindy-py --bins".split(' '), &[])?;
-    let program = root().join("target/release").join(format!("gpsindy{}", std::env::consts::EXE_SUFFIX));
-    let python = python::environment(&BUILDERS)?;
-    write(&pages.join("reference/cli.md"), &commands(&program)?)?;
+    let tools = tools()?;
+    let python = &tools.python;
+    write(&pages.join("reference/cli.md"), &commands(&tools.gpsindy)?)?;
     let reference = pages.join("reference/python.md");
     let source = "crates/gpsindy-py/python";
-    run(&python, ["xtask/site/reference.py", source, &reference.to_string_lossy()], &[])?;
-    if snippets {
-        for folder in RUN.map(|name| pages.join(name)).iter().filter(|folder| folder.exists()) {
-            run_snippets(folder, &program, &python)?;
-        }
-    }
+    run(python, ["xtask/site/reference.py", source, &reference.to_string_lossy()], &[])?;
+    run_blocks(&tools)?;
+    gallery::run(&pages.join("gallery"), None, &tools, true)?;
     write(&pages.join("llms.txt"), &overview(&pages)?)?;
     let settings = pages.join("zensical.toml");
     std::fs::rename(&settings, site.join("zensical.toml")).map_err(|e| format!("{}: {e}", settings.display()))?;
@@ -51,8 +62,8 @@ pub(crate) fn build(snippets: bool) -> Result<(), String> {
         std::fs::remove_dir_all(&plain).map_err(|e| format!("{}: {e}", plain.display()))?;
     }
     copy(&pages, &plain)?;
-    run(&python, ["xtask/site/formulas.py", &pages.to_string_lossy()], &[])?;
-    let built = Command::new(&python).args(["-m", "zensical", "build", "--clean"]).current_dir(&site).status();
+    run(python, ["xtask/site/formulas.py", &pages.to_string_lossy()], &[])?;
+    let built = Command::new(python).args(["-m", "zensical", "build", "--clean"]).current_dir(&site).status();
     if !built.map_err(|e| format!("zensical: {e}"))?.success() {
         return Err("zensical did not build the site".into());
     }
@@ -64,6 +75,32 @@ pub(crate) fn build(snippets: bool) -> Result<(), String> {
         copy(&page, &public.join(name))?;
     }
     complain(&format!("site: {}", public.join("index.html").display()));
+    Ok(())
+}
+
+/// The program, the libraries that Rust blocks link, and a Python with the wheel of this tree.
+fn tools() -> Result<Tools, String> {
+    // With all packages at once, as everything else here is built: other features of a dependency would build it anew.
+    run("cargo", "build --release --workspace --exclude gpsindy-py".split(' '), &[])?;
+    let gpsindy = root().join("target/release").join(format!("gpsindy{}", std::env::consts::EXE_SUFFIX));
+    Ok(Tools { gpsindy, python: python::environment(&BUILDERS)? })
+}
+
+/// Runs the blocks of the pages in folders that have the files they name; see `xtask/site/given.py`.
+fn run_blocks(tools: &Tools) -> Result<(), String> {
+    let given = root().join("target/site/given");
+    if given.exists() {
+        std::fs::remove_dir_all(&given).map_err(|e| format!("{}: {e}", given.display()))?;
+    }
+    std::fs::create_dir_all(&given).map_err(|e| format!("{}: {e}", given.display()))?;
+    run(&tools.python, ["xtask/site/given.py", &given.to_string_lossy()], &[])?;
+    for path in RUN.map(|path| root().join(path)) {
+        let pages = if path.is_dir() { files(&path, "md")? } else { vec![path] };
+        for page in pages {
+            let name = page.strip_prefix(root()).unwrap_or(&page).with_extension("");
+            run_page(&page, &name.to_string_lossy(), Some(&given), tools)?;
+        }
+    }
     Ok(())
 }
 
@@ -104,66 +141,6 @@ fn overview(pages: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// Runs the `sh` and `python` blocks of each page in a folder that holds the repository's data, in order; one that fails is an error.
-fn run_snippets(folder: &Path, program: &Path, python: &Path) -> Result<(), String> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let own = [program, python].into_iter().filter_map(Path::parent).map(Path::to_path_buf);
-    let path = std::env::join_paths(own.chain(std::env::split_paths(&path))).map_err(|e| e.to_string())?;
-    for page in files(folder, "md")? {
-        let name = page.strip_prefix(root().join("target/site/docs")).unwrap_or(&page).with_extension("");
-        let work = root().join("target/site/snippets").join(name);
-        if work.exists() {
-            std::fs::remove_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
-        }
-        copy(&root().join("data"), &work.join("data"))?;
-        let text = read(&page)?;
-        for (language, block) in &steps(&text) {
-            complain(&format!("\n$ {}", block.trim()));
-            let mut command = if *language == "sh" { Command::new("sh") } else { Command::new(python) };
-            command.args([if *language == "sh" { "-ec" } else { "-c" }, block]);
-            let ran = command.current_dir(&work).env("PATH", &path).output().map_err(|e| format!("{language}: {e}"))?;
-            if !ran.status.success() {
-                return Err(format!("{}: {block}{}", page.display(), String::from_utf8_lossy(&ran.stderr)));
-            }
-        }
-        // The pictures that a page makes stand beside it, and so does its program.
-        for picture in std::fs::read_dir(&work).into_iter().flatten().flatten().map(|entry| entry.path()) {
-            if let (Some("svg"), Some(name)) = (picture.extension().and_then(|e| e.to_str()), picture.file_name()) {
-                copy(&picture, &folder.join(name))?;
-            }
-        }
-        let program: Vec<&str> = blocks(&text).filter(|(l, _)| *l == "python").map(|(_, block)| block).collect();
-        if !program.is_empty() {
-            write(&page.with_extension("py"), &program.join("\n"))?;
-        }
-    }
-    Ok(())
-}
-
-/// What a page runs, in order: Python blocks that follow each other are one program, since they share their variables.
-fn steps(text: &str) -> Vec<(&str, String)> {
-    let mut steps: Vec<(&str, String)> = Vec::new();
-    for (language, block) in blocks(text) {
-        match steps.last_mut() {
-            Some((last, program)) if language == "python" && *last == language => {
-                program.push('\n');
-                program.push_str(block);
-            }
-            _ => steps.push((language, block.into())),
-        }
-    }
-    steps
-}
-
-/// The fenced blocks of a page in `sh` and `python`, in order. Those in `console` are shown and not run.
-fn blocks(text: &str) -> impl Iterator<Item = (&str, &str)> {
-    text.split("```")
-        .skip(1)
-        .step_by(2)
-        .filter_map(|block| block.split_once('\n'))
-        .filter(|(l, _)| ["sh", "python"].contains(l))
-}
-
 /// Every link of a page to a file of the site must lead to one, and to a heading of it where it names one.
 fn check_links(public: &Path) -> Result<(), String> {
     let mut broken = String::new();
@@ -191,58 +168,9 @@ fn check_links(public: &Path) -> Result<(), String> {
     if broken.is_empty() { Ok(()) } else { Err(format!("links that lead nowhere:\n{broken}")) }
 }
 
-fn read(path: &Path) -> Result<String, String> {
-    std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
-}
-
-/// Files with an ending below a folder, sorted.
-fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, String> {
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))? {
-        let path = entry.map_err(|e| e.to_string())?.path();
-        if path.is_dir() {
-            found.extend(files(&path, ending)?);
-        } else if path.extension().is_some_and(|e| e == ending) {
-            found.push(path);
-        }
-    }
-    found.sort();
-    Ok(found)
-}
-
-/// Copies a file or a whole folder.
-fn copy(from: &Path, to: &Path) -> Result<(), String> {
-    let failed = |e: std::io::Error| format!("{}: {e}", from.display());
-    if from.is_dir() {
-        std::fs::create_dir_all(to).map_err(failed)?;
-        for entry in std::fs::read_dir(from).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            copy(&entry.path(), &to.join(entry.file_name()))?;
-        }
-        return Ok(());
-    }
-    std::fs::copy(from, to).map(|_| ()).map_err(failed)
-}
-
-/// Writes a text, with the folders that it needs.
-fn write(path: &Path, text: &str) -> Result<(), String> {
-    let folder = path.parent().unwrap_or(path);
-    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn blocks_that_run_are_those_of_a_shell_and_of_python() {
-        let page = "```sh\na\n```\ntext\n```console\nb\n```\n```python\nc\nd\n```\n";
-        assert_eq!(blocks(page).collect::<Vec<_>>(), [("sh", "a\n"), ("python", "c\nd\n")]);
-        let split = "```python\na\n```\ntext\n```python\nb\n```\n```sh\nc\n```\n```sh\nd\n```\n```python\ne\n```\n";
-        let expected = [("python", "a\n\nb\n"), ("sh", "c\n"), ("sh", "d\n"), ("python", "e\n")];
-        assert_eq!(steps(split).iter().map(|(l, t)| (*l, t.as_str())).collect::<Vec<_>>(), expected);
-    }
 
     #[test]
     fn a_link_without_a_target_is_told() {
