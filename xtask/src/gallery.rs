@@ -78,10 +78,7 @@ fn result(report: &str) -> Result<String, String> {
         if let Some(name) = left.chain(regions).find_map(Value::as_str) {
             line += &format!(": the gap depends on `{name}`");
         }
-    }
-    if report["gap"]["detected"] == false
-        && let Some(p) = report["gap"]["p_value"].as_f64()
-    {
+    } else if let Some(p) = report["gap"]["p_value"].as_f64() {
         line += &format!(": p = {p:.2} under noise alone");
     }
     Ok(line + ".")
