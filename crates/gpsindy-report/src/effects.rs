@@ -1,20 +1,43 @@
-//! The documentation page of each effect, from the catalogue.
+//! The documentation page of each effect, from the catalogue and from the cases of the gallery that named it.
 
 use gpsindy_core::diagnose::Effect;
 use std::fmt::Write;
 
+/// A page of the gallery, and the effects that its diagnosis named.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GalleryCase {
+    /// Name of the page without its ending.
+    pub file: String,
+    /// Its heading.
+    pub title: String,
+    /// The effects that its result links to.
+    pub effects: Vec<Effect>,
+}
+
+impl GalleryCase {
+    /// The case of the page `file`, out of its Markdown. The result is the first line in bold; nothing for a page without one.
+    pub fn of(file: &str, page: &str) -> Option<Self> {
+        let title = page.lines().find_map(|line| line.strip_prefix("# "))?;
+        let result = page.lines().find(|line| line.starts_with("**"))?;
+        let links = result.split("](../effects/").skip(1).filter_map(|link| link.split(".md)").next());
+        Some(Self { file: file.into(), title: title.into(), effects: links.filter_map(Effect::from_id).collect() })
+    }
+}
+
 /// The page of one effect, in Markdown; `caption` stands under its picture, `ID.svg` in the same folder.
-pub fn effect_page(effect: Effect, caption: &str) -> String {
+///
+/// Of `cases` it links to those that named the effect.
+pub fn effect_page(effect: Effect, caption: &str, cases: &[GalleryCase]) -> String {
     let mut page = format!("# {}: `{}`\n\n{}\n\n", capital(effect.name()), effect.id(), effect.meaning());
     let _ = write!(page, "![What {} looks like in a log]({}.svg)\n\n{caption}\n\n", effect.name(), effect.id());
     let mut row = |what: &str, text: &str| {
-        let _ = writeln!(page, "| {what} | {} |", text.replace('|', "\\|"));
+        let _ = writeln!(page, "| {what} | {} |", cell(text));
     };
     row("what", "");
     row("---", "---");
+    row("in a log", effect.signature());
     row("form", &format!("`{}`", effect.form()));
     row("parameters", effect.parameters());
-    row("in a log", effect.signature());
     row("acts in", &effect.places().join("; "));
     let sense = effect.sense();
     if !sense.is_empty() {
@@ -22,6 +45,8 @@ pub fn effect_page(effect: Effect, caption: &str) -> String {
     }
     let asked = if effect.is_only_if_asked() { "only if `--effects` names it" } else { "always" };
     row("tested", asked);
+    row("in `augmented.toml`", &exported(effect));
+    row("in a MuJoCo model", in_mjcf(effect));
     if !effect.about().is_empty() {
         let _ = write!(page, "\n{}\n", effect.about());
     }
@@ -32,28 +57,110 @@ pub fn effect_page(effect: Effect, caption: &str) -> String {
             let _ = writeln!(page, "- [{}]({}.md): {experiment}", twin.name(), twin.id());
         }
     }
-    let reach = if effect.size_is_a_limit() {
-        "A diagnosis reports the limit below which the logs would have revealed it"
-    } else {
-        "A diagnosis reports the size above which the logs would have revealed it"
-    };
-    let _ = write!(
-        page,
-        "\n{reach} (`excluded`), if a single number can state it. `--power` adds it to simulated copies of the logs.\n"
-    );
-    page
+    let named: Vec<String> = cases
+        .iter()
+        .filter(|case| case.effects.contains(&effect))
+        .map(|case| format!("[{}](../gallery/{}.md)", case.title, case.file))
+        .collect();
+    if !named.is_empty() {
+        let _ = write!(page, "\nNamed in the gallery: {}.\n", named.join(", "));
+    }
+    page + "\n" + &reach(effect) + "\n"
 }
 
-/// The page that lists them all.
+/// What a diagnosis says of an effect that it did not find.
+fn reach(effect: Effect) -> String {
+    if effect.is_random() {
+        // Nothing is planted: it has no form that a rollout could follow.
+        return "A diagnosis states no size above which the logs would have revealed it, and `--power` does not add it to copies of the logs."
+            .into();
+    }
+    let size = if effect.size_is_a_limit() { "limit below" } else { "size above" };
+    let asked = if effect.is_only_if_asked() { " if `--effects` names it and" } else { " if" };
+    format!(
+        "A diagnosis reports the {size} which the logs would have revealed it (`excluded`), if a single number can state it. `--power` \
+         adds it to simulated copies of the logs{asked} they move what it depends on."
+    )
+}
+
+/// The page that lists them all by what a reader sees first: the log.
 pub fn effects_index() -> String {
     let mut page = String::from(
-        "# The catalogue of effects\n\nThe effects that a diagnosis tests. z is the variable that an effect depends on, u a control.\n`cargo xtask effects` generates these pages from the catalogue.\n\n| effect | form | what it does |\n| --- | --- | --- |\n",
+        "# What you see in the log\n\n\
+         The effects that a diagnosis tests, by their symptoms. A diagnosis tests all of them at once:\n\n\
+         ```sh\ngpsindy diagnose simulator.toml run_*.csv --out diagnosis\n```\n\n\
+         The third column restricts it to one effect, and asks for those that are tested on request only (marked *). The last two columns say \
+         what the corrected simulator then has, in `augmented.toml` and in the `augmented.xml` of a MuJoCo model. z and w are the \
+         variables that an effect depends on, u a control, p a term or a parameter. `cargo xtask effects` generates these pages from the \
+         catalogue.\n\n\
+         | what you see in the log | effect | add to the command | `augmented.toml` | MuJoCo |\n| --- | --- | --- | --- | --- |\n",
     );
     for effect in Effect::ALL {
-        let form = effect.form().replace('|', "\\|");
-        let _ = writeln!(page, "| [`{0}`]({0}.md) | `{form}` | {1} |", effect.id(), effect.meaning());
+        let mark = if effect.is_only_if_asked() { " *" } else { "" };
+        let _ = writeln!(
+            page,
+            "| {} | [{}]({}.md){mark} | `--effects {}` | {} | {} |",
+            cell(&capital(effect.signature())),
+            effect.name(),
+            effect.id(),
+            effect.id(),
+            cell(&exported(*effect)),
+            in_mjcf(*effect),
+        );
     }
-    page
+    page + "\nFMUs: `augmented.ssv` holds the corrected parameters; any other effect stands in it as a comment.\n"
+}
+
+/// What the corrected equations have of an effect.
+fn exported(effect: Effect) -> String {
+    let form = effect.form();
+    if effect.is_random() {
+        "nothing; intensity and correlation time are in `report.json`".into()
+    } else if effect.acts_on_sensor() {
+        format!("`measured`: {}", quoted(form.trim_start_matches("the column reads ")))
+    } else if effect.id() == "parameter_error" {
+        "the parameter's new `value`".into()
+    } else if is_words(form) || form.contains(" becomes ") {
+        quoted(form)
+    } else {
+        format!("in the row: {}", quoted(form))
+    }
+}
+
+/// A form with its formulas as code. One that is a sentence stays as it is, and so does what explains a formula.
+fn quoted(form: &str) -> String {
+    if is_words(form) {
+        return form.into();
+    }
+    let end = form.find(", with ").or_else(|| form.find(" with ")).unwrap_or(form.len());
+    let (formula, more) = form.split_at(end);
+    match formula.split_once(" becomes ") {
+        Some((left, right)) => format!("`{left}` becomes `{right}`{more}"),
+        None => format!("`{formula}`{more}"),
+    }
+}
+
+/// Whether a form is a sentence and no formula.
+fn is_words(form: &str) -> bool {
+    ["a ", "the ", "u becomes a "].into_iter().any(|start| form.starts_with(start))
+}
+
+/// The field of an MJCF file that carries an effect.
+fn in_mjcf(effect: Effect) -> &'static str {
+    match effect.id() {
+        "parameter_error" => "the field: `kp`, `kv`, `mass` ...",
+        "coulomb_friction" => "`frictionloss` of the joint",
+        "viscous_friction" => "`damping` of the joint",
+        "linear_stiffness" => "`stiffness` of the joint",
+        "inertia" => "`armature` of the joint",
+        "input_delay" => "`delay` of the actuator, in whole steps",
+        "input_saturation" => "`ctrlrange` of the actuator, if symmetric",
+        _ => "a comment at the top",
+    }
+}
+
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
 }
 
 fn capital(text: &str) -> String {

@@ -4,7 +4,7 @@
 //!
 //! - [`render`]: the page `report.html`, self-contained, for a wide screen, a phone and paper
 //! - [`summary`]: what a terminal shows
-//! - [`effect_page`], [`effects_index`], [`effect_picture`]: the pages of docs/effects
+//! - [`effect_page`], [`effects_index`], [`effect_picture`], [`GalleryCase`]: the pages of docs/effects
 //! - [`fleet`]: the page of a whole fleet
 //! - [`scorecard`]: an exam's answers against its diagnoses
 //! - [`SCHEMA`]: the JSON Schema of `report.json`
@@ -26,7 +26,7 @@ pub mod scorecard;
 mod summary;
 mod words;
 
-pub use effects::{effect_page, effects_index};
+pub use effects::{GalleryCase, effect_page, effects_index};
 pub use html::{render, render_with};
 pub use pictures::{EffectPicture, effect_picture};
 pub use provenance::{LogFacts, Provenance};
