@@ -20,7 +20,8 @@ use std::path::PathBuf;
     version,
     max_term_width = 110,
     before_help = "Example: gpsindy demo\n         gpsindy identify run_1.csv run_2.csv --control u --out model.toml",
-    after_help = "`gpsindy COMMAND --help` describes a command in full. Exit status: 0 success, 1 the computation failed, 2 bad input or usage."
+    after_help = "`gpsindy COMMAND --help` describes a command in full. Exit status: 0 success, 1 the computation failed, 2 bad input or usage, 3 the \
+                  verdict that --fail-if names."
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]

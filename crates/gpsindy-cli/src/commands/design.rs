@@ -15,11 +15,12 @@ use std::path::{Path, PathBuf};
 /// The file of a diagnosis' folder that says what its logs can't tell apart.
 pub(crate) const OPEN: &str = "open.json";
 
-/// The control signal that best tells apart what a diagnosis left open, as CSV
+/// Design the control signal that best distinguishes what a diagnosis left open, as CSV
 ///
-/// Finds the signal within the limits that maximises the separation of the pair that it parts least, each simulator being free to bend
-/// towards the other as far as the logs let it (T-optimality). Tries multisines, chirps, steps and free forms, and refines the best. Says how
-/// many nats each pair is expected to be parted by, and after how many seconds the right one of it has 95 %.
+/// Maximises the worst-case separation over all pairs of explanations, within the limits; each model may adjust its parameters within what the
+/// logs allow (T-optimal design). Tries multisines, chirps, steps and free forms, and refines the best. Reports the expected separation of each
+/// pair in nats (log odds), and the time after which the right one of the pair reaches 95 %. The folder must be that of a diagnosis of equations
+/// (it holds open.json); for a MuJoCo model or an FMU use `diagnosis.design` in Python.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy design diagnosis --limit u=-2:2 --rate-limit u=20 --duration 10 --out next.csv\n         \
@@ -45,9 +46,9 @@ pub(crate) struct Design {
     #[arg(long, value_name = "HZ", default_value_t = 50.0, allow_negative_numbers = true)]
     rate: f64,
     /// Where the run begins, as x=0.1,v=0 [default: where the logs began]
-    #[arg(long, value_name = "STATES", value_parser = values, allow_hyphen_values = true)]
+    #[arg(long, value_name = "STATE=VALUE", value_parser = values, allow_hyphen_values = true)]
     initial: Vec<Vec<(String, f64)>>,
-    /// Tell these two effects, or models, apart instead of what was left open
+    /// Distinguish these two effects, or models, instead of what was left open
     #[arg(long, value_name = "A,B")]
     separate: Option<String>,
     /// Standard deviation of a column's noise, where models are given in place of a diagnosis
@@ -172,7 +173,7 @@ fn csv(designed: &Designed, model: &Model) -> Table {
     table
 }
 
-/// How far each pair is parted.
+/// The separation of each pair.
 fn words(designed: &Designed) -> String {
     let row = |p: &Parting| {
         let after = p.seconds.map_or("not within the run".to_string(), |s| format!("{} s", short(s)));

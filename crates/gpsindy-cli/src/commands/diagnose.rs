@@ -25,12 +25,14 @@ use std::path::{Path, PathBuf};
 
 /// Diagnose the gap between a simulator and logs of the machine
 ///
-/// Writes report.json, report.html (one page that opens offline) and augmented.toml (the simulator with the causes added; augmented.xml for a
-/// MuJoCo model) into --out, and a summary to stdout. Held-out logs are used for validation only, never for a fit or a selection. Without
-/// --holdout, the last quarter of the runs is held out; of a single run, its last quarter in time.
+/// Writes report.json, report.html (one page that opens offline) and the corrected simulator into --out, and a summary to stdout. The corrected
+/// simulator is augmented.toml with open.json (what `gpsindy design` reads) for equations, augmented.xml with randomization.py (ranges for
+/// training) for a MuJoCo model, and augmented.ssv (parameters) for an FMU. Held-out logs are used for validation only, never for a fit or a
+/// selection. Without --holdout, the last quarter of the runs is held out; of a single run, its last quarter in time.
 #[derive(Debug, Args)]
 #[command(
-    before_help = "Example: gpsindy diagnose simulator.toml run_1.csv run_2.csv --holdout run_3.csv --out diagnosis"
+    before_help = "Example: gpsindy diagnose simulator.toml run_1.csv run_2.csv --holdout run_3.csv --out diagnosis\n         \
+                   gpsindy diagnose robot.xml run_*.csv --out diagnosis"
 )]
 pub(crate) struct Diagnose {
     /// The nominal model (TOML or JSON; from the Python package's command also MJCF, URDF or an FMU); with --simulated, the first log of the machine
@@ -47,7 +49,7 @@ pub(crate) struct Diagnose {
     /// Overwrite files in DIR even if gpsindy did not write them
     #[arg(long)]
     force: bool,
-    /// Exit with status 3 if there is a gap, or only if no effect explains it
+    /// Exit with status 3 if there is a gap (gap), or only if no effect explains it (unexplained); for CI
     #[arg(long, value_enum, value_name = "VERDICT")]
     fail_if: Option<FailIf>,
     /// Print what each stage did with the logs and how long it took, on stderr

@@ -9,7 +9,7 @@ use std::process::Command;
 /// The program that `pip install 'gpsindy[mcp]'` brings.
 const SERVER: &str = "gpsindy-mcp";
 
-/// A server for assistants (Model Context Protocol) over standard input and output
+/// Serve assistants (Model Context Protocol) over standard input and output
 ///
 /// Its tools: inspect, diagnose, explain. It is part of the Python package; this command starts it.
 #[derive(Debug, Args)]
