@@ -45,7 +45,7 @@ fn forget_unpacked(target: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Removes what bears the names of our packages from a folder, where there is one.
+/// Removes what has the names of our packages from a folder, where there is one.
 fn forget(folder: &Path) -> Result<(), String> {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let (path, name) = (entry.path(), entry.file_name());

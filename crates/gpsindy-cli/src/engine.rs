@@ -5,7 +5,7 @@ use gpsindy_core::{Dynamics, Model};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What kind of simulator a file is, told by its content.
+/// What kind of simulator a file is, recognised by its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {

@@ -34,7 +34,7 @@ pub enum Error {
     /// A value is infinite or not a number where that can't be.
     #[error("{what}: not a finite number; remove the sample or leave the cell empty")]
     NotFinite {
-        /// Where the value stands.
+        /// Where the value appears.
         what: String,
     },
     /// There are fewer samples than the step can work with.
@@ -67,7 +67,7 @@ pub enum Error {
         /// The names that would have been understood.
         known: Vec<String>,
     },
-    /// A name that stands twice where it may stand once.
+    /// A name that appears twice where it may appear once.
     #[error("{kind} `{name}` stands twice; rename one of them")]
     Duplicate {
         /// What carries the name.
@@ -104,7 +104,7 @@ pub enum Error {
     /// An expression that can be read but makes no sense where it stands.
     #[error("{place}, `{expression}`: {why}")]
     Equation {
-        /// Where the expression stands.
+        /// Where the expression appears.
         place: String,
         /// The expression.
         expression: String,

@@ -112,7 +112,7 @@ impl CsvLog {
         })
     }
 
-    /// The columns beside time and run, in the file's order.
+    /// The columns besides time and run, in the file's order.
     pub(crate) fn columns(&self) -> impl Iterator<Item = &Header> {
         self.columns.iter()
     }
@@ -218,7 +218,7 @@ impl CsvLog {
         Ok(())
     }
 
-    /// Lets the first row say how times are read: as they stand, or counted from its own.
+    /// Lets the first row say how times are read: as they are, or counted from its own.
     pub(crate) fn start_clock(&mut self, first: &Row) {
         self.clock = Clock::of(cell(first, self.time)).unwrap_or(Clock::Plain);
     }

@@ -43,7 +43,7 @@ pub struct TopicReport {
     pub kind: String,
     /// Samples.
     pub count: usize,
-    /// Runs that a column tells apart.
+    /// Runs that a column distinguishes.
     pub runs: usize,
     /// Its clock and steps.
     pub clock: ClockReport,

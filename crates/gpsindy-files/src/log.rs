@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub struct LogOptions {
     /// The time column of a table; default `t`, else `time` in any case, else `__time`.
     pub time: Option<String>,
-    /// The column whose value tells the runs of a file apart; default: a file is a run.
+    /// The column whose value distinguishes the runs of a file; default: a file is a run.
     pub run: Option<String>,
     /// Columns that get another name: (name or whole header, new name).
     pub rename: Vec<(String, String)>,
@@ -164,7 +164,7 @@ impl Log {
         Self { file: log.file.clone(), source: Arc::new(log), unaligned: Vec::new() }
     }
 
-    /// The columns beside time and run, in the log's order.
+    /// The columns besides time and run, in the log's order.
     pub fn columns(&self) -> impl Iterator<Item = &Header> {
         self.source.columns().iter()
     }

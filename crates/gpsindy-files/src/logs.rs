@@ -102,7 +102,7 @@ impl Logs {
         &self.files
     }
 
-    /// Names of the columns that every file has, beside time and run, in the first file's order.
+    /// Names of the columns that every file has, besides time and run, in the first file's order.
     pub fn columns(&self) -> Vec<String> {
         let Some((first, rest)) = self.files.split_first() else { return Vec::new() };
         let everywhere = |name: &str| rest.iter().all(|log| log.columns().any(|h| h.name == name));

@@ -117,7 +117,7 @@ impl Stream {
         names.iter().map(|name| log.value_of(&sample.row, name.as_ref())).collect()
     }
 
-    /// Columns that hold a number or nothing in this sample, beside time and run.
+    /// Columns that hold a number or nothing in this sample, besides time and run.
     pub fn numeric_columns(&self, sample: &Sample) -> Vec<String> {
         let columns = self.header.iter().flat_map(|(log, _)| log.columns()).map(|h| h.name.clone());
         columns.filter(|name| self.values(sample, &[name]).is_ok()).collect()

@@ -14,7 +14,7 @@ const PARTS: i128 = 1_000_000_000_000_000_000;
 /// How the times of a table are read, by its first one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Clock {
-    /// Seconds as they stand.
+    /// Seconds as they are.
     Plain,
     /// Seconds since long ago, counted from this stamp.
     Epoch(i128),

@@ -37,7 +37,7 @@ pub(crate) struct Reading {
 
 /// A log of one format, opened and not yet read.
 pub(crate) trait Source: Debug + Send + Sync {
-    /// The columns beside time and run, under the names that the options gave them.
+    /// The columns besides time and run, under the names that the options gave them.
     fn columns(&self) -> &[Header];
 
     /// Whether a column holds nothing but numbers and missing values.
@@ -49,7 +49,7 @@ pub(crate) trait Source: Debug + Send + Sync {
     /// The error that says that a column `name` is not there, and what is.
     fn lacks(&self, name: &str) -> crate::Error;
 
-    /// The header of a time column whose numbers are read as they stand; `None` where the format tells seconds.
+    /// The header of a time column whose numbers are read as they are; `None` where the format counts in seconds.
     fn time_header(&self) -> Option<&Header> {
         None
     }

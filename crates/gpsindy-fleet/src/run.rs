@@ -92,7 +92,7 @@ impl Summary {
 }
 
 impl Fleet {
-    /// Diagnoses every unit and period whose report is not in the store yet. A task that fails is told and does not end the others. The tasks
+    /// Diagnoses every unit and period whose report is not in the store yet. A task that fails is reported and does not end the others. The tasks
     /// of other parts are only looked at.
     ///
     /// # Errors
@@ -126,7 +126,7 @@ impl Fleet {
         Ok(Summary { attempts })
     }
 
-    /// Does one task unless its report is there; a failure is told in the store and is no error here.
+    /// Does one task unless its report is there; a failure is recorded in the store and is no error here.
     ///
     /// # Errors
     /// A request to stop, or a store that does not answer.

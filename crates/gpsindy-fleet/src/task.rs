@@ -60,7 +60,7 @@ impl Task {
         std::iter::once(&self.model).chain(&self.logs).chain(&self.holdout)
     }
 
-    /// The file in which a failure of this task is told. Its logs may be what is missing, so its entry names it.
+    /// The file in which a failure of this task is recorded. Its logs may be what is missing, so its entry names it.
     fn failure(&self) -> String {
         let entry = format!("{:?}", (&self.unit, &self.since, &self.model, &self.logs, &self.holdout));
         format!("failed/{}.txt", name(Sha256::new().chain_update(entry)))

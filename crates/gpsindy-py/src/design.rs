@@ -1,4 +1,4 @@
-//! The next experiment: a control signal that parts what a diagnosis left open.
+//! The next experiment: a control signal that distinguishes what a diagnosis left open.
 
 use crate::convert::{array1, rows};
 use crate::model::PyModel;

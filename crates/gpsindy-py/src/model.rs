@@ -221,7 +221,7 @@ impl PyModel {
         write_model(&path, &self.model).map_err(file_error)
     }
 
-    /// Rates at every row of `x` (r x n) and `u` (r x m); `delay` and `play` read the control as it stands.
+    /// Rates at every row of `x` (r x n) and `u` (r x m); `delay` and `play` read the control as it is.
     fn derivative<'py>(
         &self,
         py: Python<'py>,

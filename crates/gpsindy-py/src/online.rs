@@ -142,7 +142,7 @@ impl PyOnline {
         Ok((column(|e| e.value), column(|e| e.value_std), column(|e| e.rate), column(|e| e.rate_std)))
     }
 
-    /// A copy that goes on by itself.
+    /// An independent copy.
     fn copy(&self) -> Self {
         Self(Mutex::new(lock(&self.0).clone()))
     }

@@ -91,7 +91,7 @@ impl Watch {
 
     /// Runs `work` on a thread of its own; `listener` is called with (stage, done, total).
     ///
-    /// After Ctrl-C the caller does not wait for the next place where the computation can stop: it ends by itself there.
+    /// After Ctrl-C the caller does not wait for the next place where the computation can stop: it ends on its own there.
     ///
     /// # Errors
     /// What the user's own code raised, unchanged; else what `work` returned.

@@ -207,7 +207,7 @@ fn causes(report: &Diagnosis) -> Markup {
     }
 }
 
-/// Parameters of the augmented model beside the nominal ones.
+/// Parameters of the augmented model besides the nominal ones.
 fn parameters(report: &Diagnosis) -> Markup {
     if report.parameters.is_empty() {
         return html! {};

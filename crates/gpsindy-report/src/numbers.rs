@@ -14,7 +14,7 @@ pub(crate) fn number(value: f64) -> String {
     fixed(value, (2 - exponent).max(0) as usize)
 }
 
-/// Both ends of a stretch, with enough digits to tell them apart.
+/// Both ends of a stretch, with enough digits to distinguish them.
 pub(crate) fn span(from: f64, to: f64) -> (String, String) {
     let width = (to - from).abs();
     if !(width > 0.0 && width < 0.05 * from.abs().max(to.abs())) {

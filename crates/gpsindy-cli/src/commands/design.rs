@@ -12,7 +12,7 @@ use gpsindy_files::{Table, read_model};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// The file of a diagnosis' folder that says what its logs can't tell apart.
+/// The file of a diagnosis' folder that says what its logs can't distinguish.
 pub(crate) const OPEN: &str = "open.json";
 
 /// Design the control signal that best distinguishes what a diagnosis left open, as CSV
@@ -77,7 +77,7 @@ pub(crate) fn run(command: &Design, session: &Session<'_>) -> Outcome {
     deliver_signal(command, &designed, &open.candidates[0].model, screen)
 }
 
-/// What is to be told apart.
+/// What is to be distinguished.
 fn open(command: &Design) -> Outcome<Open> {
     let open = match command.from.as_slice() {
         [folder] if folder.is_dir() => {

@@ -36,7 +36,7 @@ pub(crate) struct FollowOptions {
     /// Samples kept for the hyperparameters and for smoothing the newest ones, at least 64
     #[arg(long, value_name = "N", requires = "follow", default_value_t = 1000)]
     window: usize,
-    /// Stop after a file has not grown for this time; standard input ends by itself
+    /// Stop after a file has not grown for this time; standard input ends on its own
     #[arg(long, value_name = "SECONDS", requires = "follow", default_value_t = 10.0, allow_negative_numbers = true)]
     idle: f64,
 }

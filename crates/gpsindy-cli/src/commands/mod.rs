@@ -106,7 +106,7 @@ fn opened<P: AsRef<Path>>(paths: &[P], columns: &Columns, screen: &Screen) -> Ou
     Ok(Logs::read_with(paths, &columns.options()?, &screen.progress())?)
 }
 
-/// Cuts logs down to a task's columns, unwraps its angles and tells which columns were ignored.
+/// Cuts logs down to a task's columns, unwraps its angles and reports which columns were ignored.
 fn dataset(logs: &Logs, task: &Task, columns: &Columns, screen: &Screen) -> Outcome<Dataset> {
     Ok(dataset_and_offsets(logs, task, columns, screen)?.0)
 }

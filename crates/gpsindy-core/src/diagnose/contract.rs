@@ -193,7 +193,7 @@ fn a_size_that_only_takes_energy_out_is_refused_where_it_would_put_energy_in() {
     });
 }
 
-/// Missed: the disturbance is drawn at the frequency at which the bench swings by itself, and nothing is named.
+/// Missed: the disturbance is drawn at the frequency at which the bench swings on its own, and nothing is named.
 const MISSED: &[Effect] = &[Effect::PeriodicDisturbance];
 
 #[test]

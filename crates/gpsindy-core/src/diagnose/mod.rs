@@ -126,7 +126,7 @@ pub struct Diagnosed {
     pub augmented: Model,
     /// What the report's notes say, as data.
     pub notes: Vec<Note>,
-    /// What the logs can't tell apart, for the next experiment.
+    /// What the logs can't distinguish, for the next experiment.
     pub open: Open,
     /// For every included cause, as [`Diagnosis::included`] has them, the corrected simulator without it.
     pub without: Vec<Model>,

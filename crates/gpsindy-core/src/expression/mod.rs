@@ -146,7 +146,7 @@ impl Expression {
     /// `acos(cos(x))` at 0. What is the same on both sides of `-` or `/` is known to cancel, so `acos(v/v)` has slope 0.
     ///
     /// # Errors
-    /// When `name` stands inside `delay`, `play` or the user's own simulator.
+    /// When `name` appears inside `delay`, `play` or the user's own simulator.
     pub fn derivative(&self, name: &str) -> Result<Self> {
         derivative::derivative(self, name)
     }
@@ -279,7 +279,7 @@ impl Expression {
         names
     }
 
-    /// Whether `name` stands in it.
+    /// Whether `name` appears in it.
     pub fn contains(&self, name: &str) -> bool {
         let mut found = false;
         self.visit(&mut |part| found |= matches!(part, Self::Variable(n) if n == name));

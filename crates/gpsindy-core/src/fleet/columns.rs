@@ -30,7 +30,7 @@ impl Column {
     }
 }
 
-/// The lines. A covariate that never changes tells nothing and can't be parted from the mean.
+/// The lines. A covariate that never changes carries no information and can't be separated from the mean.
 pub(super) fn straight(quantity: &Quantity) -> Vec<Column> {
     let all = &quantity.observations;
     let count = all.len().max(1) as f64;

@@ -11,7 +11,7 @@ use super::population::{Level, Table};
 use super::report::Odd;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// How unlikely a unit is beside the others.
+/// How unlikely a unit is compared with the others.
 struct Surprise {
     place: usize,
     p_value: f64,

@@ -94,7 +94,7 @@ fn identity(p: usize) -> Vec<Vec<f64>> {
     (0..p).map(|i| (0..p).map(|j| f64::from(u8::from(i == j))).collect()).collect()
 }
 
-/// The search on a part, and from its minima on all points; `None` where the part tells nothing.
+/// The search on a part, and from its minima on all points; `None` where the part carries no information.
 fn refine(cost: &Cost, coarse: &Cost, workspace: &mut Workspace) -> Option<Minimum> {
     let mut small = Workspace::default();
     let loose = Optimiser { tolerance_gradient: 1e-4, tolerance_cost: 1e-6, ..Optimiser::default() };

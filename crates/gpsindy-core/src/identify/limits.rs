@@ -72,7 +72,7 @@ pub(crate) const SPARSE: usize = 5;
 /// less than this from 30 samples on (1 + 2 / sqrt(2 * 30) = 1.26). Argument.
 pub(crate) const ON_COURSE: f64 = 1.3;
 
-/// Growth of the residual up to which longer rollouts tell nothing new about the terms. Convention.
+/// Growth of the residual up to which longer rollouts add nothing new about the terms. Convention.
 pub(crate) const UNCHANGED: f64 = 1.01;
 
 /// Largest growth of a small difference along a rollout. Derivatives are taken over a millionth of a state's size: what grows

@@ -44,7 +44,7 @@ impl Identify {
     ///
     /// A state that the data lack is allowed where an equation that is given, `x' = v`, says whose velocity it is.
     ///
-    /// Of logs longer than an identification needs, the most exciting windows are learnt from; a note tells which share.
+    /// Of logs longer than an identification needs, the most exciting windows are learnt from; a note states which share.
     ///
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.

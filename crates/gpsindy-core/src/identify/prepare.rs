@@ -89,7 +89,7 @@ pub(crate) fn mean_period(time: &[f64]) -> f64 {
     (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
 }
 
-/// The longest delay that is looked for where none is named, s: as far as sampling and length of the runs let it be told.
+/// The longest delay that is looked for where none is named, s: as far as sampling and length of the runs allow.
 fn sensible_delay(data: &Dataset) -> f64 {
     let length = |run: &Run| run.time[run.time.len() - 1] - run.time[0];
     let shortest = data.runs().iter().map(length).fold(f64::INFINITY, f64::min);

@@ -21,7 +21,7 @@ pub enum Target {
 pub enum Delay {
     /// Known, s.
     Fixed(f64),
-    /// Estimated, between 0 and this many seconds; `None`: as far as sampling and length of the runs let it be told.
+    /// Estimated, between 0 and this many seconds; `None`: as far as sampling and length of the runs allow.
     Auto(Option<f64>),
 }
 

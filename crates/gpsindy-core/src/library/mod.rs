@@ -32,7 +32,7 @@ pub struct LibrarySettings {
     pub products: bool,
     /// Further terms as text; each counts as one term.
     pub extra: Vec<String>,
-    /// Whether controls take part, beside the states. Terms in `extra` may always use them.
+    /// Whether controls take part, besides the states. Terms in `extra` may always use them.
     pub controls: bool,
 }
 

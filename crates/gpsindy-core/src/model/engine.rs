@@ -137,7 +137,7 @@ impl Drive {
 }
 
 impl System {
-    /// The user's own simulator where it steps by itself.
+    /// The user's own simulator where it steps on its own.
     pub(crate) fn engine(&self) -> Option<&dyn Steps> {
         self.simulator().and_then(|s| s.steps())
     }
@@ -194,7 +194,7 @@ impl System {
     }
 }
 
-/// An expression in which `delay`, `play` and `sample_hold` read their signal as it stands.
+/// An expression in which `delay`, `play` and `sample_hold` read their signal as it is.
 fn without_past(expression: &Expression) -> Expression {
     expression.map(&|part| match part {
         Expression::Call(function, mut arguments) if function.has_memory() => arguments.swap_remove(0),

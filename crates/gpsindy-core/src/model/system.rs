@@ -25,7 +25,7 @@ pub trait Dynamics: Send + Sync {
     /// [`Error::Callback`] with the user's own error.
     fn derivative(&self, t: f64, x: &[f64], u: &[f64], dx: &mut [f64]) -> Result<()>;
 
-    /// The simulator as one that steps by itself, where it does; rollouts then use its own steps.
+    /// The simulator as one that steps on its own, where it does; rollouts then use its own steps.
     fn steps(&self) -> Option<&dyn Steps> {
         None
     }
@@ -73,7 +73,7 @@ pub struct System {
     /// What may hold a state at rest.
     sticks: Option<Sticks>,
     simulator: Option<Arc<dyn Dynamics>>,
-    /// What goes to a simulator that steps by itself.
+    /// What goes to a simulator that steps on its own.
     drive: Option<Drive>,
     kept: Kept,
 }
@@ -263,7 +263,7 @@ impl System {
         });
     }
 
-    /// What goes to a simulator that steps by itself, where there is one.
+    /// What goes to a simulator that steps on its own, where there is one.
     pub(crate) fn drive(&self) -> Option<&Drive> {
         self.drive.as_ref()
     }

@@ -74,7 +74,7 @@ pub struct Experiment {
     pub hold: Hold,
     /// States before a log's first sample, as a late sensor sees them.
     pub past: Past,
-    /// The first samples of the windows, beside the others.
+    /// How the first samples of the windows count, relative to the others.
     pub starts: Starts,
     /// Integration steps between two samples.
     pub substeps: usize,

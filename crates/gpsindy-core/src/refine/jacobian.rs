@@ -220,7 +220,7 @@ pub(crate) fn misses(
     }
 }
 
-/// The same where the simulator steps by itself.
+/// The same where the simulator steps on its own.
 fn misses_in_lockstep(
     system: &System,
     experiment: &Experiment,

@@ -92,7 +92,7 @@ pub struct Refined {
     pub converged: bool,
     /// Steps taken.
     pub iterations: usize,
-    /// Derivatives for the next fit, where the simulator steps by itself.
+    /// Derivatives for the next fit, where the simulator steps on its own.
     pub(crate) kept: Option<Arc<Kept>>,
 }
 

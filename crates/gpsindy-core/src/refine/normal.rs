@@ -103,7 +103,7 @@ impl Normal {
     }
 
     /// Covariance of the free parameters with the initial states free, infinite where they are not told; and the windows
-    /// whose equations for the initial state are not positive definite to rounding, which tell nothing.
+    /// whose equations for the initial state are not positive definite to rounding, which carry no information.
     pub(crate) fn covariance(&self) -> (DMatrix<f64>, Vec<usize>) {
         let q = self.gradient.len();
         let mut reduced = self.parameters.clone();
@@ -210,7 +210,7 @@ mod tests {
             parameters: DMatrix::from_element(1, 1, 10.0),
             gradient: DVector::from_element(1, 0.0),
         };
-        // Each window takes 1/2 of the information; the second tells nothing where its own is no number.
+        // Each window takes 1/2 of the information; the second carries no information where its own is no number.
         let (covariance, left_out) = normal([2.0, 2.0]).covariance();
         assert!((covariance[(0, 0)] - 1.0 / 9.0).abs() < 1e-15 && left_out.is_empty());
         let (covariance, left_out) = normal([2.0, -2.0]).covariance();

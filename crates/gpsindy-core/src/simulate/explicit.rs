@@ -51,7 +51,7 @@ impl DormandPrince {
 
     /// Tries a step of `h` s from `x` at `t`; the first stage is already there.
     ///
-    /// Returns an estimate of `h` times the largest eigenvalue, which tells stiffness apart.
+    /// Returns an estimate of `h` times the largest eigenvalue, which detects stiffness.
     pub(super) fn attempt(&mut self, rates: &mut Rates<'_>, t: f64, h: f64, x: &[f64]) -> f64 {
         let mut last_but_one = 0.0;
         for stage in 1..7 {

@@ -1,4 +1,4 @@
-//! Simulation by a simulator that steps by itself: its own steps, whatever the method asked for.
+//! Simulation by a simulator that steps on its own: its own steps, whatever the method asked for.
 
 use super::{Excitation, Rollout, Simulate};
 use crate::error::{Error, Result};

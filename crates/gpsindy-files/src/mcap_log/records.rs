@@ -2,7 +2,7 @@
 //!
 //! The crate (0.26.0) reserves memory for as many bytes as a text says that it has, up to 4 GB, before it looks whether they
 //! are there; and its own reader of summaries hands such records on. Its reader of whole files asks for each record twice,
-//! unpacks and checks each by itself, with which reading took half as long again; so frames and chunks are read here.
+//! unpacks and checks each on its own, with which reading took half as long again; so frames and chunks are read here.
 
 use super::container::Channel;
 use super::window::Window;

@@ -1,4 +1,4 @@
-//! Numbers of the machine's kinds, as they stand in messages.
+//! Numbers of the machine's kinds, as messages hold them.
 
 /// What a value is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

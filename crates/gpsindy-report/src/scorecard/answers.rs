@@ -19,7 +19,7 @@ pub struct Answer {
     /// What was put in; empty in a null case.
     #[serde(default)]
     pub effects: Vec<TrueEffect>,
-    /// Names under which an effect counts as found, beside its own.
+    /// Names under which an effect counts as found, besides its own.
     #[serde(default)]
     pub accept: Vec<Accepted>,
     /// Outside the catalogue: effects of it that honestly cover a part.
@@ -112,7 +112,7 @@ impl Suite {
     /// Reads the text of `answers.toml`.
     ///
     /// # Errors
-    /// [`Error::File`] for text that is no such file, an id that stands twice, or an `of` without its effect.
+    /// [`Error::File`] for text that is no such file, an id that appears twice, or an `of` without its effect.
     pub fn from_toml(text: &str) -> Result<Self> {
         let suite: Self = toml::from_str(text).map_err(|error| {
             let line = error.span().map_or(0, |span| text[..span.start].matches('\n').count() + 1);

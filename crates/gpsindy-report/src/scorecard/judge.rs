@@ -99,7 +99,7 @@ fn hits(answer: &Answer, cause: &Cause) -> bool {
     named(answer, cause, None) || answer.effects.iter().any(|e| cause.equivalent.contains(&e.effect))
 }
 
-/// The cause bears a name of effect `of`, or of any effect; what honestly covers a part counts outside the catalogue.
+/// The cause has a name of effect `of`, or of any effect; what honestly covers a part counts outside the catalogue.
 fn named(answer: &Answer, cause: &Cause, of: Option<usize>) -> bool {
     let own = answer.effects.iter().enumerate();
     let other = answer.accept.iter().chain(&answer.partial).map(|a| (a.of, &a.name));

@@ -85,7 +85,7 @@ pub(super) fn write_with(
     Ok(())
 }
 
-/// What `gpsindy design` reads: the simulators that the logs can't tell apart, as equations.
+/// What `gpsindy design` reads: the simulators that the logs can't distinguish, as equations.
 pub(super) fn write_open(folder: &Path, diagnosed: &Diagnosed, augmented: &Augmented) -> Outcome {
     let path = folder.join(OPEN);
     if !matches!(augmented, Augmented::Equations) || diagnosed.open.candidates.len() < 2 {

@@ -63,7 +63,7 @@ pub(crate) struct Definition {
     pub(crate) places: &'static [Place],
     /// What must hold at a place for the effect to make sense there.
     pub(crate) sense: &'static [Sense],
-    /// Effects that logs may not tell from it, and the experiment that parts them. It is enough that one of the two names
+    /// Effects that logs may not distinguish from it, and the experiment that distinguishes them. It is enough that one of the two names
     /// the other.
     pub(crate) twins: &'static [(Effect, &'static str)],
     pub(crate) traits: Traits,

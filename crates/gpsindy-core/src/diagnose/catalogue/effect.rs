@@ -38,7 +38,7 @@ impl Effect {
         self.definition().family
     }
 
-    /// Effects that logs may not tell from this one, each with the experiment that parts the two.
+    /// Effects that logs may not distinguish from this one, each with the experiment that distinguishes the two.
     pub fn twins(self) -> Vec<(Self, &'static str)> {
         let own = self.definition().twins.iter().copied();
         let others = Self::ALL.iter().copied().filter(|other| *other != self);
@@ -90,7 +90,7 @@ impl Effect {
         self.acts_at(Place::Sensor)
     }
 
-    /// Whether the effect acts wherever a parameter stands.
+    /// Whether the effect acts wherever a parameter appears.
     pub fn acts_on_parameter(self) -> bool {
         [Place::Parameter, Place::Rate, Place::Heated].into_iter().any(|place| self.acts_at(place))
     }
@@ -153,7 +153,7 @@ impl Effect {
     }
 }
 
-/// The experiment that tells two effects apart, by their ids, that the given logs can't part.
+/// The experiment that distinguishes two effects, by their ids, where the given logs cannot.
 pub(crate) fn separating_experiment(one: &str, other: &str) -> &'static str {
     let known = Effect::from_id(one).zip(Effect::from_id(other));
     let found = known.and_then(|(one, other)| one.twins().into_iter().find(|(twin, _)| *twin == other));

@@ -83,9 +83,9 @@ pub(crate) fn everything(
     Ok(all)
 }
 
-/// The equation in which `name` stands; of several, the one whose rate it moves most beside what is typical there.
+/// The equation in which `name` appears; of several, the one whose rate it moves most compared with what is typical there.
 ///
-/// An effect on a control or a parameter acts wherever it stands, but a report has one place for it.
+/// An effect on a control or a parameter acts wherever it appears, but a report has one place for it.
 fn acts_in(model: &Model, scene: &Scene, name: &str) -> Option<usize> {
     if let Some(row) = scene.reach.row(name) {
         return Some(row);
@@ -104,7 +104,7 @@ fn acts_in(model: &Model, scene: &Scene, name: &str) -> Option<usize> {
     best.map(|(j, _)| j).or_else(reads)
 }
 
-/// Change of equation `j` as a control goes over its range, or a parameter by half of itself, beside the typical rate.
+/// Change of equation `j` as a control goes over its range, or a parameter by half of itself, compared with the typical rate.
 fn influence(model: &Model, scene: &Scene, j: usize, name: &str) -> f64 {
     let names: Vec<String> = model.names().map(str::to_string).collect();
     let Ok(tape) = Tape::new(std::slice::from_ref(&model.states[j].equation), &names) else { return 0.0 };

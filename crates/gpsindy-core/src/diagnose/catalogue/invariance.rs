@@ -1,4 +1,4 @@
-//! Invariance: a machine that moves alike wherever it stands has no effect that depends on where it stands.
+//! Invariance: a machine that moves alike everywhere has no effect that depends on its place.
 
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::model::{Model, State};
@@ -6,7 +6,7 @@ use crate::model::{Model, State};
 /// The variables that say where the machine is, or which way it faces, and that no rate depends on.
 ///
 /// A place is a length that stands in no equation. A heading is an angle that stands in those of places alone. Without units
-/// nothing is told from a reading that may well matter.
+/// nothing can be inferred from a reading that may well matter.
 pub(crate) fn places(model: &Model) -> Vec<&str> {
     let readers = |name: &str| -> Vec<&State> { model.states.iter().filter(|s| s.equation.contains(name)).collect() };
     let is_place = |state: &State| is_length(&state.unit) && readers(&state.name).is_empty();

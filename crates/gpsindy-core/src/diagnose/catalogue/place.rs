@@ -41,21 +41,21 @@ pub(crate) enum Place {
     Pair,
     /// In an equation, on time.
     Time,
-    /// Wherever a parameter stands.
+    /// Wherever a parameter appears.
     Parameter,
-    /// Wherever a control stands.
+    /// Wherever a control appears.
     Control,
     /// What a column reads.
     Sensor,
     /// In an equation, on its own state and another force of it: a control or the place that it depends on.
     Load,
-    /// Wherever a control stands, on the state of the equation that it moves most.
+    /// Wherever a control appears, on the state of the equation that it moves most.
     DriveAndSpeed,
-    /// Wherever a control stands, on a control that no equation has: a column that was logged beside.
+    /// Wherever a control appears, on a control that no equation has: a column that was logged beside.
     Supply,
-    /// Wherever a parameter stands, on a state that its terms hold.
+    /// Wherever a parameter appears, on a state that its terms hold.
     Rate,
-    /// Wherever a parameter stands, on a control of the same equation.
+    /// Wherever a parameter appears, on a control of the same equation.
     Heated,
     /// The difference of two places of the model.
     Gap,

@@ -17,7 +17,7 @@ pub(crate) struct Site {
     pub(crate) position: Option<String>,
     /// How far a unit at the site moves the rate of its own motion, in that rate's unit.
     pub(crate) gain: f64,
-    /// The state whose rate it moves most, beside what is typical there.
+    /// The state whose rate it moves most, compared with what is typical there.
     pub(crate) moves: usize,
     /// Effects that the simulator has as parameters of its own: id, and the parameter's name.
     pub(crate) carried: Vec<(String, String)>,

@@ -1,4 +1,4 @@
-//! What a diagnosis left open: simulators that its logs can't tell apart, and how well they know the sizes of each.
+//! What a diagnosis left open: simulators that its logs can't distinguish, and how well they know the sizes of each.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::steps::findings::Judged;
@@ -30,7 +30,7 @@ pub struct Candidate {
 pub struct Open {
     /// All with the controls of the first, and its first states.
     pub candidates: Vec<Candidate>,
-    /// Which of them are to be told apart.
+    /// Which of them are to be distinguished.
     pub pairs: Vec<(usize, usize)>,
     /// Logged state and standard deviation of its noise, in its unit.
     pub noise: Vec<(String, f64)>,
@@ -92,7 +92,7 @@ impl Open {
         Self { pairs: all.collect(), ..self.clone() }
     }
 
-    /// The same with every pair to be told apart.
+    /// The same with every pair to be distinguished.
     #[must_use]
     pub fn separating_all(&self) -> Self {
         Self { pairs: self.all_pairs(), ..self.clone() }

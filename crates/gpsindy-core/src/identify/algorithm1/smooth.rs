@@ -73,7 +73,7 @@ pub(crate) fn smooth(settings: &Identify, logs: &Logs, progress: &dyn Progress) 
 }
 
 impl Motion {
-    /// Length in s of the shortest rollouts that tell an equation from its neighbours; the longest run halved some times.
+    /// Length in s of the shortest rollouts that distinguish an equation from its neighbours; the longest run halved some times.
     pub(crate) fn shortest_window(&self) -> f64 {
         let longest = self.longest_run();
         let wanted = shortest_window(self.pace, self.period);

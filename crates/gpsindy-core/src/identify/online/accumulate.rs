@@ -144,7 +144,7 @@ impl Accumulator {
         Ok(())
     }
 
-    /// Groups of state `s` that hold enough to be told apart, and the weight of each.
+    /// Groups of state `s` that hold enough to be distinguished, and the weight of each.
     pub(super) fn groups(&self, s: usize) -> (Vec<Reduced>, Vec<Weight>) {
         let whole: f64 = self.groups.iter().map(|group| group[s].weight.sum).sum();
         let told = |group: &&Group| group.weight.sum > FORGOTTEN * whole;

@@ -51,7 +51,7 @@ pub(crate) struct Trial {
     /// Sum of squares and number of values of each column, in the column's unit.
     pub(crate) squares: Vec<f64>,
     pub(crate) counts: Vec<f64>,
-    /// What the integration errs by in each column, in its unit: residuals below it tell nothing.
+    /// What the integration errs by in each column, in its unit: residuals below it carry no information.
     pub(crate) floor: Vec<f64>,
     /// Spread of each column, in its unit.
     pub(crate) sizes: Vec<f64>,
@@ -295,7 +295,7 @@ impl<'a> Fitter<'a> {
 struct Scale {
     /// Share of the values that count as independent.
     share: f64,
-    /// Root mean square residual below which nothing is told, of each column.
+    /// Root mean square residual below which nothing can be inferred, of each column.
     pub(crate) floor: Vec<f64>,
 }
 

@@ -60,7 +60,7 @@ impl Fitter<'_> {
             } else {
                 blocks.push(None);
             }
-            // Where the derivatives by the initial states overflow, the window tells nothing.
+            // Where the derivatives by the initial states overflow, the window carries no information.
             if residual.iter().chain(derivative.iter()).any(|value| !value.is_finite()) {
                 residual.fill(0.0);
                 derivative.fill(0.0);

@@ -56,7 +56,7 @@ impl Scope<'_> {
         Ok(best.ok_or_else(|| failure.unwrap_or_else(nothing)))
     }
 
-    /// The hold that explains long rollouts, since short ones hardly tell one from the other; and the equations under the other
+    /// The hold that explains long rollouts, since short ones hardly distinguish the two; and the equations under the other
     /// one, with their lead.
     ///
     /// The rival starts from the short rollouts as well: where motions are chaotic, no fit finds from the long ones of one hold

@@ -220,7 +220,7 @@ impl Course<'_> {
     }
 }
 
-/// What is not finite tells nothing.
+/// What is not finite carries no information.
 fn kept(value: f64) -> f64 {
     if value.is_finite() { value } else { 0.0 }
 }

@@ -180,7 +180,7 @@ impl<'a> Program<'a> {
         lines
     }
 
-    /// Whether `function` stands in any expression.
+    /// Whether `function` appears in any expression.
     pub(super) fn calls(&self, function: Function) -> bool {
         let mut found = false;
         let all = self.rates.iter().chain(self.outputs.iter().flatten()).chain(self.history.iter().map(|h| &h.signal));

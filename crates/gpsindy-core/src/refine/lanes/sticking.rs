@@ -7,7 +7,7 @@ use super::{Lanes, Node, Roll};
 use crate::model::sticking::{Kept, Mode, Slots};
 use crate::refine::history::Stages;
 
-/// Most changes of mode within one step of one lane; beyond, the step is finished as it stands.
+/// Most changes of mode within one step of one lane; beyond, the step is finished as it is.
 const MOST_CHANGES: usize = 8;
 
 /// Classical Runge-Kutta: how far each stage looks ahead, and its weight in the sum.

@@ -22,7 +22,7 @@ const LONGEST: usize = 128;
 const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3 };
 
 /// Initial states of all windows at these parameters (all of the system's): what the first samples tell, and where the system
-/// steps by itself also what its rollouts do.
+/// steps on its own also what its rollouts do.
 ///
 /// # Errors
 /// A computation that was asked to stop.

@@ -90,7 +90,7 @@ struct State {
     failures: usize,
 }
 
-/// Windows that share something to fit: all of them where parameters are free, else each by itself.
+/// Windows that share something to fit: all of them where parameters are free, else each on its own.
 struct Part {
     windows: Vec<usize>,
     failures: usize,

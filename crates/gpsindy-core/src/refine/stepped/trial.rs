@@ -162,7 +162,7 @@ mod tests {
         update(&mut block, &new, &moved);
         let told = &block.derivative * &moved;
         assert!((told - (old - &new)).amax() < 1e-12);
-        // A step without a length, or one that left all bounds, tells nothing.
+        // A step without a length, or one that left all bounds, carries no information.
         let before = block.derivative.clone();
         update(&mut block, &new, &DVector::zeros(2));
         update(&mut block, &DVector::from_element(3, f64::NAN), &moved);
