@@ -57,8 +57,7 @@ fn verdict(report: &Diagnosis, text: &mut Text) {
 fn place(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     let gap = &report.gap;
     let found = if gap.detected { "found" } else { "none found" };
-    let under = if report.included().any(is_random) { "noise and random forcing" } else { "noise alone" };
-    text.say("Gap", &format!("{found} ({} under {under})", p_value(gap.p_value)));
+    text.say("Gap", &format!("{found} ({} under noise alone)", p_value(gap.p_value)));
     let mut rows: Vec<String> = Vec::new();
     for row in gap.by_state.iter().filter(|_| gap.detected).take(ROWS) {
         let residual = with_unit(&number(row.residual_rms), &row.unit);

@@ -184,12 +184,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         "An effect outside the catalogue may be the true cause.".into()
     };
     match report.verdict {
-        Verdict::NoGap if causes.is_empty() => {
-            format!("Measurement noise alone explains the difference between {model} and the logs.")
-        }
-        Verdict::NoGap => {
-            format!("Measurement noise and {causes} explain the difference between {model} and the logs.")
-        }
+        Verdict::NoGap => format!("Measurement noise alone explains the difference between {model} and the logs."),
         Verdict::Explained if causes.is_empty() => format!("The gap between {model} and the logs is explained."),
         Verdict::Explained => format!("The gap between {model} and the logs is explained by {causes}."),
         Verdict::PartlyExplained if causes.is_empty() => {
@@ -228,6 +223,13 @@ pub(crate) fn closure_sentence(report: &Diagnosis, time_unit: &str) -> String {
     }
     if report.included().next().is_none() {
         return "No cause is included, so none of the gap is closed.".into();
+    }
+    if let Some(spread) = closure.spread {
+        return format!(
+            "{runs}, no rollout follows a random force, so little of the gap can close; {} of the errors lie within the predicted \
+             95\u{a0}% band.",
+            percent(spread)
+        );
     }
     match closure.closed {
         Some(closed) if closed < 0.0 => {

@@ -73,7 +73,10 @@ fn faults(value: &Value) -> Vec<String> {
 }
 
 /// Keys that reports of this schema written earlier lack.
-const LATER: [&str; 10] = [
+const LATER: [&str; 13] = [
+    "checks",
+    "work",
+    "spread",
     "figures",
     "power",
     "closed",
@@ -98,8 +101,9 @@ fn same_names(schema: &Value, value: &Value, path: &str) {
             );
             same_names(&properties[key], inner, &format!("{path}/{key}"));
         }
-        // Only what acts at a port or a control has a place, and only a cause with parts to compare a stability.
-        let may_lack = |key: &str| ["place", "stability", "disagree"].contains(&key);
+        // Only what acts at a port or a control has a place, only a cause with parts to compare a stability, only a random force a
+        // spread.
+        let may_lack = |key: &str| ["place", "stability", "disagree", "spread"].contains(&key);
         for key in properties.keys().filter(|key| !may_lack(key)) {
             assert!(value.get(key).is_some(), "{path}/{key} stands in the schema and is not written");
         }

@@ -104,7 +104,10 @@ impl Fitter {
         let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
         let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
         let mut point = Point { parameters, initial };
-        sampling::settle(&system, &experiment, applied, &free, &mut point)?;
+        // A search by trial costs more than all else of a first step, and most suspects take no second one.
+        if budget != Budget::Glance {
+            sampling::settle(&system, &experiment, &applied.fitted, &free, &mut point)?;
+        }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
         let fit =
@@ -162,8 +165,14 @@ impl Fitter {
     /// The same contestant, its fit carried on.
     pub(crate) fn carried_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
-        let Contestant { system, free, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
-        let fit = budget.refine().fit_on(system, &experiment, (parameters, free), initial, kept.as_ref());
+        let Contestant { system, free, added, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
+        let mut point = Point { parameters: parameters.clone(), initial: initial.clone() };
+        // What was left out at the first step.
+        if budget == Budget::Rough {
+            sampling::settle(system, &experiment, &added.concat(), free, &mut point)?;
+        }
+        let at = (&point.parameters[..], &free[..]);
+        let fit = budget.refine().fit_on(system, &experiment, at, &point.initial, kept.as_ref());
         // Where not one step further can be taken it stays where it stands.
         let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
         let mut carried = Contestant { refined, experiment, ..contestant };

@@ -6,7 +6,7 @@
 //! length on a lattice twice as fine, to the end. Whole numbers of samples that begin with the first log are tried throughout:
 //! that is what a log has that its own controller wrote.
 
-use crate::diagnose::catalogue::hypothesis::{Added, Applied, Role};
+use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::limits::sampling::{CELLS, FEWEST, KEPT, LATTICE, PHASES, REACH};
 use crate::error::Result;
 use crate::model::System;
@@ -33,15 +33,15 @@ impl Sampling {
     }
 }
 
-/// Puts the periods and phases of the sample-and-holds of `applied` in `point` where the logs fit best.
+/// Puts the periods and phases of the sample-and-holds among `fitted` in `point` where the logs fit best.
 pub(crate) fn settle(
     system: &System,
     experiment: &Experiment,
-    applied: &Applied,
+    fitted: &[(usize, Added)],
     free: &[Free],
     point: &mut Point,
 ) -> Result<()> {
-    for pair in applied.fitted.windows(2) {
+    for pair in fitted.windows(2) {
         let [(period, of_period), (phase, of_phase)] = pair else { continue };
         if (of_period.role, of_phase.role) != (Role::Period, Role::Phase) {
             continue;

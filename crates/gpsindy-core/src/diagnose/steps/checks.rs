@@ -1,7 +1,8 @@
 //! Checks: what must hold of included causes before they are believed, each with its own chance where they are right.
 
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::weigh::LIKELY;
+use crate::diagnose::limits::weigh::{LIKELY, TYPICAL};
+use crate::diagnose::limits::{CHANCE, REST, STRUCTURE};
 use crate::diagnose::report::{Check, Closure, Unexplained};
 use crate::diagnose::steps::findings::{Left, Outcome};
 use crate::diagnose::steps::stability::Stability;
@@ -74,26 +75,38 @@ impl Checked<'_> {
 
     fn lack_of_fit(&self) -> Check {
         let left: Option<&Left> = self.outcome.left.as_ref();
-        let p_value = left.map(|left| left.p_value);
         let passed = self.unexplained.depends_on.is_empty() && self.unexplained.share < LIKELY;
-        let says = match left.filter(|_| !passed) {
-            Some(left) => format!(
-                "A function of {} would still explain {:.0} % of the gap.",
-                left.depends_on.join(" and "),
-                100.0 * self.unexplained.share
+        let share = 100.0 * self.unexplained.share;
+        let says = match left {
+            Some(left) if !passed => {
+                format!("A function of {} would still explain {share:.1} % of the gap.", left.depends_on.join(" and "))
+            }
+            Some(left) if left.p_value < CHANCE => format!(
+                "A function of {} would explain {share:.2} % of the gap, which is less than counts.",
+                left.depends_on.join(" and ")
             ),
-            None => "No function of states, controls, their past or time explains more of the training logs.".into(),
+            _ => "No function of states, controls, their past or time explains more of the training logs.".into(),
         };
-        Check { id: "lack_of_fit".into(), passed, p_value, says }
+        Check { id: "lack_of_fit".into(), passed, p_value: left.map(|left| left.p_value), says }
     }
 
     fn typicality(&self) -> Option<Check> {
         let Typicality { p_value, drawn } = *self.typicality?;
-        let passed = p_value >= crate::diagnose::limits::weigh::TYPICAL;
-        let says = if passed {
-            format!("Of {drawn} logs simulated with these causes, enough leave a rest as large as the one seen.")
-        } else {
-            format!("Hardly one of {drawn} logs simulated with these causes leaves a rest as large as the one seen.")
+        let is_small =
+            self.outcome.left.as_ref().is_none_or(|left| left.energy < STRUCTURE) || self.unexplained.share < REST;
+        let passed = p_value >= TYPICAL || is_small;
+        let says = match (p_value >= TYPICAL, passed) {
+            (true, _) => {
+                format!("Of {drawn} logs simulated with these causes, enough leave a rest as large as the one seen.")
+            }
+            (false, true) => format!(
+                "Hardly one of {drawn} logs simulated with these causes leaves as large a rest, but it is less than counts."
+            ),
+            (false, false) => {
+                format!(
+                    "Hardly one of {drawn} logs simulated with these causes leaves a rest as large as the one seen."
+                )
+            }
         };
         Some(Check { id: "typicality".into(), passed, p_value: Some(p_value), says })
     }

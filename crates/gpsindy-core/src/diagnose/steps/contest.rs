@@ -82,11 +82,11 @@ impl<'a> Contest<'a> {
     ) -> Result<Option<Contestant>> {
         let entrants: Vec<Entrant<'_>> = effects.iter().map(|e| e.0).collect();
         let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
-        self.from_values(base, best, &entrants, &[values], Budget::Usual)
+        self.with_values(base, best, &entrants, &[values], Budget::Usual)
     }
 
     /// The same from the best of several values of all effects together.
-    pub(crate) fn from_values(
+    pub(crate) fn with_values(
         &self,
         base: &Contestant,
         best: &Contestant,

@@ -77,7 +77,7 @@ fn made(
     let entrants: Vec<Entrant<'_>> = kept.iter().map(|k| k.0).chain(new).collect();
     let own: Vec<f64> = kept.iter().flat_map(|k| k.1.iter().copied()).collect();
     let values: Vec<Vec<f64>> = m.values.iter().map(|values| [own.as_slice(), values].concat()).collect();
-    contest.from_values(nominal, base, &entrants, &values, Budget::Glance)
+    contest.with_values(nominal, base, &entrants, &values, Budget::Glance)
 }
 
 /// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.

@@ -29,6 +29,14 @@ impl Spread {
     }
 }
 
+/// One held-out value: its error, and half the width of the band there, in the column's unit.
+struct Value {
+    window: usize,
+    row: usize,
+    half_width: f64,
+    error: f64,
+}
+
 /// The errors of the rollouts `after` (one list a window, columns beside each other) in the band that `forcing` predicts.
 pub(crate) fn of(
     best: &Contestant,
@@ -50,21 +58,22 @@ pub(crate) fn of(
         (draws.iter().map(|draw| draw[w][row] * draw[w][row]).sum::<f64>() / count).sqrt().max(f64::MIN_POSITIVE)
     };
     let n_columns = own.columns.len();
-    let mut band: Vec<(usize, usize, f64, f64)> = Vec::new();
+    let mut band: Vec<Value> = Vec::new();
     for (w, window) in own.windows.iter().enumerate() {
         for row in 0..after[w].len() {
             let (sample, c) = (row / n_columns, row % n_columns);
             let measured = own.logs[window.log].measured[c][window.first + sample];
             if moving.contains(&c) && measured.is_finite() {
-                band.push((w, row, BAND * deviation(w, row), measured - after[w][row]));
+                let error = measured - after[w][row];
+                band.push(Value { window: w, row, half_width: BAND * deviation(w, row), error });
             }
         }
     }
-    let share = |error: &dyn Fn(&(usize, usize, f64, f64)) -> f64| {
-        band.iter().filter(|value| error(value).abs() <= value.2).count() as f64 / band.len().max(1) as f64
+    let share = |error: &dyn Fn(&Value) -> f64| {
+        band.iter().filter(|value| error(value).abs() <= value.half_width).count() as f64 / band.len().max(1) as f64
     };
-    let within = share(&|value| value.3);
-    let below = draws.iter().filter(|draw| share(&|value| draw[value.0][value.1]) <= within).count() as f64;
+    let within = share(&|value| value.error);
+    let below = draws.iter().filter(|draw| share(&|value| draw[value.window][value.row]) <= within).count() as f64;
     Some(Spread { within, p_value: (1.0 + below) / (1.0 + count) })
 }
 
