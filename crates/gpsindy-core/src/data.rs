@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use faer::Mat;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 
 /// A logged quantity.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -110,8 +111,9 @@ impl Dataset {
     /// A run whose sizes differ, times that do not increase, an infinite value, a name that
     /// stands twice, or no run at all.
     pub fn new(channels: Vec<Channel>, runs: Vec<Run>) -> Result<Self> {
-        for (i, channel) in channels.iter().enumerate() {
-            if channels[..i].iter().any(|c| c.name == channel.name) {
+        let mut names = HashSet::with_capacity(channels.len());
+        for channel in &channels {
+            if !names.insert(channel.name.as_str()) {
                 return Err(Error::Duplicate { kind: "channel".into(), name: channel.name.clone() });
             }
         }

@@ -48,7 +48,7 @@ pub enum Error {
         found: usize,
     },
     /// An expression or a setting written as text can't be read.
-    #[error("`{text}`, at character {position}: {message}")]
+    #[error("`{}`, at character {position}: {message}", excerpt(.text, *.position))]
     Parse {
         /// The whole text.
         text: String,
@@ -181,6 +181,20 @@ pub enum Error {
     /// The progress callback asked to stop.
     #[error("stopped on request")]
     Cancelled,
+}
+
+/// What stands around a place of a text, all of it where it is short.
+fn excerpt(text: &str, position: usize) -> String {
+    const BEFORE: usize = 60;
+    const SHOWN: usize = 120;
+    let length = text.chars().count();
+    if length <= SHOWN {
+        return text.into();
+    }
+    let first = position.saturating_sub(BEFORE).min(length - SHOWN);
+    let part: String = text.chars().skip(first).take(SHOWN).collect();
+    let dots = |is_cut: bool| if is_cut { "..." } else { "" };
+    format!("{}{part}{}", dots(first > 0), dots(first + SHOWN < length))
 }
 
 fn known_names(known: &[String]) -> String {

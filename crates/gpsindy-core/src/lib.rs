@@ -149,7 +149,7 @@ pub use identify::{
 };
 pub use model::{
     Control, Dynamics, Export, IdentificationRecord, Input, InputKind, Language, Model, Parameter, Port, Rows,
-    SCHEMA as MODEL_SCHEMA, State, Steps, System, rate_unit, rate_unit_in,
+    SCHEMA as MODEL_SCHEMA, State, Steps, System, rate_unit, rate_unit_in, shows,
 };
 pub use paired::{Paired, PairedDiagnosis};
 pub use progress::{Progress, Silent};

@@ -6,6 +6,13 @@ use crate::error::{Error, Result};
 /// Deeper nesting than any formula has; guards the stack against hostile input.
 const MAX_DEPTH: usize = 200;
 
+/// Most operations one above the other: a sum of n terms is a tree of that height. Whatever walks an expression goes down it by one call a
+/// step, and the largest walk, that of an export, stands 2000 of them on a thread of 2 MB; effects of a diagnosis come on top.
+const MAX_HEIGHT: usize = 1000;
+
+/// An expression and the height of its tree.
+type Tree = (Expression, usize);
+
 #[derive(Debug, Clone, PartialEq)]
 enum Token {
     Number(f64),
@@ -24,7 +31,7 @@ struct Parser<'a> {
 
 pub(super) fn parse(text: &str) -> Result<Expression> {
     let mut parser = Parser { text, tokens: tokenize(text)?, next: 0, depth: 0 };
-    let expression = parser.expression(0)?;
+    let (expression, _) = parser.expression(0)?;
     match parser.peek() {
         Token::End => Ok(expression),
         _ => Err(parser.unexpected("an operator or the end")),
@@ -121,12 +128,12 @@ impl Parser<'_> {
     }
 
     /// Parses as long as the operators bind at least as tightly as `minimum`.
-    fn expression(&mut self, minimum: u8) -> Result<Expression> {
+    fn expression(&mut self, minimum: u8) -> Result<Tree> {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
             return Err(error(self.text, self.tokens[self.next].1, format!("nested deeper than {MAX_DEPTH}")));
         }
-        let mut left = self.operand()?;
+        let (mut left, mut height) = self.operand()?;
         while let Token::Symbol(symbol) = *self.peek() {
             // (binding power to the left, to the right); the power operator is right associative.
             let (operator, left_power, right_power) = match symbol {
@@ -140,19 +147,32 @@ impl Parser<'_> {
             if left_power < minimum {
                 break;
             }
+            let place = self.tokens[self.next].1;
             self.advance();
-            let right = self.expression(right_power)?;
+            let (right, right_height) = self.expression(right_power)?;
+            height = self.above(height.max(right_height), place)?;
             left = Expression::Binary(operator, left.into(), right.into());
         }
         self.depth -= 1;
-        Ok(left)
+        Ok((left, height))
     }
 
-    fn operand(&mut self) -> Result<Expression> {
+    /// The height of what stands on a tree of this height.
+    fn above(&self, height: usize, place: usize) -> Result<usize> {
+        if height >= MAX_HEIGHT {
+            let message = format!(
+                "more than {MAX_HEIGHT} operations on each other, as in a sum of so many terms; put parts of it in parentheses"
+            );
+            return Err(error(self.text, place, message));
+        }
+        Ok(height + 1)
+    }
+
+    fn operand(&mut self) -> Result<Tree> {
         match self.peek().clone() {
             Token::Number(value) => {
                 self.advance();
-                Ok(Expression::Number(value))
+                Ok((Expression::Number(value), 1))
             }
             Token::Name(name) => {
                 let place = self.tokens[self.next].1;
@@ -167,7 +187,9 @@ impl Parser<'_> {
             }
             Token::Symbol('-') => {
                 self.advance();
-                Ok(self.expression(5)?.negated())
+                let place = self.tokens[self.next].1;
+                let (inner, height) = self.expression(5)?;
+                Ok((inner.negated(), self.above(height, place)?))
             }
             Token::Symbol('+') => {
                 self.advance();
@@ -177,16 +199,16 @@ impl Parser<'_> {
         }
     }
 
-    fn name(&mut self, name: String, place: usize) -> Result<Expression> {
+    fn name(&mut self, name: String, place: usize) -> Result<Tree> {
         let function = Function::ALL.iter().copied().find(|f| f.name() == name);
         if *self.peek() != Token::Symbol('(') {
             return match (function, name.as_str()) {
                 (Some(_), _) => {
                     Err(error(self.text, place, format!("`{name}` is a function: write its arguments in parentheses")))
                 }
-                (None, "pi") => Ok(Expression::Pi),
-                (None, "t") => Ok(Expression::Time),
-                (None, _) => Ok(Expression::Variable(name)),
+                (None, "pi") => Ok((Expression::Pi, 1)),
+                (None, "t") => Ok((Expression::Time, 1)),
+                (None, _) => Ok((Expression::Variable(name), 1)),
             };
         }
         let Some(function) = function else {
@@ -194,17 +216,20 @@ impl Parser<'_> {
             return Err(error(self.text, place, format!("function `{name}` is unknown; known: {}", known.join(", "))));
         };
         self.advance();
-        let mut arguments = vec![self.expression(0)?];
+        let (first, mut height) = self.expression(0)?;
+        let mut arguments = vec![first];
         while *self.peek() == Token::Symbol(',') {
             self.advance();
-            arguments.push(self.expression(0)?);
+            let (next, next_height) = self.expression(0)?;
+            arguments.push(next);
+            height = height.max(next_height);
         }
         self.expect(')')?;
         if arguments.len() != function.arity() {
             let message = format!("`{name}` takes {} argument(s), found {}", function.arity(), arguments.len());
             return Err(error(self.text, place, message));
         }
-        Ok(Expression::Call(function, arguments))
+        Ok((Expression::Call(function, arguments), self.above(height, place)?))
     }
 }
 
@@ -264,5 +289,24 @@ mod tests {
         let source = format!("{}x{}", "(".repeat(10_000), ")".repeat(10_000));
         assert!(parse(&source).is_err());
         assert!(parse(&"-".repeat(10_000)).is_err());
+    }
+
+    /// On the stack that a thread has by default: whoever reads it walks it too.
+    #[test]
+    fn a_sum_or_product_of_too_many_parts_is_one_short_line() {
+        for operator in ["+", "-", "*", "/"] {
+            let source = vec!["x"; 20_000].join(operator);
+            let error = parse(&source).unwrap_err().to_string();
+            assert!(error.contains("more than 1000 operations on each other"), "{error}");
+            assert!(error.chars().count() < 300 && error.contains("at character 2000"), "{error}");
+            let longest = parse(&vec!["x"; 1000].join(operator)).unwrap();
+            assert_eq!(parse(&longest.to_string()).unwrap(), longest);
+            longest.derivative("x").unwrap();
+        }
+        // A tree of the same parts that is less high.
+        let sum = format!("({})", vec!["x"; 900].join("+"));
+        parse(&vec![sum; 20].join("+")).unwrap();
+        let nested = (0..150).fold("x".to_string(), |inner, _| format!("({inner}+x+x+x+x+x+x+x)"));
+        assert!(parse(&nested).unwrap_err().to_string().contains("operations on each other"));
     }
 }

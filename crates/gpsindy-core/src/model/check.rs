@@ -60,15 +60,21 @@ fn check_ports(model: &Model) -> Result<()> {
     Ok(())
 }
 
-/// The first character that does not show: a control character, a line's end, a change of direction.
+/// Whether a character shows on paper: not so a control character, a line's end, a soft hyphen, what has no width, a change of direction.
+///
+/// ```
+/// assert!(gpsindy_core::shows('m') && !gpsindy_core::shows('\u{feff}'));
+/// ```
+pub fn shows(character: char) -> bool {
+    let hides = character.is_control()
+        || matches!(character, '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{feff}')
+        || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{fff9}'..='\u{fffb}');
+    !hides
+}
+
+/// The first character that does not show.
 fn hidden_character(text: &str) -> Option<(usize, char)> {
-    let hides = |c: char| {
-        c.is_control()
-            || matches!(c, '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{61c}')
-            || ('\u{202a}'..='\u{202e}').contains(&c)
-            || ('\u{2066}'..='\u{2069}').contains(&c)
-    };
-    text.chars().enumerate().find(|&(_, c)| hides(c)).map(|(i, c)| (i + 1, c))
+    text.chars().enumerate().find(|&(_, c)| !shows(c)).map(|(i, c)| (i + 1, c))
 }
 
 /// Reads a name or a unit, so that a reader of files knows the line of one that hides something.
@@ -268,7 +274,9 @@ mod tests {
 
     #[test]
     fn text_that_does_not_show_is_refused_with_its_place() {
-        for hidden in ['\n', '\r', '\0', '\u{1b}', '\u{85}', '\u{2028}', '\u{202e}', '\u{2066}'] {
+        for hidden in
+            ['\n', '\r', '\0', '\u{1b}', '\u{85}', '\u{2028}', '\u{202e}', '\u{2066}', '\u{feff}', '\u{ad}', '\u{200b}']
+        {
             let mut named = model("u", None);
             named.name = format!("a{hidden}b");
             let code = format!("U+{:04X}", hidden as u32);

@@ -13,6 +13,7 @@ pub(crate) mod sticking;
 mod system;
 pub(crate) mod unit;
 
+pub use check::shows;
 pub use engine::{Rows, Steps};
 pub use export::{Export, Language};
 pub use inputs::{Input, InputKind};
