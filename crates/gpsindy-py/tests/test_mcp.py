@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import subprocess
 import sys
 
 import pytest
@@ -15,13 +16,13 @@ from conftest import CART, oscillator
 mcp = pytest.importorskip("mcp")
 
 
-def call(*calls):
-    """The results of calls to a server of its own."""
+def call(folder, *calls):
+    """The results of calls to a server of its own, which may use one folder."""
     from mcp import Client
     from mcp.client.stdio import StdioServerParameters
 
     async def talk():
-        start = StdioServerParameters(command=sys.executable, args=["-m", "gpsindy.mcp"], env=dict(os.environ))
+        start = StdioServerParameters(command=sys.executable, args=["-m", "gpsindy.mcp", str(folder)], env=dict(os.environ))
         async with Client(start) as client:
             tools = await client.list_tools()
             return [tool.name for tool in tools.tools], [await client.call_tool(name, values) for name, values in calls]
@@ -49,6 +50,7 @@ def test_an_assistant_inspects_diagnoses_and_looks_up(folder):
     log, model, out = str(folder / "log.csv"), str(folder / "cart.toml"), str(folder / "out")
     suspects = ["bias", "sensor_bias", "viscous_friction"]
     tools, (inspected, diagnosed, effect, report, unknown) = call(
+        folder,
         ("inspect", {"log": log, "run": "run"}),
         ("diagnose", {"model": model, "logs": [log], "run": "run", "effects": suspects, "out": out}),
         ("explain", {"what": "coulomb_friction"}),
@@ -70,9 +72,74 @@ def test_an_assistant_inspects_diagnoses_and_looks_up(folder):
     assert "nothing is called" in text(unknown) and "stiction" in text(unknown)
 
 
-def test_a_wrong_file_is_an_error_that_says_which():
-    _, (result,) = call(("inspect", {"log": "absent.csv"}))
-    assert result.is_error and "absent.csv" in text(result)
+def test_a_wrong_file_is_an_error_that_says_which(tmp_path):
+    _, (result,) = call(tmp_path, ("inspect", {"log": str(tmp_path / "absent.csv")}))
+    assert result.is_error and "absent.csv: cannot be read: there is no such file" in text(result)
+
+
+SECRET = "root:x:0:0:administrator:/root"
+
+
+def test_no_error_shows_what_stands_in_a_file(folder):
+    for name, content in [("users", SECRET + "\n"), ("bad.csv", f"t,v\n0,1\n1,{SECRET}\n"), ("report.json", f'{{"{SECRET}": 1}}')]:
+        (folder / name).write_text(content, encoding="utf-8")
+    users, bad, report = (str(folder / name) for name in ("users", "bad.csv", "report.json"))
+    model, log = str(folder / "cart.toml"), str(folder / "log.csv")
+    (folder / "wrong.toml").write_text((folder / "cart.toml").read_text(encoding="utf-8").replace("v", SECRET), encoding="utf-8")
+    _, results = call(
+        folder,
+        ("inspect", {"log": users}),
+        ("diagnose", {"model": users, "logs": [log]}),
+        ("diagnose", {"model": str(folder / "wrong.toml"), "logs": [log]}),
+        ("diagnose", {"model": model, "logs": [users]}),
+        ("diagnose", {"model": model, "logs": [bad]}),
+        ("diagnose", {"model": model, "logs": [log], "run": "nobody"}),
+        ("explain", {"what": report}),
+    )
+    for result in results:
+        told = text(result)
+        assert result.is_error and str(folder) in told, told
+        assert not any(part in told for part in ("root", "administrator", "x_0")), told
+    # What the call itself says stays.
+    assert "`nobody`" in text(results[5])
+
+
+def test_nothing_outside_the_folders_is_touched(folder, tmp_path_factory):
+    outside = tmp_path_factory.mktemp("outside")
+    (outside / "log.csv").write_text("t,v\n0,1\n1,2\n", encoding="utf-8")
+    (outside / "report.json").write_text("{}", encoding="utf-8")
+    (folder / "link.csv").symlink_to(outside / "log.csv")
+    log, model = str(folder / "log.csv"), str(folder / "cart.toml")
+    _, results = call(
+        folder,
+        ("inspect", {"log": str(outside / "log.csv")}),
+        ("inspect", {"log": str(folder / "link.csv")}),
+        ("inspect", {"log": f"{folder}/../{outside.name}/log.csv"}),
+        ("diagnose", {"model": str(outside / "model.toml"), "logs": [log]}),
+        ("diagnose", {"model": model, "logs": [log, str(outside / "log.csv")]}),
+        ("diagnose", {"model": model, "logs": [log], "run": "run", "effects": ["bias"], "out": str(outside)}),
+        ("explain", {"what": str(outside / "report.json")}),
+    )
+    for result in results:
+        assert result.is_error and "outside the folders that this server may use" in text(result), text(result)
+    assert sorted(path.name for path in outside.iterdir()) == ["log.csv", "report.json"]
+
+
+def test_a_missing_extra_or_folder_is_one_line(tmp_path):
+    # A package of this name that can't be imported stands before the real one.
+    (tmp_path / "mcp.py").write_text("raise ImportError('not here')\n", encoding="utf-8")
+    for folder, expected in [
+        (tmp_path, "error: the server needs the package mcp: pip install 'gpsindy[mcp]'\n"),
+        (tmp_path / "none", f"error: {tmp_path / 'none'}: no such folder; name folders that the server may use\n"),
+    ]:
+        done = subprocess.run(
+            [sys.executable, "-c", "from gpsindy.mcp import main; main()", str(folder)],
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", expected)
 
 
 def test_every_verdict_is_explained():

@@ -1,14 +1,20 @@
 """A server of the Model Context Protocol: an assistant inspects logs, diagnoses a simulator and looks words up.
 
-Started by an assistant's program as ``gpsindy-mcp``, ``gpsindy mcp`` or ``python -m gpsindy.mcp``; it talks over standard input and
-output. Needs ``pip install 'gpsindy[mcp]'``. It reads the files that a call names and writes only into the folder that a call names.
+Started by an assistant's program as ``gpsindy-mcp FOLDER...``, ``gpsindy mcp FOLDER...`` or ``python -m gpsindy.mcp FOLDER...``; it
+talks over standard input and output. Needs ``pip install 'gpsindy[mcp]'``. It reads and writes in the folders that its start names,
+else in the one it is started in, and nowhere else; its errors show nothing of what stands in a file.
 """
 
 from __future__ import annotations
 
+import argparse
 import functools
+import inspect as signatures
+import os
 import pathlib
-from collections.abc import Callable
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gpsindy
@@ -94,13 +100,64 @@ def explain(what: str) -> str:
             )
     path = pathlib.Path(what)
     if path.name.endswith(".json") and path.is_file():
-        return str(_gpsindy.summary(path.read_text(encoding="utf-8"), 100, False))
+        try:
+            return str(_gpsindy.summary(path.read_text(encoding="utf-8"), 100, False))
+        except ValueError as failure:
+            raise ValueError(f"{what}: no report of a diagnosis: {failure}") from failure
     known = ", ".join(effect.id for effect in gpsindy.effects())
     return f"nothing is called {what!r}. Verdicts: {', '.join(VERDICTS)}. Effects: {known}. Or the path of a report.json."
 
 
-def server() -> MCPServer:
-    """The server with its three tools."""
+#: Arguments of the tools that are paths.
+PATHS = ("log", "model", "logs", "holdout", "out")
+
+
+def confined(paths: Iterable[str], folders: Sequence[pathlib.Path]) -> None:
+    """Refuses a path that leads out of the folders, by ``..`` or by a link."""
+    for path in paths:
+        place = pathlib.Path(path).resolve()
+        if not any(place.is_relative_to(folder) for folder in folders):
+            allowed = ", ".join(str(folder) for folder in folders)
+            raise ValueError(f"{path}: outside the folders that this server may use ({allowed}); start it with that folder as well")
+
+
+#: Words in quotes that are the library's own, not a file's.
+OWN = frozenset({"t", "time", "timestamp", "=", "-"})
+
+
+def without_content(message: str, said: Iterable[str]) -> str:
+    """An error's message without what it quotes from a file; what the call itself ``said`` stays."""
+    known = OWN.union(said)
+
+    def kept(found: re.Match[str]) -> str:
+        quote, words = found.group(0)[0], found.group(0)[1:-1]
+        return found.group(0) if words in known or words.startswith("--") else f"{quote}...{quote}"
+
+    message = re.sub(r"; (found|did you mean|known|there are)\b.*", "", message.split("\n")[0])
+    return re.sub(r'`[^`]*`|"(?:[^"\\]|\\.)*"', kept, message)
+
+
+def _words(value: Any) -> list[str]:
+    """Every text in the arguments of a call."""
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, dict):
+        return [word for pair in value.items() for word in _words(pair)]
+    return [word for part in value for word in _words(part)] if isinstance(value, list | tuple) else []
+
+
+def _paths(tool: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]) -> list[str]:
+    """The paths among the arguments of a call."""
+    arguments = signatures.signature(tool).bind(*values, **named).arguments
+    given = [arguments[name] for name in PATHS if arguments.get(name) is not None]
+    if str(arguments.get("what", "")).endswith(".json"):
+        given.append(arguments["what"])
+    return [path for one in given for path in ([one] if isinstance(one, str) else one)]
+
+
+def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
+    """The server with its three tools, which use files in ``folders`` alone."""
+    allowed = [pathlib.Path(folder).resolve() for folder in folders]
     try:
         from mcp.server import MCPServer
         from mcp.server.mcpserver.exceptions import ToolError
@@ -112,10 +169,15 @@ def server() -> MCPServer:
         # The library keeps to itself what it does not expect; what is wrong with the input the assistant must read.
         @functools.wraps(tool)
         def call(*values: Any, **named: Any) -> Any:
+            confinement = _paths(tool, values, named)
+            try:
+                confined(confinement, allowed)
+            except ValueError as failure:
+                raise ToolError(str(failure)) from failure
             try:
                 return tool(*values, **named)
             except (OSError, ValueError, gpsindy.NumericalError) as failure:
-                raise ToolError(str(failure)) from failure
+                raise ToolError(without_content(str(failure), _words([values, named]))) from None
 
         return call
 
@@ -124,9 +186,19 @@ def server() -> MCPServer:
     return made
 
 
-def main() -> None:
+def main(line: Sequence[str] | None = None) -> None:
     """Serves over standard input and output until the other side closes."""
-    server().run("stdio")
+    parser = argparse.ArgumentParser(prog="gpsindy-mcp", description="A server of gpsindy for assistants (Model Context Protocol).")
+    parser.add_argument("folders", nargs="*", default=["."], metavar="FOLDER", help="folders that it may use [default: the current one]")
+    folders = parser.parse_args(line).folders
+    try:
+        if absent := [folder for folder in folders if not os.path.isdir(folder)]:
+            raise NotADirectoryError(f"{absent[0]}: no such folder; name folders that the server may use")
+        made = server(folders)
+    except (ImportError, OSError) as failure:
+        print(f"error: {failure}", file=sys.stderr)
+        raise SystemExit(2) from None
+    made.run("stdio")
 
 
 if __name__ == "__main__":
