@@ -31,6 +31,8 @@ pub(crate) struct CsvLog {
     headers: Vec<Header>,
     /// The same without time and run.
     columns: Vec<Header>,
+    /// Places of those among the headers.
+    places: Vec<usize>,
     time: usize,
     run: Option<usize>,
     clock: Clock,
@@ -94,10 +96,11 @@ impl CsvLog {
                 )
             })?,
         };
-        let columns = headers.iter().enumerate().filter(|(i, _)| *i != time && Some(*i) != run);
+        let places: Vec<usize> = (0..headers.len()).filter(|i| *i != time && Some(*i) != run).collect();
         Ok(Self {
             file: file.into(),
-            columns: columns.map(|(_, h)| h.clone()).collect(),
+            columns: places.iter().map(|&i| headers[i].clone()).collect(),
+            places,
             headers,
             time,
             run,
@@ -127,6 +130,14 @@ impl CsvLog {
         self.clock.origin()
     }
 
+    /// What the user should know of the times.
+    pub(crate) fn notes(&self) -> Vec<String> {
+        let time = &self.headers[self.time];
+        let of_clock = self.clock.note(time, &self.first_stamp);
+        let doubt = of_clock.is_none().then(|| time::doubt(time, &self.times)).flatten();
+        of_clock.into_iter().chain(doubt).map(|note| format!("{}: {note}", self.file)).collect()
+    }
+
     /// The error that says that `name` is not in this file and what is.
     pub(crate) fn lacks(&self, name: &str) -> Error {
         missing(&self.file, "column", name, &self.columns)
@@ -144,7 +155,7 @@ impl CsvLog {
     /// The values of columns, row by row; `take` gets the row's number.
     fn each(&self, columns: &[usize], progress: &dyn Progress, take: &mut dyn FnMut(usize, &[f64])) -> Result<()> {
         let Some((input, body)) = &self.body else { return Ok(()) };
-        let places: Vec<usize> = columns.iter().filter_map(|c| self.position(&self.columns[*c].name)).collect();
+        let places: Vec<usize> = columns.iter().map(|c| self.places[*c]).collect();
         let mut values = vec![f64::NAN; places.len()];
         let mut count = 0;
         scan::rows(input, *body, progress, &mut |row| {
@@ -182,9 +193,7 @@ impl CsvLog {
     }
 
     fn position(&self, name: &str) -> Option<usize> {
-        (0..self.headers.len())
-            .filter(|&i| i != self.time && Some(i) != self.run)
-            .find(|&i| self.headers[i].answers_to(name))
+        self.places.iter().copied().find(|&i| self.headers[i].answers_to(name))
     }
 
     fn number(&self, row: &Row, index: usize) -> Result<f64> {
@@ -220,7 +229,7 @@ impl CsvLog {
 
     /// Lets the first row say how times are read: as they are, or counted from its own.
     pub(crate) fn start_clock(&mut self, first: &Row) {
-        self.clock = Clock::of(cell(first, self.time)).unwrap_or(Clock::Plain);
+        self.clock = Clock::of(cell(first, self.time), &self.headers[self.time].unit).unwrap_or(Clock::Plain);
     }
 
     /// The time of a row, s.
@@ -237,7 +246,7 @@ impl CsvLog {
             },
         };
         if value.is_nan() {
-            let message = "the time is missing; remove the row or fill the time in";
+            let message = "the time is missing; fill it in or delete the line";
             return Err(Error::line(&self.file, row.line, Some(&self.headers[self.time].name), message));
         }
         Ok(value)
@@ -345,7 +354,7 @@ impl Source for CsvLog {
             });
             if done.is_ok() { numeric } else { Vec::new() }
         });
-        self.position(&self.columns[column].name).is_some_and(|i| numeric.get(i).copied().unwrap_or(false))
+        numeric.get(self.places[column]).copied().unwrap_or(false)
     }
 
     fn read(&self, columns: &[usize], progress: &dyn Progress) -> Result<Reading> {
@@ -366,11 +375,7 @@ impl Source for CsvLog {
             topic.stamps.push(self.times[row]);
             topic.columns.iter_mut().zip(values).for_each(|((_, column), value)| column.push(*value));
         })?;
-        let notes = match self.clock {
-            Clock::Plain => Vec::new(),
-            _ => vec![format!("{}: times are counted from the first stamp, {}", self.file, self.first_stamp)],
-        };
-        Ok(Reading { topics, notes })
+        Ok(Reading { topics, notes: self.notes() })
     }
 
     fn lacks(&self, name: &str) -> Error {

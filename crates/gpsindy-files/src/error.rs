@@ -18,7 +18,7 @@ pub enum Error {
         source: io::Error,
     },
     /// A file can't be written.
-    #[error("{file}: cannot be written: {}", reason(.source))]
+    #[error("{file}: cannot be written: {}", unwritten(.source))]
     Write {
         /// The file, as the user named it.
         file: String,
@@ -60,16 +60,48 @@ pub enum Error {
 
 impl Error {
     pub(crate) fn file(file: &str, message: impl Into<String>) -> Self {
-        Self::File { file: file.into(), message: message.into() }
+        Self::File { file: file.into(), message: shortened(message.into()) }
     }
 
     pub(crate) fn line(file: &str, line: u64, column: Option<&str>, message: impl Into<String>) -> Self {
-        Self::Line { file: file.into(), line, column: column.map(Into::into), message: message.into() }
+        let column = column.map(|name| shortened(name.into()));
+        Self::Line { file: file.into(), line, column, message: shortened(message.into()) }
     }
+}
+
+/// Characters of a message that are shown.
+const SHOWN: usize = 1000;
+
+/// And of those that come from its end, where the remedy stands.
+const END: usize = 300;
+
+/// A message without its middle where that is long: what a file holds may stand in it, a name of megabytes for one.
+///
+/// ```
+/// assert_eq!(gpsindy_files::shortened("short".into()), "short");
+/// assert_eq!(gpsindy_files::shortened("x".repeat(5000)).len(), 1005);
+/// ```
+pub fn shortened(message: String) -> String {
+    let length = message.chars().count();
+    if length <= SHOWN {
+        return message;
+    }
+    let first: String = message.chars().take(SHOWN - END).collect();
+    let last: String = message.chars().skip(length - END).collect();
+    format!("{first} ... {last}")
 }
 
 fn in_column(column: &Option<String>) -> String {
     column.as_ref().map(|name| format!("column `{name}`: ")).unwrap_or_default()
+}
+
+/// Why a file can't be written.
+fn unwritten(source: &io::Error) -> String {
+    match source.kind() {
+        io::ErrorKind::NotFound => "there is no such folder".into(),
+        io::ErrorKind::IsADirectory => "it is a folder; name a file in it".into(),
+        _ => reason(source),
+    }
 }
 
 /// The system's words without its error number.

@@ -23,9 +23,15 @@ impl Header {
         let text = text.trim();
         let end = text.find(['[', '(', ',']).unwrap_or(text.len());
         let (name, rest) = text.split_at(end);
-        let name = name.trim().chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
+        let name = name
+            .trim()
+            .chars()
+            .filter(|c| gpsindy_core::shows(*c))
+            .map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' })
+            .collect();
         // A quoted header may hold a line break; a unit is one line of text.
         let unit = unit(rest).split(char::is_control).collect::<Vec<_>>().join(" ");
+        let unit = unit.chars().filter(|c| gpsindy_core::shows(*c)).collect();
         Self { text: text.into(), name, unit }
     }
 
@@ -61,6 +67,7 @@ mod tests {
             ("\u{3b8} [rad]", "\u{3b8}", "rad"),
             ("k [N/(m s)]", "k", "N/(m s)"),
             ("k [N\nm]", "k", "N m"),
+            ("\u{feff}v\u{ad}x [m\u{feff}/s]", "vx", "m/s"),
         ] {
             let header = Header::parse(text);
             assert_eq!((header.name.as_str(), header.unit.as_str()), (name, unit), "{text}");

@@ -37,12 +37,12 @@ mod ulog;
 
 pub use align::TopicOffset;
 pub use effects::{parse_effects, read_effects};
-pub use error::{Error, Result};
+pub use error::{Error, Result, shortened};
 pub use header::Header;
 pub use inspect::{ClockReport, ColumnReport, Finding, Inspection, TopicReport, inspect};
 pub use log::{Log, LogOptions, Offset, Stamp};
 pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
-pub use output::{finish_writing, write_whole};
+pub use output::{finish_writing, write_together, write_whole};
 pub use stream::{Sample, Stream};
 pub use table::Table;

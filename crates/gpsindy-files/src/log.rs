@@ -6,7 +6,6 @@ use crate::header::Header;
 use crate::input::{Input, Kind};
 use crate::topic::{Reading, Source};
 use gpsindy_core::{Progress, Silent};
-#[cfg(feature = "parquet")]
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -96,6 +95,8 @@ pub struct Log {
     pub file: String,
     source: Arc<dyn Source>,
     unaligned: Vec<String>,
+    /// Places of the columns by name, and by whole header.
+    places: Arc<[HashMap<String, usize>; 2]>,
 }
 
 impl Log {
@@ -142,7 +143,7 @@ impl Log {
 
     fn of_source(file: String, source: Arc<dyn Source>, options: &LogOptions) -> Self {
         let auto = options.offset.iter().filter(|(_, offset)| *offset == Offset::Auto);
-        Self { file, source, unaligned: auto.map(|(topic, _)| topic.clone()).collect() }
+        Self::with(file, source, auto.map(|(topic, _)| topic.clone()).collect())
     }
 
     /// A LeRobot data set, or the folder of a ROS 2 bag with its parts.
@@ -161,7 +162,16 @@ impl Log {
     }
 
     pub(crate) fn of_csv(log: CsvLog) -> Self {
-        Self { file: log.file.clone(), source: Arc::new(log), unaligned: Vec::new() }
+        Self::with(log.file.clone(), Arc::new(log), Vec::new())
+    }
+
+    fn with(file: String, source: Arc<dyn Source>, unaligned: Vec<String>) -> Self {
+        let (mut names, mut texts) = (HashMap::new(), HashMap::new());
+        for (i, header) in source.columns().iter().enumerate() {
+            names.entry(header.name.clone()).or_insert(i);
+            texts.entry(header.text.clone()).or_insert(i);
+        }
+        Self { file, source, unaligned, places: Arc::new([names, texts]) }
     }
 
     /// The columns besides time and run, in the log's order.
@@ -181,8 +191,8 @@ impl Log {
 
     /// The place of a column, by its name or its whole header.
     pub(crate) fn position(&self, name: &str) -> Option<usize> {
-        let headers = self.source.columns();
-        headers.iter().position(|h| h.name == name).or_else(|| headers.iter().position(|h| h.answers_to(name)))
+        let [names, texts] = &*self.places;
+        names.get(name).or_else(|| texts.get(name.trim())).copied()
     }
 
     /// The error that says that `name` is not in this log and what is.

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::log::{Log, LogOptions};
 use crate::merge::{Roles, merge};
 use gpsindy_core::{Channel, Dataset, Hold, Progress, Run, Silent};
+use std::collections::HashSet;
 use std::io::Read;
 use std::path::Path;
 
@@ -105,7 +106,8 @@ impl Logs {
     /// Names of the columns that every file has, besides time and run, in the first file's order.
     pub fn columns(&self) -> Vec<String> {
         let Some((first, rest)) = self.files.split_first() else { return Vec::new() };
-        let everywhere = |name: &str| rest.iter().all(|log| log.columns().any(|h| h.name == name));
+        let has = |log: &Log, name: &str| log.column(name).is_some_and(|header| header.name == name);
+        let everywhere = |name: &str| rest.iter().all(|log| has(log, name));
         first.columns().map(|h| h.name.clone()).filter(|name| everywhere(name)).collect()
     }
 
@@ -187,13 +189,12 @@ impl Logs {
 
     /// Columns of any file that are not among the `used` ones, each once.
     pub fn ignored<S: AsRef<str>>(&self, used: &[S]) -> Vec<String> {
-        let mut ignored: Vec<String> = Vec::new();
-        for header in self.files.iter().flat_map(Log::columns) {
-            if !used.iter().any(|u| header.answers_to(u.as_ref())) && !ignored.contains(&header.name) {
-                ignored.push(header.name.clone());
-            }
-        }
-        ignored
+        let names: HashSet<&str> = used.iter().map(AsRef::as_ref).collect();
+        let texts: HashSet<&str> = used.iter().map(|name| name.as_ref().trim()).collect();
+        let mut told = HashSet::new();
+        let headers = self.files.iter().flat_map(Log::columns);
+        let ignored = headers.filter(|h| !names.contains(h.name.as_str()) && !texts.contains(h.text.as_str()));
+        ignored.filter(|h| told.insert(h.name.as_str())).map(|h| h.name.clone()).collect()
     }
 
     /// What is likely a mistake but can be read: a time column in another unit than seconds.

@@ -79,8 +79,8 @@ struct Gathered {
     header: Option<Vec<i64>>,
     values: Vec<Vec<f64>>,
     broken: usize,
-    /// The names of the last message's fields, for suggestions.
-    last: Vec<u8>,
+    /// The names of the fields in some of the messages, for suggestions.
+    fields: Vec<String>,
 }
 
 impl Source for McapLog {
@@ -207,8 +207,8 @@ impl McapLog {
         for (values, (_, steps)) in one.values.iter().zip(&one.columns) {
             if values.iter().all(|v| v.is_nan()) {
                 let wanted = path::shown(steps);
-                let found = String::from_utf8_lossy(&one.last);
-                let found = if found.is_empty() { String::new() } else { hint(&wanted, found.lines()) };
+                let fields = one.fields.iter().map(String::as_str);
+                let found = if one.fields.is_empty() { String::new() } else { hint(&wanted, fields) };
                 return Err(wrong(format!("topic `{topic}` has no number at `{wanted}` in any message{found}")));
             }
         }
@@ -230,7 +230,7 @@ impl Gathered {
             header: Some(Vec::new()),
             values: Vec::new(),
             broken: 0,
-            last: Vec::new(),
+            fields: Vec::new(),
         }
     }
 
@@ -255,9 +255,13 @@ impl Gathered {
             // A dataset holds no infinite value: one in a message is a sensor's "nothing".
             values.push(if output.is_finite() { output } else { f64::NAN });
         }
-        // The names of the fields, while a column is still without a number.
-        if self.last.is_empty() && outputs[..self.values.len()].iter().any(|v| v.is_nan()) {
-            self.last = reader.fields(data).join("\n").into_bytes();
+        // The names of the fields where a column has no number: of few messages, and not of the first alone, whose lists may be empty.
+        if self.log.len().is_power_of_two() && outputs[..self.values.len()].iter().any(|v| v.is_nan()) {
+            for field in reader.fields(data) {
+                if !self.fields.contains(&field) {
+                    self.fields.push(field);
+                }
+            }
         }
         Ok(())
     }

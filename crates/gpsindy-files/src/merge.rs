@@ -17,8 +17,9 @@ pub(crate) struct Roles<'a> {
 
 /// The runs of a log in their order, under the runs' own names, and what the user should know.
 ///
-/// A run of one topic keeps its rows. A run of several begins with the first stamp at which a state was measured and ends
-/// with the last: before and after there is nothing to compare a model with.
+/// A run of a task with controls, or of several topics, begins with the first stamp at which a state was measured and ends with the last:
+/// before and after there is nothing to compare a model with. A table of which one row alone has a state keeps those behind it: it says
+/// where a rollout starts and what drives it.
 ///
 /// # Errors
 /// Topics of one run that have no time in common.
@@ -62,10 +63,21 @@ fn run(file: &str, name: String, mut parts: Vec<Topic>, roles: Roles<'_>, notes:
         }
     }
     let (mut first, mut last) = (0, time.len());
-    if !alone {
+    if !alone || roles.held.contains(&true) {
         let measured = |i: usize| (0..roles.held.len()).any(|j| !roles.held[j] && !values[(i, j)].is_nan());
         first = (0..time.len()).find(|&i| measured(i)).unwrap_or(0);
         last = (first..time.len()).rev().find(|&i| measured(i)).map_or(time.len(), |i| i + 1);
+    }
+    if alone {
+        last = if last == first + 1 { time.len() } else { last };
+        let left_out = first + time.len() - last;
+        if left_out > 0 {
+            let whose = if name.is_empty() { String::new() } else { format!(" of run `{name}`") };
+            notes.push(format!(
+                "{file}: {left_out} rows{whose} before the first state or behind the last were left out"
+            ));
+        }
+    } else {
         late_controls(file, &parts, roles, time[first], notes);
     }
     if (first, last) != (0, time.len()) {
@@ -209,6 +221,35 @@ mod tests {
         let (runs, _) = merge("log", topics, Roles { held: &[false], hold: Hold::Zero }).unwrap();
         assert_eq!(runs.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["b", "a"]);
         assert_eq!(shown(runs[0].column(0)), "1 -");
+    }
+
+    #[test]
+    fn a_table_loses_the_rows_without_a_state_as_topics_do() {
+        let rows = [f64::NAN, f64::NAN, 1.0, f64::NAN, 2.0, f64::NAN];
+        let time = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5];
+        let driven = [7.0, 8.0, f64::NAN, 9.0, f64::NAN, 10.0];
+        let present = |values: &[f64]| -> (Vec<f64>, Vec<f64>) {
+            time.iter().zip(values).filter(|(_, v)| !v.is_nan()).map(|(t, v)| (*t, *v)).unzip()
+        };
+        let table = Topic { columns: vec![(0, rows.into()), (1, driven.into())], ..topic("", 0, &time, &rows) };
+        let ((tq, q), (tu, u)) = (present(&rows), present(&driven));
+        let topics = [topic("q", 0, &tq, &q), topic("u", 1, &tu, &u)];
+        for hold in [Hold::Zero, Hold::Linear] {
+            let (a, b) =
+                (merged(std::slice::from_ref(&table), &[false, true], hold), merged(&topics, &[false, true], hold));
+            assert_eq!(
+                (&a.time, shown(a.column(0)), shown(a.column(1))),
+                (&b.time, shown(b.column(0)), shown(b.column(1)))
+            );
+        }
+        let (_, notes) = merge("log", vec![table], Roles { held: &[false, true], hold: Hold::Zero }).unwrap();
+        assert_eq!(notes, ["log: 3 rows before the first state or behind the last were left out"]);
+        // A first state and the controls of a rollout.
+        let start = Topic {
+            columns: vec![(0, vec![1.0, f64::NAN, f64::NAN]), (1, vec![1.0, 2.0, 3.0])],
+            ..topic("", 0, &time[..3], &[])
+        };
+        assert_eq!(merged(&[start], &[false, true], Hold::Zero).time, time[..3]);
     }
 
     #[test]

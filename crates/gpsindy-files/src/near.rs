@@ -32,11 +32,15 @@ pub(crate) fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> 
     let known: Vec<&str> = known.into_iter().collect();
     let near: Vec<String> = near(name, known.iter().copied()).iter().map(|n| format!("`{n}`")).collect();
     let meant = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
-    if known.len() > LISTED {
-        let shown = known[..LISTED].join(", ");
-        return format!("{meant}; found: {shown} and {} more", known.len() - LISTED);
+    format!("{meant}; found: {}", listed(&known))
+}
+
+/// Names in a row, the rest counted where they are many.
+pub(crate) fn listed(names: &[&str]) -> String {
+    if names.len() > LISTED {
+        return format!("{} and {} more", names[..LISTED].join(", "), names.len() - LISTED);
     }
-    format!("{meant}; found: {}", if known.is_empty() { "nothing".into() } else { known.join(", ") })
+    if names.is_empty() { "nothing".into() } else { names.join(", ") }
 }
 
 #[cfg(test)]

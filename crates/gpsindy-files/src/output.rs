@@ -1,33 +1,142 @@
-//! Output files appear whole or not at all.
+//! Output files appear whole or not at all, alone or as a set.
 
 use crate::error::{Error, Result};
 use std::ffi::{OsStr, OsString};
+use std::fs::{File, OpenOptions};
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::Write;
-use std::path::Path;
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Held while a file is written.
+/// Held while files are written.
 static WRITING: Mutex<()> = Mutex::new(());
 
+/// Links that are followed from one name, as many as Linux follows.
+const MOST_LINKS: usize = 40;
+
 /// Writes a file by way of a temporary one beside it, which is then renamed.
+///
+/// A symbolic link stays and its target is replaced. What is no regular file (a pipe, a device, an open descriptor such as `/dev/stdout`)
+/// is written to. An older file hands on its permissions.
 ///
 /// # Errors
 /// [`Error::Write`]; the temporary file is removed then and an older file stays as it was.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let failed = |source| Error::Write { file: path.display().to_string(), source };
-    let Some(name) = path.file_name() else {
-        return Err(Error::file(&path.display().to_string(), "not a file's name"));
-    };
-    let part = path.with_file_name(part_name(name));
-    let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
-    let written = std::fs::File::create(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| std::fs::rename(&part, path));
-    written.map_err(|source| {
-        let _ = std::fs::remove_file(&part);
-        failed(source)
-    })
+    write_together(&[(path.to_path_buf(), bytes)], &[])
+}
+
+/// Writes files that belong together, each as [`write_whole`] does, and removes the `stale` ones, which an earlier set had and this one
+/// lacks. Nothing is replaced before every file is on the disk, so that a full disk leaves the earlier set.
+///
+/// # Errors
+/// [`Error::Write`]; no temporary file is left then.
+pub fn write_together(files: &[(PathBuf, &[u8])], stale: &[PathBuf]) -> Result<()> {
+    let mut streams = Vec::new();
+    let mut staged = Vec::new();
+    {
+        let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
+        for (path, bytes) in files {
+            match place(path).map_err(failed(path))? {
+                Place::Stream => streams.push((path, bytes)),
+                Place::File(target) => staged.push((path, Part::write(target, bytes).map_err(failed(path))?)),
+            }
+        }
+        for (path, part) in staged {
+            part.commit().map_err(failed(path))?;
+        }
+        for path in stale {
+            match std::fs::remove_file(path) {
+                Err(source) if source.kind() != ErrorKind::NotFound => return Err(failed(path)(source)),
+                _ => {}
+            }
+        }
+    }
+    // Without the lock: whoever reads a pipe may let it wait for ever, and the end of the process waits for the lock.
+    for (path, bytes) in streams {
+        let stream = OpenOptions::new().append(true).open(path);
+        stream.and_then(|mut stream| stream.write_all(bytes)).map_err(failed(path))?;
+    }
+    Ok(())
+}
+
+/// Waits for the files that [`write_together`] is writing, and lets none begin: for a process that is about to end.
+pub fn finish_writing() {
+    std::mem::forget(WRITING.lock().unwrap_or_else(PoisonError::into_inner));
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> Error {
+    let file = path.display().to_string();
+    |source| Error::Write { file, source }
+}
+
+/// What a name leads to.
+enum Place {
+    /// A regular file or none yet, its links followed.
+    File(PathBuf),
+    /// A pipe, a device or an open descriptor.
+    Stream,
+}
+
+fn place(path: &Path) -> io::Result<Place> {
+    let mut path = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        // An open descriptor may be that of a regular file, which whoever opened it goes on to write.
+        if path.starts_with("/dev/fd") || path.starts_with("/proc") {
+            return Ok(Place::Stream);
+        }
+        let kind = match std::fs::symlink_metadata(&path) {
+            Ok(metadata) => metadata.file_type(),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Place::File(path)),
+            Err(error) => return Err(error),
+        };
+        if kind.is_dir() {
+            return Err(ErrorKind::IsADirectory.into());
+        }
+        if kind.is_file() {
+            return Ok(Place::File(path));
+        }
+        if !kind.is_symlink() {
+            return Ok(Place::Stream);
+        }
+        let target = std::fs::read_link(&path)?;
+        path = path.parent().unwrap_or(Path::new("")).join(target);
+    }
+    Err(io::Error::other("a circle of symbolic links"))
+}
+
+/// A temporary file beside its target, removed unless it takes the target's place.
+struct Part {
+    file: PathBuf,
+    target: PathBuf,
+}
+
+impl Part {
+    fn write(target: PathBuf, bytes: &[u8]) -> io::Result<Self> {
+        let name = target.file_name().ok_or_else(|| io::Error::other("not a file's name"))?;
+        let older = std::fs::metadata(&target).ok().map(|metadata| metadata.permissions());
+        if older.as_ref().is_some_and(std::fs::Permissions::readonly) {
+            return Err(ErrorKind::PermissionDenied.into());
+        }
+        let part = Self { file: target.with_file_name(part_name(name)), target };
+        let mut file = File::create(&part.file)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        if let Some(permissions) = older {
+            file.set_permissions(permissions)?;
+        }
+        Ok(part)
+    }
+
+    fn commit(self) -> io::Result<()> {
+        std::fs::rename(&self.file, &self.target)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // Not there any more where it took the target's place.
+        let _ = std::fs::remove_file(&self.file);
+    }
 }
 
 /// A hidden name that no other writer has: processes of two computers that share a disk may have the same number, so it is drawn.
@@ -40,44 +149,5 @@ fn part_name(name: &OsStr) -> OsString {
     hidden
 }
 
-/// Waits for a file that [`write_whole`] is writing, and lets none begin: for a process that is about to end.
-pub fn finish_writing() {
-    std::mem::forget(WRITING.lock().unwrap_or_else(PoisonError::into_inner));
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_old_file_is_replaced_and_nothing_else_is_left() {
-        let folder = std::env::temp_dir().join(format!("gpsindy-output-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("model.toml");
-        write_whole(&path, b"old").unwrap();
-        write_whole(&path, b"new").unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), b"new");
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-        std::fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
-    fn no_two_part_files_share_a_name() {
-        let name = |_| part_name(OsStr::new("report.json")).into_string().unwrap();
-        // A new thread draws its keys anew, as another process does.
-        let drawn = move || (0..100).map(name).collect::<Vec<String>>();
-        let threads: Vec<_> = (0..20).map(|_| std::thread::spawn(drawn)).collect();
-        let names: Vec<String> = threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect();
-        assert!(names.iter().all(|n| n.starts_with(".report.json.") && n.ends_with(".part")), "{names:?}");
-        assert_eq!(names.iter().collect::<std::collections::HashSet<_>>().len(), 2000);
-    }
-
-    #[test]
-    fn a_folder_that_is_not_there_is_named() {
-        let error = write_whole(Path::new("/no/such/folder/model.toml"), b"").unwrap_err();
-        assert!(
-            error.to_string().starts_with("/no/such/folder/model.toml: cannot be written: there is no such"),
-            "{error}"
-        );
-    }
-}
+mod tests;

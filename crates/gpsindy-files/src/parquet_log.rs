@@ -7,7 +7,7 @@ use crate::header::Header;
 use crate::input::Input;
 use crate::log::LogOptions;
 use crate::near::hint;
-use crate::time::{self, EPOCH};
+use crate::time::{self, Clock, EPOCH, Tick};
 use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
@@ -19,7 +19,7 @@ mod leaf;
 pub(crate) mod lerobot;
 
 use episodes::Episodes;
-use leaf::{Leaf, Rows, Table};
+use leaf::{Leaf, Rows, TEXT, Table};
 
 /// Elements of a list that become columns.
 const WIDEST: usize = 256;
@@ -36,6 +36,8 @@ pub(crate) struct ParquetLog {
     run: Option<usize>,
     /// Frames per second, and the column that counts them, where stamps can be made again from both.
     frames: Option<(f64, usize)>,
+    /// Whether it is a data set that should tell its frames per second and does not.
+    lacks_rate: bool,
     episodes: Episodes,
 }
 
@@ -93,6 +95,7 @@ impl ParquetLog {
             places: Vec::new(),
             run: None,
             frames: None,
+            lacks_rate: false,
             episodes: Episodes::default(),
         };
         if let Some(run) = run {
@@ -127,6 +130,12 @@ impl ParquetLog {
         self
     }
 
+    /// Stamps in single precision can't be made again: that is told.
+    pub(crate) fn without_rate(mut self) -> Self {
+        self.lacks_rate = true;
+        self
+    }
+
     /// What the data set says of its episodes.
     pub(crate) fn with_episodes(mut self, episodes: Episodes) -> Self {
         self.episodes = episodes;
@@ -152,18 +161,29 @@ impl ParquetLog {
     fn times(&self) -> Result<Times> {
         let mut notes = Vec::new();
         let leaf = &self.time.leaf;
-        if let Some(per_second) = leaf.per_second {
+        if leaf.told == TEXT && !leaf.listed {
+            return self.written_times();
+        }
+        if leaf.whole && !leaf.listed {
             let mut stamps: Vec<i64> = Vec::new();
             for table in self.tables() {
                 stamps.extend(table?.integers(leaf)?);
             }
             let first = stamps.first().copied().unwrap_or(0);
-            let origin = if first.unsigned_abs() as f64 / per_second >= EPOCH { first } else { 0 };
+            let by_size = Tick::of(first as f64, &self.time_header.unit).filter(|_| leaf.seconds.is_none());
+            notes.extend(
+                by_size.map(|tick| format!("{}: {}", self.file, tick.note(&self.time_header, &first.to_string()))),
+            );
+            let (times, parts) = leaf.seconds.unwrap_or((1.0, by_size.map_or(1.0, Tick::per_second)));
+            let origin = if first.unsigned_abs() as f64 * times / parts >= EPOCH { first } else { 0 };
             let seconds = |t: i64| {
-                if t == i64::MIN { f64::NAN } else { (i128::from(t) - i128::from(origin)) as f64 / per_second }
+                if t == i64::MIN { f64::NAN } else { (i128::from(t) - i128::from(origin)) as f64 * times / parts }
             };
-            let stamps = stamps.into_iter().map(seconds).collect();
-            return Ok(Times { stamps, origin: origin as f64 / per_second, notes });
+            let stamps: Vec<f64> = stamps.into_iter().map(seconds).collect();
+            if leaf.seconds.is_none() && by_size.is_none() {
+                notes.extend(self.doubt(&stamps));
+            }
+            return Ok(Times { stamps, origin: origin as f64 * times / parts, notes });
         }
         let mut stamps = self.column(&self.time)?;
         if let Some((rate, frames)) = self.frames {
@@ -183,10 +203,54 @@ impl ParquetLog {
                 ));
             }
         }
+        if self.lacks_rate && leaf.told == "float32" {
+            notes.push(format!(
+                "{}: meta/info.json tells no `fps` above 0; the stamps were taken as they stand, float32, and not made again from frame_index",
+                self.file
+            ));
+        }
         let first = stamps.first().copied().unwrap_or(0.0);
         let origin = if first.abs() >= EPOCH { first } else { 0.0 };
-        stamps.iter_mut().for_each(|t| *t -= origin);
-        Ok(Times { stamps, origin, notes })
+        let by_size = Tick::of(first, &self.time_header.unit);
+        notes
+            .extend(by_size.map(|tick| format!("{}: {}", self.file, tick.note(&self.time_header, &first.to_string()))));
+        let per_second = by_size.map_or(1.0, Tick::per_second);
+        stamps.iter_mut().for_each(|t| *t = (*t - origin) / per_second);
+        if by_size.is_none() {
+            notes.extend(self.doubt(&stamps));
+        }
+        Ok(Times { stamps, origin: origin / per_second, notes })
+    }
+
+    /// Times that are written as text: dates, or numbers.
+    fn written_times(&self) -> Result<Times> {
+        let mut texts: Vec<String> = Vec::new();
+        for table in self.tables() {
+            texts.extend(table?.texts(&self.time.leaf)?);
+        }
+        let time = &self.time_header;
+        let first = texts.first().map(|text| text.trim()).unwrap_or_default();
+        let wrong = |row: usize, text: &str, remedy: &str| {
+            let place = format!("row {}, column `{}`", row + 1, time.name);
+            Error::file(
+                &self.file,
+                format!("{place}: not a time: {:?}; {remedy}", text.chars().take(40).collect::<String>()),
+            )
+        };
+        let clock = Clock::of(first, &time.unit);
+        let clock =
+            clock.ok_or_else(|| wrong(0, first, "write it as 2024-05-01T12:00:00 or as a number of seconds"))?;
+        let stamp = |(row, text): (usize, &String)| match text.trim() {
+            "" => Ok(f64::NAN),
+            text => clock.seconds(text).ok_or_else(|| wrong(row, text, "write it as in the first row")),
+        };
+        let stamps = texts.iter().enumerate().map(stamp).collect::<Result<_>>()?;
+        let notes = clock.note(time, first).into_iter().map(|note| format!("{}: {note}", self.file)).collect();
+        Ok(Times { stamps, origin: clock.origin(), notes })
+    }
+
+    fn doubt(&self, stamps: &[f64]) -> Option<String> {
+        Some(format!("{}: {}", self.file, time::doubt(&self.time_header, stamps)?))
     }
 
     fn column(&self, place: &Place) -> Result<Vec<f64>> {
@@ -225,7 +289,10 @@ impl ParquetLog {
             return wrong(format!("{}; a run needs at least 2", ["no sample", "1 sample"][rows.len()]));
         }
         if let Some(row) = rows.iter().find(|&&row| !times[row].is_finite()) {
-            return wrong(format!("row {}, column `{name}`: the time is missing; remove the row", row + 1));
+            return wrong(format!(
+                "row {}, column `{name}`: the time is missing; fill it in or leave the row out when you write the table",
+                row + 1
+            ));
         }
         for pair in rows.windows(2) {
             let (before, after) = (times[pair[0]], times[pair[1]]);
@@ -266,7 +333,8 @@ impl Source for ParquetLog {
     }
 
     fn time_header(&self) -> Option<&Header> {
-        self.time.leaf.per_second.is_none().then_some(&self.time_header)
+        let leaf = &self.time.leaf;
+        (leaf.seconds.is_none() && leaf.told != TEXT).then_some(&self.time_header)
     }
 }
 
@@ -384,11 +452,12 @@ fn names(file: &str, headers: &mut [Header], places: &[Place], options: &LogOpti
     for (name, unit) in &options.unit {
         headers.iter_mut().filter(|h| h.name == *name).for_each(|h| h.unit.clone_from(unit));
     }
-    for i in 0..headers.len() {
-        if let Some(other) = headers[..i].iter().find(|h| h.name == headers[i].name) {
+    let mut seen: HashMap<&str, &Header> = HashMap::with_capacity(headers.len());
+    for header in headers.iter() {
+        if let Some(other) = seen.insert(&header.name, header) {
             let message = format!(
                 "the columns `{}` and `{}` have the same name, `{}`; name one otherwise with --rename '{}=...'",
-                other.text, headers[i].text, headers[i].name, headers[i].text
+                other.text, header.text, header.name, header.text
             );
             return Err(Error::file(file, message));
         }

@@ -59,6 +59,11 @@ pub fn augmented(report: &Diagnosis, model: &str) -> String {
     format!("{MARK}: {what}.\n{model}")
 }
 
+/// The file of a simulator that was identified from its logs, which is `model` with a comment that says so.
+pub fn simulator(model: &str) -> String {
+    format!("{MARK}: the simulator, identified from its logs.\n{model}")
+}
+
 /// Whether a file of a report's folder that begins with `start` was written by a diagnosis.
 pub fn is_ours(name: &str, start: &str) -> bool {
     match name {

@@ -4,7 +4,8 @@ use super::{Row, number};
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::log::LogOptions;
-use crate::near::hint;
+use crate::near::{hint, listed};
+use std::collections::HashMap;
 
 /// What separates the cells: a comma, or where the header has none, a semicolon or a tab.
 pub(crate) fn separator(header: &str) -> u8 {
@@ -52,8 +53,9 @@ pub(super) fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<V
             None => return Err(missing(file, &format!("--map {new}: column"), old, &headers)),
         }
     }
-    for (i, header) in headers.iter().enumerate() {
-        if let Some(other) = headers[..i].iter().find(|h| h.name == header.name) {
+    let mut seen: HashMap<&str, &Header> = HashMap::with_capacity(headers.len());
+    for header in &headers {
+        if let Some(other) = seen.insert(&header.name, header) {
             let message = format!(
                 "column stands twice, as `{}` and as `{}`; remove one or name one otherwise with --rename '{}=...'",
                 other.text, header.text, header.text
@@ -70,5 +72,5 @@ pub(super) fn missing(file: &str, kind: &str, name: &str, headers: &[Header]) ->
 }
 
 pub(super) fn names(headers: &[Header]) -> String {
-    headers.iter().map(|h| h.name.as_str()).collect::<Vec<_>>().join(", ")
+    listed(&headers.iter().map(|h| h.name.as_str()).collect::<Vec<_>>())
 }

@@ -170,3 +170,28 @@ fn a_map_names_a_column_and_leaves_a_name_that_is_there() {
     let error = CsvLog::parse("log.csv", b"t,speed [m/s],u\n0,1,2\n1,3,4\n", &options).unwrap_err().to_string();
     assert_eq!(error, "log.csv: --map v: column `sped` is not in the file; did you mean `speed`?; found: t, speed, u");
 }
+
+#[test]
+fn parts_of_a_second_since_1970_are_told_by_their_size() {
+    let read = |text: &str| {
+        let logs = crate::Logs::parse("a.csv", text.as_bytes(), &LogOptions::default()).unwrap();
+        let task = crate::Task { needed: vec!["x".into()], ..crate::Task::default() };
+        let read = logs.assemble(&task, &gpsindy_core::Silent).unwrap();
+        (read.data.runs()[0].time.clone(), read.notes)
+    };
+    let (times, notes) = read("t,x\n1763000000123456789,1\n1763000000133456789,2\n1763000000143456790,3\n");
+    assert_eq!(times, [0.0, 0.01, 0.020000001]);
+    assert_eq!(
+        notes,
+        [
+            "a.csv: the stamps of `t` are taken for nanoseconds since 1970, which their size shows, and counted in seconds from the first, 1763000000123456789"
+        ]
+    );
+    let (times, notes) = read("t,x\n0,1\n10000,2\n20000,3\n");
+    assert_eq!(times, [0.0, 1e4, 2e4]);
+    assert!(
+        notes[0].starts_with("a.csv: the stamps of `t` are whole numbers, 10000 from one to the next"),
+        "{notes:?}"
+    );
+    assert_eq!(read("t,x\n0,1\n1,2\n2,3\n"), (vec![0.0, 1.0, 2.0], vec![]));
+}

@@ -56,6 +56,9 @@ pub(crate) struct Column {
     max: f64,
     last: f64,
     repeated: usize,
+    /// Samples before the first value, and up to the last.
+    silent: usize,
+    until: usize,
     /// Jumps by about 2 pi and by about 360.
     wraps: [usize; 2],
 }
@@ -79,6 +82,10 @@ impl Column {
         if value.is_nan() {
             return;
         }
+        if self.count == 0 {
+            self.silent = self.samples - 1;
+        }
+        self.until = self.samples;
         self.count += 1;
         self.min = self.min.min(value);
         self.max = self.max.max(value);
@@ -88,6 +95,12 @@ impl Column {
             *wraps += usize::from(jump > 0.75 * turn && jump < 1.01 * turn);
         }
         self.last = value;
+    }
+
+    /// Shares of the samples before the first value and behind the last.
+    pub(crate) fn silence(&self) -> [f64; 2] {
+        let share = |count: usize| count as f64 / self.samples.max(1) as f64;
+        [share(self.silent), share(self.samples - self.until)]
     }
 
     /// A run ends: the next sample does not follow the last.

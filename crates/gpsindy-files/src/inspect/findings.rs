@@ -19,6 +19,9 @@ const COARSE: f64 = 0.5;
 /// Share of repeated samples from which a column is called held.
 const HELD: f64 = 0.2;
 
+/// Share of the samples for which a column may be silent at one end: a fourth is what a diagnosis holds out to verify on.
+const SILENT: f64 = 0.25;
+
 /// Something that spoils an identification.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
@@ -63,6 +66,16 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
         if report.count == 0 {
             told.column(name, "missing", "holds no value".into());
             continue;
+        }
+        let [before, behind] = column.silence();
+        for (share, which, how) in [(before, "first", "begins"), (behind, "last", "ends")] {
+            if share >= SILENT {
+                let text = format!(
+                    "{how} within the log: the {which} {:.1} % of the samples hold no value; a control keeps its nearest one there, a state is unknown",
+                    100.0 * share
+                );
+                told.column(name, "missing", text);
+            }
         }
         if report.constant {
             let value = report.min.unwrap_or(f64::NAN);

@@ -189,3 +189,23 @@ fn topics_of_ulog_are_listed_with_their_instances() {
     assert_eq!(names, [("motor", 50), ("rate", 100), ("rate:1", 100)]);
     assert!(found.topics[1].columns.iter().any(|c| c.name == "xyz[2]" && c.kind == "float"));
 }
+
+#[test]
+fn a_column_that_ends_or_begins_within_the_log_is_told() {
+    let early = |i: usize| if i < 5 { smooth(i) } else { f64::NAN };
+    let late = |i: usize| if i < 300 { f64::NAN } else { smooth(i) };
+    let rare = |i: usize| if i % 10 == 0 { smooth(i) } else { f64::NAN };
+    let found = table("ends.csv", even, &[("u", &early), ("w", &late), ("x", &rare)]);
+    let told: Vec<(&str, &str)> = found
+        .findings
+        .iter()
+        .filter(|f| f.kind == "missing")
+        .map(|f| (f.column.as_deref().unwrap(), f.text.as_str()))
+        .collect();
+    assert_eq!(told.len(), 2, "{told:?}");
+    assert!(
+        told[0].0 == "u" && told[0].1.starts_with("ends within the log: the last 98.8 % of the samples hold no value"),
+        "{told:?}"
+    );
+    assert!(told[1].0 == "w" && told[1].1.starts_with("begins within the log: the first 75.0 %"), "{told:?}");
+}

@@ -142,7 +142,10 @@ impl Part<'_> {
                 Found::Record(opcode, count) => {
                     self.record(opcode, file.cut(count), report)?;
                     if opcode == op::FOOTER {
-                        return Ok(());
+                        // The mark is there once more, behind everything.
+                        records::load(file, mcap::MAGIC.len())?;
+                        let is_whole = file.cut(mcap::MAGIC.len()) == mcap::MAGIC;
+                        return if is_whole { Ok(()) } else { Err(McapError::UnexpectedEof.into()) };
                     }
                 }
                 Found::Other(op::CHUNK, count) => {

@@ -378,3 +378,36 @@ fn a_header_that_nobody_filled_in_is_not_a_clock() {
     assert_eq!(found.data.runs()[0].time, [0.0, 0.01, 0.02]);
     assert!(found.notes[0].contains("never changes"), "{:?}", found.notes);
 }
+
+#[test]
+fn a_log_without_its_last_bytes_is_told() {
+    let whole = robot(Some(Compression::Lz4));
+    for lost in 0..=40 {
+        let logs = Logs::parse("cut.mcap", &whole[..whole.len() - lost], &options(&MAP[..1])).unwrap();
+        let task = Task { needed: vec!["q".into()], ..Task::default() };
+        let found = logs.assemble(&task, &Silent).unwrap();
+        assert_eq!(found.data.runs()[0].n_samples(), 200, "{lost}");
+        assert_eq!(
+            found.notes.iter().any(|note| note.contains("breaks off") || note.contains("never closed")),
+            lost > 0,
+            "{lost}"
+        );
+    }
+}
+
+#[test]
+fn fields_that_the_first_message_leaves_empty_are_listed() {
+    let mut bag = Bag::new(None);
+    let joints = bag.json("/joints");
+    for i in 0..10_i64 {
+        let text = if i == 0 {
+            r#"{"position":[],"on":true}"#.to_string()
+        } else {
+            format!(r#"{{"position":[{i}.5],"on":true}}"#)
+        };
+        bag.write(joints, 100 + i, text.as_bytes());
+    }
+    let read = Logs::parse("a.mcap", &bag.done(), &options(&[("q", "/joints.positon[0]")]));
+    let error = read.and_then(|logs| logs.dataset(&["q"], &[])).unwrap_err().to_string();
+    assert!(error.contains("did you mean `position[0]`") && error.contains("found: on, position[0]"), "{error}");
+}

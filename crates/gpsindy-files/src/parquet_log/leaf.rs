@@ -7,10 +7,13 @@ use crate::input::Input;
 use bytes::Bytes;
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::{ByteArray, DataType};
+use parquet::data_type::{ByteArray, DataType, FixedLenByteArray};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
+
+/// What [`Leaf::told`] says of text.
+pub(crate) const TEXT: &str = "text";
 
 /// Records that are decoded at a time.
 const BATCH: usize = 8_192;
@@ -31,8 +34,10 @@ pub(crate) struct Leaf {
     pub(crate) number: bool,
     pub(crate) listed: bool,
     unsigned: bool,
-    /// Of a stamp: how many make a second.
-    pub(crate) per_second: Option<f64>,
+    /// Whether its values are whole numbers.
+    pub(crate) whole: bool,
+    /// Of a stamp, a time of the day or a date: the factor and the divisor that make seconds of its values.
+    pub(crate) seconds: Option<(f64, f64)>,
 }
 
 /// Numbers row by row; a row of a list has several.
@@ -164,6 +169,12 @@ impl Table {
                 }
                 ColumnReader::ByteArrayColumnReader(r) => {
                     read(r, shape, take, &mut |v: &ByteArray, _| Value::Text(if v.is_empty() { &[] } else { v.data() }))
+                }
+                ColumnReader::FixedLenByteArrayColumnReader(r) if leaf.number => {
+                    read(r, shape, take, &mut |v: &FixedLenByteArray, first| Value::Number {
+                        value: half(v.data()),
+                        first,
+                    })
                 }
                 _ => Err(ParquetError::General(format!("column {} is no number", leaf.name))),
             }?;
@@ -299,14 +310,20 @@ impl Leaf {
         let kind = column.physical_type();
         let logical = column.logical_type_ref();
         let converted = column.converted_type();
-        let per_second = match (&logical, converted) {
-            (Some(LogicalType::Timestamp(stamp)), _) => Some(match stamp.unit {
-                TimeUnit::MILLIS => 1e3,
-                TimeUnit::MICROS => 1e6,
-                TimeUnit::NANOS => 1e9,
-            }),
-            (None, ConvertedType::TIMESTAMP_MILLIS) => Some(1e3),
-            (None, ConvertedType::TIMESTAMP_MICROS) => Some(1e6),
+        let ticks = |unit: TimeUnit| match unit {
+            TimeUnit::MILLIS => 1e3,
+            TimeUnit::MICROS => 1e6,
+            TimeUnit::NANOS => 1e9,
+        };
+        // What a value is, and its seconds.
+        let calendar = match (&logical, converted) {
+            (Some(LogicalType::Timestamp(stamp)), _) => Some(("timestamp", (1.0, ticks(stamp.unit)))),
+            (Some(LogicalType::Time(time)), _) => Some(("time of day", (1.0, ticks(time.unit)))),
+            (Some(LogicalType::Date), _) | (None, ConvertedType::DATE) => Some(("date", (86_400.0, 1.0))),
+            (None, ConvertedType::TIMESTAMP_MILLIS) => Some(("timestamp", (1.0, 1e3))),
+            (None, ConvertedType::TIMESTAMP_MICROS) => Some(("timestamp", (1.0, 1e6))),
+            (None, ConvertedType::TIME_MILLIS) => Some(("time of day", (1.0, 1e3))),
+            (None, ConvertedType::TIME_MICROS) => Some(("time of day", (1.0, 1e6))),
             _ => None,
         };
         let unsigned = matches!(&logical, Some(LogicalType::Integer(kind)) if !kind.is_signed)
@@ -315,14 +332,13 @@ impl Leaf {
                 ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64
             );
         let decimal = matches!(&logical, Some(LogicalType::Decimal(_))) || converted == ConvertedType::DECIMAL;
-        let number = !decimal
-            && matches!(
-                kind,
-                Physical::BOOLEAN | Physical::INT32 | Physical::INT64 | Physical::FLOAT | Physical::DOUBLE
-            );
+        let whole = !decimal && matches!(kind, Physical::BOOLEAN | Physical::INT32 | Physical::INT64);
+        let is_half = matches!(&logical, Some(LogicalType::Float16)) && column.type_length() == 2;
+        let number = !decimal && (whole || is_half || matches!(kind, Physical::FLOAT | Physical::DOUBLE));
         let told = match kind {
             _ if decimal => "decimals",
-            _ if per_second.is_some() => "timestamp",
+            _ if is_half => "float16",
+            _ if calendar.is_some() => calendar.map_or("", |(told, _)| told),
             Physical::BOOLEAN => "bool",
             Physical::INT32 => {
                 if unsigned {
@@ -341,11 +357,17 @@ impl Leaf {
             Physical::INT96 => "int96",
             Physical::FLOAT => "float32",
             Physical::DOUBLE => "float64",
-            Physical::BYTE_ARRAY => "text",
+            Physical::BYTE_ARRAY => TEXT,
             Physical::FIXED_LEN_BYTE_ARRAY => "bytes",
         };
-        Some(Self { index, name: parts.join("."), told: told.into(), number, listed, unsigned, per_second })
+        let (name, told, seconds) = (parts.join("."), told.into(), calendar.map(|(_, seconds)| seconds));
+        Some(Self { index, name, told, number, listed, unsigned, whole, seconds })
     }
+}
+
+/// A number of half precision, low byte first.
+fn half(bytes: &[u8]) -> f64 {
+    bytes.try_into().map_or(f64::NAN, |bytes| half::f16::from_le_bytes(bytes).to_f64())
 }
 
 fn broken(file: &str, error: &ParquetError) -> Error {

@@ -51,6 +51,7 @@ pub(crate) fn open(folder: &Path, options: &LogOptions) -> Result<ParquetLog> {
     let rate = info.get("fps").and_then(Value::as_f64).filter(|fps| *fps > 0.0);
     Ok(match rate {
         Some(rate) if options.time.as_deref() == Some("timestamp") => log.with_frames(rate, "frame_index"),
+        None if options.time.as_deref() == Some("timestamp") => log.without_rate(),
         _ => log,
     })
 }

@@ -4,7 +4,8 @@ use super::*;
 use crate::logs::{Logs, Task};
 use gpsindy_core::Silent;
 use parquet::basic::Compression;
-use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int64Type};
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FixedLenByteArray, FixedLenByteArrayType, FloatType};
+use parquet::data_type::{Int32Type, Int64Type};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
@@ -19,6 +20,8 @@ pub(crate) enum Cells {
     Singles(Vec<f32>, usize),
     Single(Vec<f32>),
     Integer(Vec<i64>),
+    Short(Vec<i32>),
+    Half(Vec<f32>),
     Text(Vec<&'static str>),
 }
 
@@ -44,6 +47,14 @@ pub(crate) fn written(schema: &str, columns: &[Cells], groups: usize) -> Vec<u8>
                 }
                 Cells::Integer(v) => {
                     column.typed::<Int64Type>().write_batch(part(v, group, groups), None, None).unwrap();
+                }
+                Cells::Short(v) => {
+                    column.typed::<Int32Type>().write_batch(part(v, group, groups), None, None).unwrap();
+                }
+                Cells::Half(v) => {
+                    let half = |v: &f32| ByteArray::from(half::f16::from_f32(*v).to_le_bytes().to_vec()).into();
+                    let halves: Vec<FixedLenByteArray> = part(v, group, groups).iter().map(half).collect();
+                    column.typed::<FixedLenByteArrayType>().write_batch(&halves, None, None).unwrap();
                 }
                 Cells::Text(v) => {
                     let texts: Vec<ByteArray> = part(v, group, groups).iter().map(|t| ByteArray::from(*t)).collect();
@@ -244,5 +255,95 @@ fn stamps_that_disagree_with_the_frames_are_left_and_told() {
     let found = logs.assemble(&task, &Silent).unwrap();
     assert_eq!(found.data.runs()[0].time[1], f64::from(1.0_f32 / 29.0));
     assert!(found.notes[0].contains("do not agree"), "{:?}", found.notes);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// Times and notes of a table with a time column of this kind.
+fn timed(time: &str, stamps: Cells, name: &str) -> crate::Result<(Vec<f64>, Vec<String>)> {
+    let schema = format!("message schema {{ REQUIRED {time}; REQUIRED DOUBLE x; }}");
+    let bytes = written(&schema, &[stamps, Cells::Double(vec![1.0, 2.0, 3.0])], 1);
+    let options = LogOptions { time: Some(name.into()), ..LogOptions::default() };
+    let logs = Logs::parse("a.parquet", &bytes, &options)?;
+    let task = Task { needed: vec!["x".into()], ..Task::default() };
+    let read = logs.assemble(&task, &Silent)?;
+    Ok((read.data.runs()[0].time.clone(), read.notes))
+}
+
+#[test]
+fn times_of_the_day_and_dates_are_seconds() {
+    for (time, stamps, seconds) in [
+        (
+            "INT32 t (TIME(MILLIS,false))",
+            Cells::Short(vec![43_200_000, 43_200_010, 43_200_020]),
+            [43_200.0, 43_200.01, 43_200.02],
+        ),
+        ("INT64 t (TIME(MICROS,false))", Cells::Integer(vec![0, 10_000, 20_000]), [0.0, 0.01, 0.02]),
+        ("INT64 t (TIME(NANOS,false))", Cells::Integer(vec![0, 10_000_000, 20_000_000]), [0.0, 0.01, 0.02]),
+        ("INT32 t (TIME_MILLIS)", Cells::Short(vec![0, 10, 20]), [0.0, 0.01, 0.02]),
+        ("INT32 t (DATE)", Cells::Short(vec![20_000, 20_001, 20_003]), [0.0, 86_400.0, 259_200.0]),
+    ] {
+        assert_eq!(timed(time, stamps, "t").unwrap(), (seconds.to_vec(), vec![]), "{time}");
+    }
+}
+
+#[test]
+fn dates_in_words_are_times() {
+    let dates = Cells::Text(vec!["2024-02-28T23:59:59.5", "2024-02-29T00:00:00", "2024-02-29T00:00:00.25"]);
+    let (times, notes) = timed("BYTE_ARRAY t (UTF8)", dates, "t").unwrap();
+    assert_eq!(times, [0.0, 0.5, 0.75]);
+    assert_eq!(notes, ["a.parquet: times are counted from the first stamp, 2024-02-28T23:59:59.5"]);
+    for (texts, told) in [
+        (
+            vec!["soon", "now", "later"],
+            "row 1, column `t`: not a time: \"soon\"; write it as 2024-05-01T12:00:00 or as a number of seconds",
+        ),
+        (
+            vec!["2024-02-28T23:59:59", "later", ""],
+            "row 2, column `t`: not a time: \"later\"; write it as in the first row",
+        ),
+    ] {
+        let error = timed("BYTE_ARRAY t (UTF8)", Cells::Text(texts), "t").unwrap_err();
+        assert_eq!(error.to_string(), format!("a.parquet: {told}"));
+    }
+}
+
+#[test]
+fn whole_numbers_since_1970_are_told_by_their_size() {
+    let begin = 1_763_000_000_123_456_789;
+    for (stamps, word) in [
+        (Cells::Integer(vec![begin, begin + 10_000_000, begin + 20_000_000]), "nanoseconds"),
+        (Cells::Integer(vec![begin / 1000, begin / 1000 + 10_000, begin / 1000 + 20_000]), "microseconds"),
+    ] {
+        let (times, notes) = timed("INT64 t", stamps, "t").unwrap();
+        assert_eq!(times, [0.0, 0.01, 0.02]);
+        assert!(notes[0].contains(&format!("the stamps of `t` are taken for {word} since 1970")), "{notes:?}");
+    }
+    let (times, notes) = timed("INT64 t", Cells::Integer(vec![0, 10_000_000, 20_000_000]), "t").unwrap();
+    assert_eq!(times, [0.0, 1e7, 2e7]);
+    assert!(notes[0].contains("were taken for seconds; if they count milli-, micro- or nanoseconds"), "{notes:?}");
+}
+
+#[test]
+fn numbers_of_half_precision_are_numbers() {
+    let schema = "message schema { REQUIRED DOUBLE t; REQUIRED FIXED_LEN_BYTE_ARRAY(2) x (FLOAT16); }";
+    let columns = [Cells::Double(vec![0.0, 0.1, 0.2]), Cells::Half(vec![1.5, -0.25, 65_504.0])];
+    let logs = Logs::parse("a.parquet", &written(schema, &columns, 1), &LogOptions::default()).unwrap();
+    assert_eq!(logs.numeric_columns(), ["x"]);
+    assert_eq!(logs.dataset(&["x"], &[]).unwrap().runs()[0].column(0), [1.5, -0.25, 65_504.0]);
+}
+
+#[test]
+fn a_data_set_without_a_rate_says_that_its_stamps_stay_single() {
+    let folder = lerobot(|frame| frame as f32 / 30.0);
+    let info = std::fs::read_to_string(folder.join("meta/info.json")).unwrap();
+    std::fs::write(folder.join("meta/info.json"), info.replace("\"fps\":30", "\"fps\":0")).unwrap();
+    let logs = Logs::read(&[&folder], &LogOptions::default()).unwrap();
+    let found = logs.assemble(&Task { needed: vec!["action_elbow_pos".into()], ..Task::default() }, &Silent).unwrap();
+    assert_eq!(found.data.runs()[0].time[1], f64::from(1.0_f32 / 30.0));
+    assert!(
+        found.notes[0].contains("meta/info.json tells no `fps` above 0; the stamps were taken as they stand, float32"),
+        "{:?}",
+        found.notes
+    );
     std::fs::remove_dir_all(folder).unwrap();
 }
