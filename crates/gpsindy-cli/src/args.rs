@@ -20,8 +20,7 @@ use std::path::PathBuf;
     version,
     max_term_width = 110,
     before_help = "Example: gpsindy demo\n         gpsindy identify run_1.csv run_2.csv --control u --out model.toml",
-    after_help = "`gpsindy COMMAND --help` describes a command in full. Exit status: 0 success, 1 the computation failed, 2 bad input or usage, 3 the \
-                  verdict that --fail-if names."
+    after_help = "`gpsindy COMMAND --help` describes a command in full. Exit status: 0 success, 1 the computation failed, 2 bad input or usage, 3 a verdict that --fail-if names, 4 some units of a fleet failed."
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -42,9 +41,17 @@ pub(crate) struct Global {
     /// Number of threads; the result does not depend on it [default: one per core]
     #[arg(long, global = true, value_name = "N", help_heading = "Global options", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Seed of the random number generator
-    #[arg(long, global = true, value_name = "N", default_value_t = 0, help_heading = "Global options")]
-    pub(crate) seed: u64,
+    /// Seed of the random number generator [default: 0]
+    #[arg(long, global = true, value_name = "N", help_heading = "Global options")]
+    pub(crate) seed: Option<u64>,
+}
+
+impl Global {
+    /// The first option that says how a result is computed or printed, where one was given.
+    pub(crate) fn of_results(&self) -> Option<&'static str> {
+        let given = [("--json", self.json), ("--threads", self.threads.is_some()), ("--seed", self.seed.is_some())];
+        given.iter().find(|(_, given)| *given).map(|(option, _)| *option)
+    }
 }
 
 /// The commands.

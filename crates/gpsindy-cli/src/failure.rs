@@ -1,5 +1,7 @@
-//! Why a command stopped, by exit status: 1 the computation failed, 2 bad input or usage, 3 a verdict named by `--fail-if`.
+//! Why a command stopped, by exit status: 1 the computation failed, 2 bad input or usage, 3 a verdict named by `--fail-if`, 4 only some units
+//! of a fleet have a diagnosis.
 
+use gpsindy_files::shortened;
 use std::fmt;
 
 /// Why a command stopped; displays as one line.
@@ -11,6 +13,10 @@ pub(crate) enum Failure {
     Work(String),
     /// The work is done, and its verdict is one that the user asked to fail: status 3.
     Verdict(String),
+    /// The work is done except for some of its parts: status 4.
+    Partly(String),
+    /// Another program failed and said why: silent, its status.
+    Told(u8),
     /// Nobody reads the output any more: silent, status 0.
     ClosedPipe,
 }
@@ -28,7 +34,7 @@ impl Failure {
         match self {
             Self::Input(message) => Self::Input(message + remedy),
             Self::Work(message) => Self::Work(message + remedy),
-            Self::Verdict(_) | Self::ClosedPipe => self,
+            Self::Verdict(_) | Self::Partly(_) | Self::Told(_) | Self::ClosedPipe => self,
         }
     }
 
@@ -37,6 +43,8 @@ impl Failure {
             Self::Input(_) => 2,
             Self::Work(_) => 1,
             Self::Verdict(_) => 3,
+            Self::Partly(_) => 4,
+            Self::Told(status) => *status,
             Self::ClosedPipe => 0,
         }
     }
@@ -45,11 +53,13 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(message) | Self::Work(message) | Self::Verdict(message) => {
-                // What a file holds may stand in a message, and must not command the terminal.
+            Self::Input(message) | Self::Work(message) | Self::Verdict(message) | Self::Partly(message) => {
+                // What a file holds may stand in a message, and must not command the terminal or fill it.
                 let words: Vec<_> = message.split(|c: char| c.is_whitespace() || c.is_control()).collect();
-                write!(f, "{}", words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" "))
+                let line = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
+                write!(f, "{}", shortened(line))
             }
+            Self::Told(status) => write!(f, "a program ended with status {status}"),
             Self::ClosedPipe => write!(f, "the output was closed"),
         }
     }

@@ -20,7 +20,7 @@ use screen::Screen;
 use std::ffi::OsString;
 
 /// Runs one command line, the program's name first, and gives its exit status: 0 done, 1 the work failed, 2 bad input or
-/// usage, 3 a verdict that was asked to fail.
+/// usage, 3 a verdict that was asked to fail, 4 some units of a fleet failed.
 ///
 /// Prints results to stdout and the rest to stderr, listens to Ctrl-C, and sets the number of threads of the whole process where
 /// the line says one. `engines` opens simulators that are no equations; [`NoEngines`] has none.
@@ -36,13 +36,15 @@ pub fn run(line: impl IntoIterator<Item = OsString>, engines: &dyn Engines) -> u
         Err(error) => return refuse(&error),
     };
     let screen = Screen::new(&arguments.global);
-    let session = Session { screen, engines, line: &line, seed: arguments.global.seed };
+    let session = Session { screen, engines, line: &line, seed: arguments.global.seed.unwrap_or(0) };
+    stop::outlive_size_limits();
     if !commands::ends_by_itself(&arguments.command) {
         stop::listen(screen);
     }
     match commands::run(&arguments, &session) {
         // Whoever read the output has seen enough.
         Ok(()) | Err(Failure::ClosedPipe) => 0,
+        Err(Failure::Told(status)) => status,
         Err(failure) => {
             screen.error(&failure.to_string());
             failure.status()

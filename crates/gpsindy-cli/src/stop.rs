@@ -1,31 +1,59 @@
-//! Ctrl-C: the program ends at once, says so, and leaves no file half-written.
+//! Ctrl-C and other requests to end: the program ends at once, says so, and leaves no file half-written.
 
 use crate::screen::Screen;
-use signal_hook::consts::SIGINT;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 /// How often the listener looks; nobody notices a delay that short.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Listens to Ctrl-C until the process ends. Work that is under way is not asked to stop: it may be within a long step.
+/// The signals that ask for an end, and who sends them.
+const REQUESTS: [(i32, &str); 2] = [(SIGINT, "Ctrl-C"), (SIGTERM, "the system or another program (SIGTERM)")];
+
+/// Listens to Ctrl-C and SIGTERM until the process ends. Work that is under way is not asked to stop: it may be within a long step.
 ///
-/// Where the system lets nobody listen, Ctrl-C ends the process as it always does, without a word.
+/// Where the system lets nobody listen, they end the process as they always do, without a word.
 pub(crate) fn listen(screen: Screen) {
-    let pressed = Arc::new(AtomicBool::new(false));
-    if signal_hook::flag::register(SIGINT, Arc::clone(&pressed)).is_err() {
-        return;
+    // Position of the request and 1; 0 before there is one.
+    let pressed = Arc::new(AtomicUsize::new(0));
+    for (k, (signal, _)) in REQUESTS.iter().enumerate() {
+        if signal_hook::flag::register_usize(*signal, Arc::clone(&pressed), k + 1).is_err() {
+            return;
+        }
     }
     std::thread::spawn(move || {
-        while !pressed.load(Ordering::Relaxed) {
-            std::thread::sleep(LOOK);
-        }
+        let (signal, who) = loop {
+            match pressed.load(Ordering::Relaxed).checked_sub(1) {
+                Some(k) => break REQUESTS[k],
+                None => std::thread::sleep(LOOK),
+            }
+        };
         gpsindy_files::finish_writing();
-        screen.interrupted("stopped by Ctrl-C; no file was left half-written");
+        screen.interrupted(&format!("stopped by {who}; no file was left half-written"));
         // The shell sees that a signal ended the program.
-        if signal_hook::low_level::emulate_default_handler(SIGINT).is_err() {
-            std::process::exit(130);
+        if signal_hook::low_level::emulate_default_handler(signal).is_err() {
+            std::process::exit(128 + signal);
         }
     });
+}
+
+/// A request to end that a command sees to itself: what follows a growing log.
+///
+/// # Errors
+/// The system lets nobody listen.
+pub(crate) fn requested() -> std::io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for (signal, _) in REQUESTS {
+        signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}
+
+/// Lets a file beyond the size that the process may write be an error of that file, which names it; by default it ends the process.
+pub(crate) fn outlive_size_limits() {
+    #[cfg(unix)]
+    // Without a handler the limit ends the process as it always does.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }

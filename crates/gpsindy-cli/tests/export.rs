@@ -54,3 +54,24 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     }
     assert_eq!(folder.names(), ["hidden.toml", "m.toml"]);
 }
+
+#[test]
+fn a_sum_of_20000_terms_is_one_line_and_no_overflow() {
+    let folder = Folder::new();
+    let model = |terms: usize| {
+        let sum = vec!["v"; terms].join(" + ");
+        format!(
+            "schema = \"gpsindy.model/1\"\nname = \"m\"\n[[state]]\nname = \"v\"\nequation = \"{sum}\"\n[initial]\nv = 1.0\n"
+        )
+    };
+    folder.write("long.toml", &model(20_000)).write("longest.toml", &model(1000));
+    for arguments in ["export long.toml --to sympy", "simulate long.toml --duration 0.1"] {
+        let ran = folder.run(arguments);
+        let told = ran.refused();
+        assert!(told.contains("more than 1000 operations on each other") && told.len() < 600, "{told}");
+    }
+    for language in ["latex", "sympy", "python", "c", "rust", "julia", "modelica"] {
+        folder.run(&format!("export longest.toml --to {language}")).done();
+    }
+    folder.run("simulate longest.toml --duration 0.001").done();
+}

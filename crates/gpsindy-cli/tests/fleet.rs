@@ -27,11 +27,15 @@ const SUSPECTS: &str = "--effects quadratic_drag,bias --quiet";
 #[test]
 fn the_unit_that_drags_more_is_told_and_a_second_run_does_nothing_again() {
     let folder = fleet();
-    let ran = folder.run(&format!("fleet fleet.toml --out fleet {SUSPECTS}")).done();
+    let ran = folder.run(&format!("fleet fleet.toml --out fleet {SUSPECTS}")).ended(4);
     assert!(
         ran.stdout.contains("8 reports, 1 failed") && ran.stdout.contains("s7: quadratic_drag c"),
         "{}",
         ran.stdout
+    );
+    assert!(
+        ran.stderr.ends_with("error: 1 of 9 tasks without a diagnosis; the reasons stand above and in fleet.json\n"),
+        "{ran:?}"
     );
     let json = folder.read("fleet/fleet.json");
     let report: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -49,7 +53,7 @@ fn the_unit_that_drags_more_is_told_and_a_second_run_does_nothing_again() {
     assert_eq!(first, folder.read("one/report.json"));
     // What is there is not made again; what is gone is, with the same bytes.
     folder.write(&format!("fleet/tasks/{key}/report.html"), "kept");
-    let again = folder.run(&format!("fleet fleet.toml --out fleet {SUSPECTS} --json")).done();
+    let again = folder.run(&format!("fleet fleet.toml --out fleet {SUSPECTS} --json")).ended(4);
     assert_eq!(folder.read(&format!("fleet/tasks/{key}/report.html")), "kept");
     assert_eq!(serde_json::from_str::<serde_json::Value>(&again.stdout).unwrap(), report);
 }
@@ -57,11 +61,11 @@ fn the_unit_that_drags_more_is_told_and_a_second_run_does_nothing_again() {
 #[test]
 fn parts_of_a_fleet_are_done_apart_and_the_last_one_compares() {
     let folder = fleet();
-    let first = folder.run("fleet fleet.toml --out fleet --shard 1/2 --effects quadratic_drag,bias").done();
+    let first = folder.run("fleet fleet.toml --out fleet --shard 1/2 --effects quadratic_drag,bias").ended(4);
     assert!(first.stdout.is_empty() && first.stderr.contains("of other parts are missing"), "{first:?}");
-    let second = folder.run(&format!("fleet fleet.toml --out fleet --shard 2/2 {SUSPECTS}")).done();
+    let second = folder.run(&format!("fleet fleet.toml --out fleet --shard 2/2 {SUSPECTS}")).ended(4);
     assert!(second.stdout.contains("8 reports"), "{second:?}");
-    let whole = folder.run(&format!("fleet fleet.toml --out whole {SUSPECTS}")).done();
+    let whole = folder.run(&format!("fleet fleet.toml --out whole {SUSPECTS}")).ended(4);
     assert!(whole.stdout.contains("8 reports"));
     // A part does not see the other part's failures: they are told where they happen.
     let odd = |folder_name: &str| {

@@ -110,3 +110,18 @@ fn the_car_is_scored_where_its_logs_are_at_hand() {
     let ran = Folder::new().run(&format!("score {model} --data {log} --angle heading --window 1")).done();
     assert!(ran.stdout.contains("heading"), "{}", ran.stdout);
 }
+
+#[test]
+fn a_model_that_predicts_no_number_is_a_failure() {
+    let folder = Folder::new();
+    folder
+        .write("m.toml", "schema = \"gpsindy.model/1\"\nname = \"m\"\n[[state]]\nname = \"v\"\nequation = \"-v/m\"\n[[parameter]]\nname = \"m\"\nvalue = 0.0\n")
+        .write("log.csv", &format!("t,v\n{}", (0..50).map(|i| format!("{},{}\n", 0.1 * f64::from(i), (-0.1 * f64::from(i)).exp())).collect::<String>()));
+    for option in ["", " --json", " --out s.csv"] {
+        let ran = folder.run(&format!("score m.toml --data log.csv{option}")).ended(1);
+        assert_eq!(
+            ran.stderr,
+            "error: m.toml: no prediction of the model is a number, not one step ahead; check its parameters (a division by 0?) and its initial values\n"
+        );
+    }
+}

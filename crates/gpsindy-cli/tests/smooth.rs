@@ -118,3 +118,38 @@ fn rates_are_per_the_log_s_own_unit_of_time() {
     let header = "t [years],hare [kpelts],hare_std [kpelts],hare_dot [kpelts/years],hare_dot_std [kpelts/years],";
     assert!(ran.stdout.starts_with(header) && ran.stdout.contains("v_dot [m/(s*years)]"), "{}", ran.stdout);
 }
+
+#[test]
+fn what_a_file_holds_does_not_fill_the_screen() {
+    let folder = Folder::new();
+    for (text, expected) in [
+        ("x".repeat(5_000_000), "log.csv:1: no column `t` or `time`"),
+        (format!("t,{0},{0}\n0,1,2\n", "x".repeat(5_000_000)), "log.csv:1: column `xxx"),
+        (format!("t,x\n0,{}\n1,2\n", "x".repeat(5_000_000)), "the logs have no numeric column"),
+        ((0..100_000).map(|i| format!("c{i},")).collect::<String>() + "d", "log.csv:1: no column `t` or `time`"),
+    ] {
+        let ran = folder.write("log.csv", &text).run("smooth log.csv --quiet");
+        assert!(ran.refused().starts_with(expected), "{:.200}", ran.stderr);
+        assert!(ran.stderr.len() < 3_000, "{} bytes", ran.stderr.len());
+    }
+}
+
+/// Twice the columns take about twice the time; where each is looked for among all, it is four times.
+#[test]
+fn the_time_for_a_log_grows_with_its_columns_and_not_with_their_square() {
+    let folder = Folder::new();
+    let seconds = |columns: usize| {
+        let row = |cell: &dyn Fn(usize) -> String| (0..columns).map(|i| format!(",{}", cell(i))).collect::<String>();
+        let rows: String = (0..3).map(|t| format!("{t}{}\n", row(&|i| format!("{}", i + t)))).collect();
+        folder.write("log.csv", &format!("t{}\n{rows}", row(&|i| format!("c{i}"))));
+        let best = |_| {
+            let begun = std::time::Instant::now();
+            folder.run("inspect log.csv --json --quiet").done();
+            begun.elapsed().as_secs_f64()
+        };
+        (0..3).map(best).fold(f64::INFINITY, f64::min)
+    };
+    let (small, large) = (seconds(10_000), seconds(40_000));
+    // Four times the columns; 16 times would be the square.
+    assert!(large < 8.0 * small + 0.1, "{small} s and {large} s");
+}

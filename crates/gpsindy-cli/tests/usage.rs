@@ -16,6 +16,7 @@ const COMMANDS: &[&str] = &[
     "design",
     "exam",
     "effects",
+    "fleet",
     "demo",
     "completions",
     "man",
@@ -55,6 +56,83 @@ fn a_wrong_usage_is_one_line_and_status_2() {
         assert!(ran.refused().starts_with(expected), "{arguments}: {ran:?}");
         assert_eq!(ran.stderr.lines().count(), 1, "{arguments}: {ran:?}");
     }
+}
+
+#[test]
+fn every_exit_status_is_in_the_help() {
+    let top = Folder::new().run("--help").done().stdout;
+    let words = top.split_whitespace().collect::<Vec<_>>().join(" ");
+    let told = "Exit status: 0 success, 1 the computation failed, 2 bad input or usage, 3 a verdict that --fail-if names, 4 some units of a fleet failed.";
+    assert!(words.ends_with(told), "{top}");
+}
+
+#[test]
+fn options_of_results_are_refused_where_there_is_no_result() {
+    let folder = Folder::new();
+    for command in ["completions bash", "man", "mcp"] {
+        for option in ["--json", "--threads", "--seed"] {
+            let value = if option == "--json" { "" } else { "1" };
+            let ran = folder.run(&format!("{command} {option} {value}"));
+            assert_eq!(
+                ran.refused(),
+                format!("{option}: the command computes nothing; remove the option"),
+                "{command}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_help_of_diagnose_names_every_file_that_it_may_write() {
+    let help = Folder::new().run("diagnose --help").done().stdout;
+    for name in [
+        "report.json",
+        "report.html",
+        "augmented.toml",
+        "augmented.xml",
+        "augmented.ssv",
+        "randomization.py",
+        "open.json",
+    ] {
+        assert!(help.contains(name), "{name} is not in the help:\n{help}");
+    }
+}
+
+/// A folder with a program `gpsindy-mcp` that says what it was handed and ends with a status.
+#[cfg(unix)]
+fn with_server(folder: &Folder, name: &str, status: i32) -> std::path::PathBuf {
+    use std::os::unix::fs::PermissionsExt;
+    let place = folder.path().join(name);
+    std::fs::create_dir(&place).unwrap();
+    let server = place.join("gpsindy-mcp");
+    std::fs::write(&server, format!("#!/bin/sh\necho \"{name} $*\" >&2\nexit {status}\n")).unwrap();
+    std::fs::set_permissions(&server, PermissionsExt::from_mode(0o755)).unwrap();
+    place
+}
+
+/// As the command of a Python package is started: under the name of a script beside which the server stands, by another program.
+#[cfg(unix)]
+#[test]
+fn the_server_is_looked_for_beside_the_program_and_then_on_the_path() {
+    use std::os::unix::process::CommandExt;
+    let folder = Folder::new();
+    let (beside, path) = (with_server(&folder, "beside", 2), with_server(&folder, "path", 0));
+    let run = |name: std::path::PathBuf| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gpsindy"));
+        command.arg0(name).args(["mcp", "logs"]).env("PATH", format!("{}:/usr/bin:/bin", path.display()));
+        let output = command.output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    // Its own words are the only ones, and its status is the command's.
+    assert_eq!(run(beside.join("gpsindy")), (Some(2), "beside logs\n".into()));
+    assert_eq!(run("gpsindy".into()), (Some(0), "path logs\n".into()));
+    let mut alone = Command::new(env!("CARGO_BIN_EXE_gpsindy"));
+    let output = alone.arg("mcp").env("PATH", folder.path()).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        told.starts_with("error: the program gpsindy-mcp was not found; install it") && told.lines().count() == 1,
+        "{told}"
+    );
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! `gpsindy design`: the control signal of the next experiment, as a file.
 
 use crate::args::{Output, pair, values};
-use crate::commands::{Session, check_folder_of, deliver};
+use crate::commands::{Session, check_out, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::{aligned, short};
@@ -60,8 +60,9 @@ pub(crate) struct Design {
 
 pub(crate) fn run(command: &Design, session: &Session<'_>) -> Outcome {
     let screen = &session.screen;
-    check_folder_of(command.output.out.as_deref())?;
-    let open = open(command)?;
+    let of_diagnosis = command.from.iter().map(|from| from.join(OPEN)).collect::<Vec<_>>();
+    check_out(command.output.out.as_deref(), command.from.iter().chain(&of_diagnosis))?;
+    let open = open(command, screen)?;
     let settings = Settings {
         limits: command.limit.clone(),
         rate_limits: command.rate_limit.clone(),
@@ -74,11 +75,17 @@ pub(crate) fn run(command: &Design, session: &Session<'_>) -> Outcome {
     let progress = screen.progress();
     let designed = settings.run(&open, None, &progress)?;
     drop(progress);
+    for pair in designed.pairs.iter().filter(|pair| pair.seconds.is_none()) {
+        screen.warn(&format!(
+            "{} and {} are not told apart with 95 % within the run; make it longer, widen --limit, or log another column",
+            pair.one, pair.other
+        ));
+    }
     deliver_signal(command, &designed, &open.candidates[0].model, screen)
 }
 
 /// What is to be distinguished.
-fn open(command: &Design) -> Outcome<Open> {
+fn open(command: &Design, screen: &Screen) -> Outcome<Open> {
     let open = match command.from.as_slice() {
         [folder] if folder.is_dir() => {
             if !command.noise.is_empty() {
@@ -96,6 +103,10 @@ fn open(command: &Design) -> Outcome<Open> {
     };
     let Some(names) = &command.separate else {
         if open.is_empty() {
+            let labels = open.candidates.iter().map(|c| c.label.as_str()).collect::<Vec<_>>().join(", ");
+            screen.note(&format!(
+                "the diagnosis leaves nothing open; the signal is for telling its nearest candidates apart once more: {labels} (choose with --separate)"
+            ));
             return Ok(open.separating_all());
         }
         return Ok(open);

@@ -17,7 +17,7 @@ use files::Augmented;
 use gpsindy_core::diagnose::report::Verdict;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Model};
-use gpsindy_files::{TopicOffset, read_effects, write_whole};
+use gpsindy_files::{TopicOffset, model_to_toml, read_effects};
 use gpsindy_report::Provenance;
 use provenance::{facts, provenance};
 use simulated::{SimulatorOptions, paired};
@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 ///
 /// Writes report.json, report.html (one page that opens offline) and the corrected simulator into --out, and a summary to stdout. The corrected
 /// simulator is augmented.toml with open.json (what `gpsindy design` reads) for equations, augmented.xml with randomization.py (ranges for
-/// training) for a MuJoCo model, and augmented.ssv (parameters) for an FMU. Held-out logs are used for validation only, never for a fit or a
+/// training) for a MuJoCo model, and augmented.ssv (parameters) for an FMU. All files are replaced together or not at all. Held-out logs are used for validation only, never for a fit or a
 /// selection. Without --holdout, the last quarter of the runs is held out; of a single run, its last quarter in time.
 #[derive(Debug, Args)]
 #[command(
@@ -64,6 +64,14 @@ pub(crate) struct Diagnose {
     columns: Columns,
     #[command(flatten)]
     simulator: SimulatorOptions,
+}
+
+impl Diagnose {
+    /// Every file that it reads.
+    fn inputs(&self) -> Vec<&PathBuf> {
+        let logs = self.logs.iter().chain(&self.holdout).chain(&self.simulator.simulated);
+        logs.chain([&self.model]).chain(&self.options.effects_file).chain(self.columns.files()).collect()
+    }
 }
 
 /// Verdicts that end the command with status 3.
@@ -149,8 +157,11 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
     if let Some(folder) = command.out.as_deref().filter(|folder| folder.exists() && !folder.is_dir()) {
         return Err(Failure::input(format!("--out: {} is a file; name a folder", folder.display())));
     }
-    if let Some(folder) = command.out.as_deref().filter(|_| !command.force) {
-        files::refuse_others(folder)?;
+    if let Some(folder) = &command.out {
+        files::refuse_inputs(folder, &command.inputs())?;
+        if !command.force {
+            files::refuse_others(folder)?;
+        }
     }
     let simulated = &command.simulator.simulated;
     let mut train: Vec<PathBuf> = command.logs.clone();
@@ -186,31 +197,21 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         drop(progress);
         diagnosed.count_time_in(model, &time_unit);
         diagnosed.diagnosis.notes.extend(offsets.iter().map(ToString::to_string));
-        if let Some(folder) = &command.out {
-            let files = nominal.beside(&diagnosed)?;
-            if !files.is_empty() {
-                files::make(folder)?;
-            }
-            for (name, text) in files {
-                write_whole(&folder.join(name), text.as_bytes())?;
-            }
-        }
+        let beside = command.out.as_ref().map_or(Ok(Vec::new()), |_| nominal.beside(&diagnosed))?;
         let folder = command.out.as_deref().unwrap_or(Path::new("."));
-        match nominal.corrected(&diagnosed.augmented, folder) {
-            None => deliver(command, diagnosed, Augmented::Equations, &provenance, screen),
-            Some(Ok(corrected)) => deliver(command, diagnosed, Augmented::File(corrected), &provenance, screen),
+        let augmented = match nominal.corrected(&diagnosed.augmented, folder) {
+            None => Augmented::Equations,
+            Some(Ok(corrected)) => Augmented::File(corrected),
             Some(Err(why)) => {
                 screen.warn(&format!("no corrected file of the simulator: {why}"));
-                deliver(command, diagnosed, Augmented::None, &provenance, screen)
+                Augmented::None
             }
-        }
+        };
+        deliver(command, diagnosed, augmented, beside, &provenance, screen)
     } else {
         let (diagnosed, model) = paired(command, settings, &train, session.seed, screen)?;
-        deliver(command, diagnosed, Augmented::Equations, &provenance, screen)?;
-        match &command.out {
-            Some(folder) => Ok(gpsindy_files::write_model(&folder.join("simulator.toml"), &model)?),
-            None => Ok(()),
-        }
+        let simulator = ("simulator.toml".to_string(), gpsindy_report::simulator(&model_to_toml(&model)?));
+        deliver(command, diagnosed, Augmented::Equations, vec![simulator], &provenance, screen)
     }
 }
 
@@ -219,6 +220,7 @@ fn deliver(
     command: &Diagnose,
     mut diagnosed: Diagnosed,
     augmented: Augmented,
+    beside: Vec<(String, String)>,
     provenance: &Provenance,
     screen: &Screen,
 ) -> Outcome {
@@ -227,8 +229,7 @@ fn deliver(
         screen.say(&timings::table(&diagnosed.diagnosis.work, &diagnosed.seconds));
     }
     if let Some(folder) = &command.out {
-        files::write_with(folder, &diagnosed, &augmented, provenance)?;
-        files::write_open(folder, &diagnosed, &augmented)?;
+        files::write_with(folder, &diagnosed, &augmented, beside, provenance)?;
     }
     if screen.json() {
         screen.out(&report_json(&diagnosed.diagnosis)?)?;

@@ -1,7 +1,7 @@
 //! `gpsindy export`: a model as source code or LaTeX.
 
 use crate::args::Output;
-use crate::commands::{check_folder_of, deliver};
+use crate::commands::{check_out, deliver};
 use crate::failure::Outcome;
 use crate::screen::Screen;
 use clap::Args;
@@ -28,7 +28,7 @@ pub(crate) struct Export {
 }
 
 pub(crate) fn run(command: &Export, screen: &Screen) -> Outcome {
-    check_folder_of(command.output.out.as_deref())?;
+    check_out(command.output.out.as_deref(), [&command.model])?;
     let model = read_model(&command.model)?;
     let source = Source { full_digits: command.full_digits }.write(&model, Language::parse(&command.to)?)?;
     if screen.json() {

@@ -4,6 +4,7 @@ use crate::args::Columns;
 use crate::commands::diagnose::Options;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
+use crate::text::count;
 use clap::{Args, Subcommand};
 use gpsindy_core::fleet::FleetReport;
 use gpsindy_fleet::{Attempt, Fleet as Run, Folder, Manifest, Shard, compare};
@@ -16,7 +17,7 @@ mod watch;
 ///
 /// The manifest (TOML or CSV) has one entry per unit and period: unit, logs, model and, optionally, holdout and since; other columns are
 /// covariates such as load and temperature. The reports go to DIR/tasks, the comparison to DIR/fleet.json and DIR/fleet.html. A second run
-/// computes only what is missing.
+/// computes only what is missing. Exit status 4: some units have no diagnosis, the comparison is of the others.
 #[derive(Debug, Args)]
 #[command(before_help = "Example: gpsindy fleet fleet.toml --out fleet")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -92,14 +93,20 @@ pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
             "{} tasks of other parts are missing; the last part to finish writes the comparison",
             done.missing()
         ));
-        return Ok(());
+    } else {
+        let report = compare(&manifest, &done.attempts, &store)?;
+        tell(&report, out, screen)?;
+        if report.units.is_empty() {
+            return Err(Failure::Work("no unit has a diagnosis".into()));
+        }
     }
-    let report = compare(&manifest, &done.attempts, &store)?;
-    tell(&report, out, screen)?;
-    if report.units.is_empty() {
-        return Err(Failure::Work("no unit has a diagnosis".into()));
+    match done.failed() {
+        0 => Ok(()),
+        failed => Err(Failure::Partly(format!(
+            "{failed} of {} without a diagnosis; the reasons stand above and in fleet.json",
+            count(manifest.tasks.len(), "task")
+        ))),
     }
-    Ok(())
 }
 
 /// The folder of the results, made if it is not there.

@@ -3,6 +3,7 @@
 use super::identify::{self, Identify, as_json, rounded, summary_of};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
+use crate::stop;
 use crate::text::{count, short};
 use clap::Args;
 use gpsindy_core::gp::Kernel;
@@ -10,12 +11,10 @@ use gpsindy_core::regress::Selection;
 use gpsindy_core::{Channel, Choice, Delay, Identification, Identify as Settings, Online, OnlineSettings, Target};
 use gpsindy_files::{Logs, Sample, Stream, model_to_toml, write_model};
 use serde_json::json;
-use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::num::NonZeroUsize;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
@@ -78,11 +77,7 @@ pub(crate) fn run(command: &Identify, screen: &Screen) -> Outcome {
         return Err(Failure::input(format!("--idle must be above 0, found {}", options.idle)));
     }
     let file = if path.as_os_str() == "-" { "stdin".to_string() } else { path.display().to_string() };
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        let registered = signal_hook::flag::register(signal, Arc::clone(&stop));
-        registered.map_err(|e| Failure::Work(format!("cannot listen to Ctrl-C: {e}")))?;
-    }
+    let stop = stop::requested().map_err(|e| Failure::Work(format!("cannot listen to Ctrl-C: {e}")))?;
     let lines = lines_of(path, options.idle)?;
     let mut stream = Stream::new(&file, command.columns.options()?);
     let mut following: Option<Following<'_>> = None;

@@ -13,7 +13,7 @@ pub(crate) use result::{Fit, On, as_json, rounded, summary, summary_of};
 
 use crate::args::{Columns, Output, pair};
 use crate::commands::follow::{self, FollowOptions};
-use crate::commands::{check_folder_of, dataset_and_offsets, opened};
+use crate::commands::{check_out, dataset_and_offsets, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use choices::Preset;
@@ -68,6 +68,11 @@ impl Identify {
         self.method.refine
     }
 
+    /// Every file that it reads.
+    fn inputs(&self) -> impl Iterator<Item = &PathBuf> {
+        self.logs.iter().chain(&self.holdout).chain(self.columns.files())
+    }
+
     /// Whether a kernel was named.
     pub(super) fn names_kernel(&self) -> bool {
         self.method.kernel != "auto"
@@ -84,7 +89,7 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     if !command.method.gp_input.is_empty() {
         return Err(Failure::input("--gp-input is for --preset author alone; remove it"));
     }
-    check_folder_of(command.output.out.as_deref())?;
+    check_out(command.output.out.as_deref(), command.inputs())?;
     if command.follow.follow {
         return follow::run(command, screen);
     }

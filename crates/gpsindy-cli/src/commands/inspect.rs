@@ -1,7 +1,7 @@
 //! `gpsindy inspect`: what a log of any format holds, and which of its flaws would harm an identification.
 
 use crate::args::{Clock, Output};
-use crate::commands::{check_folder_of, deliver};
+use crate::commands::{check_out, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
@@ -59,7 +59,7 @@ pub(crate) struct Inspect {
 }
 
 pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
-    check_folder_of(command.output.out.as_deref())?;
+    check_out(command.output.out.as_deref(), &command.logs)?;
     let stamp = command.stamp.map_or(Stamp::Auto, Into::into);
     let options = LogOptions { time: command.time.clone(), run: command.run.clone(), stamp, ..LogOptions::default() };
     let (mut texts, mut values, mut flaws) = (Vec::new(), Vec::new(), Vec::new());

@@ -15,16 +15,18 @@ pub(crate) mod man;
 pub(crate) mod mcp;
 mod measured;
 mod nominal;
+mod output;
 pub(crate) mod score;
 pub(crate) mod simulate;
 pub(crate) mod smooth;
 
-use crate::args::{Arguments, Columns, Command, Output};
+use crate::args::{Arguments, Columns, Command};
 use crate::engine::Engines;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{Log, Logs, Task, TopicOffset};
+use output::{check_out, deliver};
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -39,6 +41,9 @@ pub(crate) struct Session<'a> {
 
 /// Runs the command that was asked for.
 pub(crate) fn run(arguments: &Arguments, session: &Session<'_>) -> Outcome {
+    if let (true, Some(option)) = (is_without_result(&arguments.command), arguments.global.of_results()) {
+        return Err(Failure::input(format!("{option}: the command computes nothing; remove the option")));
+    }
     if let Some(threads) = arguments.global.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
         pool.map_err(|e| Failure::Work(format!("--threads {threads}: {e}")))?;
@@ -59,8 +64,13 @@ pub(crate) fn run(arguments: &Arguments, session: &Session<'_>) -> Outcome {
         Command::Demo(command) => demo::run(command, screen),
         Command::Completions(command) => completions::run(command, screen),
         Command::Man(command) => man::run(command, screen),
-        Command::Mcp(_) => mcp::run(),
+        Command::Mcp(command) => mcp::run(command, session.line),
     }
+}
+
+/// Whether a command is about the program itself, so that no option of results says anything to it.
+fn is_without_result(command: &Command) -> bool {
+    matches!(command, Command::Completions(_) | Command::Man(_) | Command::Mcp(_))
 }
 
 /// Whether Ctrl-C is a command's usual end, which it sees to itself: what follows a growing log, and what serves another program.
@@ -196,21 +206,4 @@ fn check_states(log: &Log, states: &[String]) -> Outcome {
         states.join(", "),
         found.join(", ")
     )))
-}
-
-/// Writes a result to the file of `--out`, else to stdout.
-fn deliver(output: &Output, text: &str, screen: &Screen) -> Outcome {
-    match &output.out {
-        None => screen.out(text),
-        Some(path) => Ok(gpsindy_files::write_whole(path, text.as_bytes())?),
-    }
-}
-
-/// Refuses an output whose folder is not there before the work begins.
-fn check_folder_of(path: Option<&Path>) -> Outcome {
-    let Some(parent) = path.and_then(Path::parent) else { return Ok(()) };
-    if parent.as_os_str().is_empty() || parent.is_dir() {
-        return Ok(());
-    }
-    Err(Failure::input(format!("--out: folder {} does not exist; create it first", parent.display())))
 }

@@ -3,8 +3,8 @@
 use crate::args::{Columns, Output};
 use crate::commands::nominal::Nominal;
 use crate::commands::simulate::Between;
-use crate::commands::{Session, check_folder_of, deliver, model_dataset, opened};
-use crate::failure::Outcome;
+use crate::commands::{Session, check_out, deliver, model_dataset, opened};
+use crate::failure::{Failure, Outcome};
 use crate::text::{aligned, count, short};
 use clap::Args;
 use gpsindy_core::{Channel, Dataset, Errors, Hold, Model, Score as Scores, Scoring, Simulate as Settings, score};
@@ -39,7 +39,8 @@ pub(crate) struct Score {
 }
 
 pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
-    check_folder_of(command.output.out.as_deref())?;
+    let inputs = command.models.iter().chain(&command.data).chain(command.columns.files());
+    check_out(command.output.out.as_deref(), inputs)?;
     let screen = &session.screen;
     let nominals = command.models.iter().map(|file| Nominal::open(file, session)).collect::<Outcome<Vec<Nominal>>>()?;
     let models: Vec<Model> = nominals.iter().map(|nominal| nominal.model.clone()).collect();
@@ -69,12 +70,25 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
         });
         let mut each: Vec<serde_json::Value> = each.collect();
         let text = if each.len() == 1 { each.remove(0) } else { json!({"models": each}) };
-        return deliver(&command.output, &format!("{text}\n"), screen);
+        deliver(&command.output, &format!("{text}\n"), screen)?;
+    } else {
+        match &command.output.out {
+            None => screen.out(&summary(&scored, &data, command.window))?,
+            Some(_) => deliver(&command.output, &table(&scored).to_csv(), screen)?,
+        }
     }
-    match &command.output.out {
-        None => screen.out(&summary(&scored, &data, command.window)),
-        Some(_) => deliver(&command.output, &table(&scored).to_csv(), screen),
+    match scored.iter().position(|(_, score)| is_without_number(score)) {
+        Some(k) => Err(Failure::Work(format!(
+            "{}: no prediction of the model is a number, not one step ahead; check its parameters (a division by 0?) and its initial values",
+            command.models[k].display()
+        ))),
+        None => Ok(()),
     }
+}
+
+/// Whether no error of any state and kind is a number.
+fn is_without_number(score: &Scores) -> bool {
+    kinds(score).iter().all(|(_, errors)| errors.by_state.iter().all(|state| !state.rmse.is_finite()))
 }
 
 /// What a model is called and how it did.

@@ -2,7 +2,7 @@
 
 use crate::args::{Columns, Output, values};
 use crate::commands::nominal::Nominal;
-use crate::commands::{Session, check_folder_of, check_states, columns_of, dataset, deliver, opened};
+use crate::commands::{Session, check_out, check_states, columns_of, dataset, deliver, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::{Args, ValueEnum};
@@ -72,7 +72,8 @@ impl From<Between> for Hold {
 }
 
 pub(crate) fn run(command: &Simulate, session: &Session<'_>) -> Outcome {
-    check_folder_of(command.output.out.as_deref())?;
+    let inputs = std::iter::once(&command.model).chain(&command.data).chain(command.columns.files());
+    check_out(command.output.out.as_deref(), inputs)?;
     let nominal = Nominal::open(&command.model, session)?;
     nominal.run(|| simulate(command, &nominal, &session.screen))
 }

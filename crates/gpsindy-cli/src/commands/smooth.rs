@@ -1,7 +1,7 @@
 //! `gpsindy smooth`: smoothed states and derivatives with standard deviations, as CSV.
 
 use crate::args::{Columns, Output};
-use crate::commands::{check_folder_of, chosen, dataset, deliver, opened};
+use crate::commands::{check_out, chosen, dataset, deliver, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
@@ -44,7 +44,7 @@ pub(crate) fn kernels(option: &str, default: Vec<Kernel>) -> Outcome<Vec<Kernel>
 }
 
 pub(crate) fn run(command: &Smooth, screen: &Screen) -> Outcome {
-    check_folder_of(command.output.out.as_deref())?;
+    check_out(command.output.out.as_deref(), command.logs.iter().chain(command.columns.files()))?;
     let logs = opened(&command.logs, &command.columns, screen)?;
     let states = if command.state.is_empty() { logs.numeric_columns() } else { chosen(&logs, &command.state)? };
     if states.is_empty() {

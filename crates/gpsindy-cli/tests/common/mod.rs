@@ -29,7 +29,12 @@ impl Ran {
 
     #[track_caller]
     pub fn done(self) -> Self {
-        assert_eq!(self.status, 0, "{self:?}");
+        self.ended(0)
+    }
+
+    #[track_caller]
+    pub fn ended(self, status: i32) -> Self {
+        assert_eq!(self.status, status, "{self:?}");
         self
     }
 }

@@ -1,13 +1,26 @@
 //! The files of a diagnosis: report.json, report.html, the corrected simulator and what `gpsindy design` reads.
 
 use crate::commands::design::OPEN;
+use crate::commands::output::refuse_input;
 use crate::engine::Corrected;
 use crate::failure::{Failure, Outcome};
 use gpsindy_core::diagnose::Diagnosed;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_files::{model_to_toml, write_whole};
+use gpsindy_files::{model_to_toml, write_together};
 use gpsindy_report::Provenance;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Every file that some diagnosis writes.
+const NAMES: [&str; 8] = [
+    "report.json",
+    "report.html",
+    "augmented.toml",
+    "augmented.xml",
+    "augmented.ssv",
+    "randomization.py",
+    "simulator.toml",
+    OPEN,
+];
 
 /// How the corrected simulator is written.
 pub(super) enum Augmented {
@@ -35,68 +48,68 @@ impl Augmented {
 
 /// Refuses a folder that holds a file which the report would overwrite and gpsindy did not write.
 pub(super) fn refuse_others(folder: &Path) -> Outcome {
-    let engines = ["augmented.xml", "augmented.ssv", "randomization.py"];
-    for name in ["report.json", "report.html", "augmented.toml", OPEN].into_iter().chain(engines) {
-        let path = folder.join(name);
-        let Ok(bytes) = std::fs::read(&path) else { continue };
-        let start = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
-        if !gpsindy_report::is_ours(name, &start) {
+    for name in NAMES {
+        if is_ours(folder, name) == Some(false) {
             return Err(Failure::input(format!(
                 "--out: {} was not written by gpsindy; name another folder, or overwrite it with --force",
-                path.display()
+                folder.join(name).display()
             )));
         }
     }
     Ok(())
 }
 
-/// Writes the three files of a diagnosis of equations.
+/// Refuses a folder in which the report would overwrite what the diagnosis reads.
+pub(super) fn refuse_inputs(folder: &Path, inputs: &[&PathBuf]) -> Outcome {
+    NAMES.iter().try_for_each(|name| refuse_input(&folder.join(name), inputs.iter().copied()))
+}
+
+/// Whether a diagnosis wrote the file of this name; none where there is no such file.
+fn is_ours(folder: &Path, name: &str) -> Option<bool> {
+    let bytes = std::fs::read(folder.join(name)).ok()?;
+    Some(gpsindy_report::is_ours(name, &String::from_utf8_lossy(&bytes[..bytes.len().min(4096)])))
+}
+
+/// Writes the files of a diagnosis of equations.
 pub(crate) fn write(folder: &Path, diagnosed: &Diagnosed, provenance: &Provenance) -> Outcome {
-    write_with(folder, diagnosed, &Augmented::Equations, provenance)
+    write_with(folder, diagnosed, &Augmented::Equations, Vec::new(), provenance)
 }
 
-pub(super) fn make(folder: &Path) -> Outcome {
-    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))
-}
-
+/// Writes the files of a diagnosis, `beside` among them, in place of those of an earlier one: all or none.
 pub(super) fn write_with(
     folder: &Path,
     diagnosed: &Diagnosed,
     augmented: &Augmented,
+    beside: Vec<(String, String)>,
     provenance: &Provenance,
 ) -> Outcome {
-    // All texts first, so that nothing is written where one of them fails.
-    let html = gpsindy_report::render_with(&diagnosed.diagnosis, provenance);
-    let json = report_json(&diagnosed.diagnosis)?;
-    let corrected = match augmented {
+    let mut files = beside;
+    let mut add = |name: &str, text: String| files.push((name.to_string(), text));
+    add("report.json", report_json(&diagnosed.diagnosis)?);
+    add("report.html", gpsindy_report::render_with(&diagnosed.diagnosis, provenance));
+    match augmented {
         Augmented::Equations => {
             let model = model_to_toml(&diagnosed.augmented)?;
-            Some(("augmented.toml", gpsindy_report::augmented(&diagnosed.diagnosis, &model)))
+            add("augmented.toml", gpsindy_report::augmented(&diagnosed.diagnosis, &model));
+            if diagnosed.open.candidates.len() >= 2 {
+                add(OPEN, open_json(diagnosed)?);
+            }
         }
-        Augmented::File(corrected) => Some((corrected.name.as_str(), corrected.text.clone())),
-        Augmented::None => None,
-    };
-    make(folder)?;
-    write_whole(&folder.join("report.json"), json.as_bytes())?;
-    write_whole(&folder.join("report.html"), html.as_bytes())?;
-    if let Some((name, text)) = corrected {
-        write_whole(&folder.join(name), text.as_bytes())?;
+        Augmented::File(corrected) => add(&corrected.name, corrected.text.clone()),
+        Augmented::None => {}
     }
-    Ok(())
+    std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
+    // One of an earlier diagnosis would be taken for this one's.
+    let is_stale = |name: &&&str| files.iter().all(|(new, _)| new != **name) && is_ours(folder, name) == Some(true);
+    let stale: Vec<PathBuf> = NAMES.iter().filter(is_stale).map(|name| folder.join(name)).collect();
+    let files: Vec<(PathBuf, &[u8])> = files.iter().map(|(name, text)| (folder.join(name), text.as_bytes())).collect();
+    Ok(write_together(&files, &stale)?)
 }
 
 /// What `gpsindy design` reads: the simulators that the logs can't distinguish, as equations.
-pub(super) fn write_open(folder: &Path, diagnosed: &Diagnosed, augmented: &Augmented) -> Outcome {
-    let path = folder.join(OPEN);
-    if !matches!(augmented, Augmented::Equations) || diagnosed.open.candidates.len() < 2 {
-        // One of an earlier diagnosis would be taken for this one's.
-        if path.exists() {
-            std::fs::remove_file(&path).map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
-        }
-        return Ok(());
-    }
+fn open_json(diagnosed: &Diagnosed) -> Outcome<String> {
     let text = serde_json::to_string(&diagnosed.open).map_err(|e| Failure::Work(format!("{OPEN}: {e}")))?;
-    Ok(write_whole(&path, (text + "\n").as_bytes())?)
+    Ok(text + "\n")
 }
 
 /// The report as in report.json.

@@ -3,13 +3,12 @@
 use super::{Each, folder, tell};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
+use crate::stop;
 use clap::Args;
 use gpsindy_core::{Error as CoreError, Progress};
 use gpsindy_files::Error;
 use gpsindy_fleet::{Attempt, Look, Watched};
-use signal_hook::consts::{SIGINT, SIGTERM};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -65,11 +64,7 @@ pub(super) fn run(command: &Watch, screen: &Screen) -> Outcome {
     let fleet = command.each.run(None)?;
     let out = command.out.clone().unwrap_or_else(|| command.folder.join("result"));
     let store = folder(&out)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        let registered = signal_hook::flag::register(signal, Arc::clone(&stop));
-        registered.map_err(|e| Failure::Work(format!("cannot listen to Ctrl-C: {e}")))?;
-    }
+    let stop = stop::requested().map_err(|e| Failure::Work(format!("cannot listen to Ctrl-C: {e}")))?;
     let mut watched = Watched::new(&command.folder, command.model.clone(), &out);
     let (mut trouble, mut last) = (String::new(), Instant::now());
     while !stop.load(Ordering::Relaxed) {

@@ -4,7 +4,7 @@ use super::Identify;
 use super::choices::Smoothing;
 use super::method::level;
 use crate::args::AutoHold;
-use crate::commands::{check_folder_of, chosen, dataset, opened, smooth};
+use crate::commands::{check_out, chosen, dataset, opened, smooth};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use gpsindy_core::library::LibrarySettings;
@@ -14,7 +14,7 @@ use serde_json::json;
 
 pub(super) fn run(command: &Identify, screen: &Screen) -> Outcome {
     refuse_other_options(command)?;
-    check_folder_of(command.output.out.as_deref())?;
+    check_out(command.output.out.as_deref(), command.inputs())?;
     let logs = opened(&command.logs, &command.columns, screen)?;
     let author = settings(command, &logs)?;
     let rates = author.derivatives.iter().map(|(_, column)| column.clone()).collect();
