@@ -5,6 +5,7 @@ mod bag;
 mod data;
 mod files;
 mod gallery;
+mod long;
 mod package;
 mod picture;
 mod plot;
@@ -26,6 +27,7 @@ cargo xtask deny          licences, doubles, sources and advisories of all depen
 cargo xtask semver [REV]  the public interface against a tag or commit; without REV the latest tag (cargo-semver-checks)
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
 cargo xtask features      the readers of logs with each format alone and with none, warnings as errors; a part of `rust`
+cargo xtask long [TASK]   what takes too long for every change, all of it or one task: faults (kills, a full disk, two runs in one folder)
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg and docs/pendulum.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         "semver" => tools::semver(argument.as_deref()),
         "msrv" => tools::msrv(),
         "features" => tools::features(),
+        "long" => long::run(argument.as_deref()),
         "data" => data::write(),
         "picture" => picture::all(),
         "effects" => site::effects(),
