@@ -117,7 +117,7 @@ struct Part<'a> {
     schemas: HashMap<u16, (String, String, Vec<u8>)>,
     records: u64,
     messages: u64,
-    /// Whether the end of the messages was seen.
+    /// Whether the footer was seen, with which every log that was closed ends.
     ended: bool,
     take: &'a mut dyn FnMut(usize, Event<'_>) -> Result<()>,
 }
@@ -179,7 +179,7 @@ impl Part<'_> {
                 let channel = Channel { topic: found.topic, encoding: found.message_encoding, schema };
                 (self.take)(self.number, Event::Channel(found.id, channel))?;
             }
-            Some(Record::DataEnd(_) | Record::Footer(_)) => self.ended = true,
+            Some(Record::Footer(_)) => self.ended = true,
             _ => {}
         }
         Ok(())

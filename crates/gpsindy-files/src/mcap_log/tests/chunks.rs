@@ -28,6 +28,7 @@ fn chunks_of_several_frames_and_with_bytes_behind_are_read() {
                 }
             }
         }
+        bytes.extend(mcap::MAGIC);
         let found = assembled(&bytes, &MAP[..1], &[]);
         assert_eq!(found.notes, [""; 0], "{packing}");
         assert_eq!(found.data.runs()[0].time, expected.data.runs()[0].time);
