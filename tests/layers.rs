@@ -46,21 +46,25 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
 ];
 
 /// Steps that other steps may know: what they stand on, and what they hand on.
-const SHARED_STEPS: &[&str] = &["contest", "findings", "noise", "prepare", "round", "screen", "suspects", "windows"];
+const SHARED_STEPS: &[&str] =
+    &["contest", "findings", "noise", "prepare", "round", "screen", "survey", "suspects", "windows"];
 
 /// Steps that are parts of another one, which alone may know them.
 const PARTS: &[(&str, &[&str])] = &[
-    ("round", &["refit"]),
-    ("refit", &["contained"]),
+    ("round", &["moves"]),
+    ("moves", &["contained"]),
+    ("screen", &["pairs"]),
     ("places", &["contained"]),
     ("prepare", &["check"]),
     ("attribute", &["search", "simplify", "lengthen", "charge", "places", "detect"]),
-    ("simplify", &["detect", "places"]),
+    ("simplify", &["detect"]),
     ("hold", &["attribute", "detect"]),
-    ("verify", &["curves", "floor", "start"]),
+    ("verify", &["curves", "floor", "spread", "start"]),
+    ("spread", &["start"]),
     ("floor", &["start", "verify"]),
     ("causes", &["stability"]),
-    ("weigh", &["augment", "causes", "curves", "localise", "nameless", "stability", "verify"]),
+    ("checks", &["stability", "typicality", "verify"]),
+    ("weigh", &["augment", "causes", "checks", "curves", "localise", "nameless", "stability", "typicality", "verify"]),
 ];
 
 fn layer(module: &str) -> Option<u8> {

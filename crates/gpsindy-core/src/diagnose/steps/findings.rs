@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::{CROWDED, TWINS};
-use crate::diagnose::steps::screen::Summary;
+use crate::diagnose::steps::survey::Summary;
 
 /// Whether there is a gap.
 #[derive(Debug, Clone)]

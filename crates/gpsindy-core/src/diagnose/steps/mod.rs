@@ -29,6 +29,7 @@ pub(crate) mod simplify;
 pub(crate) mod spread;
 pub(crate) mod stability;
 pub(crate) mod start;
+pub(crate) mod survey;
 pub(crate) mod suspects;
 pub(crate) mod typicality;
 pub(crate) mod verify;

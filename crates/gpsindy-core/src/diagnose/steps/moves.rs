@@ -14,8 +14,7 @@ use crate::diagnose::limits::{
 };
 use crate::diagnose::steps::contained::contained;
 use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::pairs::Pair;
-use crate::diagnose::steps::screen::{BASES, Looked, Screened, Survey};
+use crate::diagnose::steps::survey::{BASES, Looked, Pair, Screened, Survey};
 use crate::error::Result;
 use crate::parallel::each;
 

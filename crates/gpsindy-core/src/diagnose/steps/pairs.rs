@@ -8,22 +8,9 @@ use crate::diagnose::fit::basis::Basis;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::responses::responses;
 use crate::diagnose::limits::{CONVINCING, PAIRED, PAIRS, VIEWS};
-use crate::diagnose::steps::screen::{Looked, Screened};
+use crate::diagnose::steps::survey::{Looked, Pair, Screened};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
-
-/// Two suspects beside the effects of a contestant, or in the place of some.
-#[derive(Debug, Clone)]
-pub(crate) struct Pair {
-    /// Numbers of the hypotheses.
-    pub(crate) members: [usize; 2],
-    /// The places that are left out.
-    pub(crate) places: Vec<usize>,
-    /// Start values of their parameters, those of the first before those of the second.
-    pub(crate) values: Vec<f64>,
-    /// By how much twice the log likelihood grows, by a straight line.
-    gain: f64,
-}
 
 /// A suspect with the columns of its best start among those of all.
 struct Candidate<'s> {

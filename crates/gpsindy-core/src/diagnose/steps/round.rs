@@ -4,7 +4,8 @@ use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::moves::moves;
-use crate::diagnose::steps::screen::{Screened, Summary, Survey, screen};
+use crate::diagnose::steps::screen::screen;
+use crate::diagnose::steps::survey::{Screened, Summary, Survey};
 use crate::error::Result;
 
 /// What was found one move away from a contestant.
