@@ -245,7 +245,7 @@ impl Lab {
                 let found = self.read(&format!("shared/{file}"))?;
                 let whole =
                     |confidence| self.read(&format!("whole_{confidence}/{file}")).is_ok_and(|whole| whole == found);
-                expect(CONFIDENCES.iter().any(|c| whole(c)), || format!("shared/{file}: not whole"))?;
+                expect(CONFIDENCES.iter().any(whole), || format!("shared/{file}: not whole"))?;
             }
             expect(parts(&self.folder.join("shared")) == 0, || "shared: a part was left".into())?;
         }

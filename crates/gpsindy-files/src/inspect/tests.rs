@@ -194,7 +194,7 @@ fn topics_of_ulog_are_listed_with_their_instances() {
 fn a_column_that_ends_or_begins_within_the_log_is_told() {
     let early = |i: usize| if i < 5 { smooth(i) } else { f64::NAN };
     let late = |i: usize| if i < 300 { f64::NAN } else { smooth(i) };
-    let rare = |i: usize| if i % 10 == 0 { smooth(i) } else { f64::NAN };
+    let rare = |i: usize| if i.is_multiple_of(10) { smooth(i) } else { f64::NAN };
     let found = table("ends.csv", even, &[("u", &early), ("w", &late), ("x", &rare)]);
     let told: Vec<(&str, &str)> = found
         .findings
