@@ -64,6 +64,8 @@ def test_the_friction_is_found_and_closes_the_gap(found):
     assert found.p_value < 0.05
     assert ("coulomb_friction", "v") in {(cause.effect, cause.state) for cause in found.included}
     assert found.closure["after"] < 0.5 * found.closure["before"]
+    assert {"closure", "lack_of_fit", "typicality"} <= {check["id"] for check in found.checks}
+    assert all(isinstance(check["passed"], bool) and check["says"] for check in found.checks)
 
 
 def test_the_augmented_model_simulates_and_scores_better(found, nominal):

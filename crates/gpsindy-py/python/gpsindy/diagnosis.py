@@ -123,6 +123,11 @@ class Diagnosis:
         return dict(self._report["closure"])
 
     @property
+    def checks(self) -> tuple[dict[str, Any], ...]:
+        """What must hold of the included causes: ``id``, ``passed``, ``p_value`` (None: it has none) and ``says``; empty without causes."""
+        return tuple(dict(row) for row in self._report.get("checks", []))
+
+    @property
     def parameters(self) -> tuple[dict[str, Any], ...]:
         """Parameters of the augmented model: ``name``, ``nominal`` (None: a cause brought it), ``value``, ``deviation``, ``unit``."""
         return tuple(dict(row) for row in self._report.get("parameters", []))

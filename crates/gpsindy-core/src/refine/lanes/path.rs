@@ -215,3 +215,82 @@ fn read(system: &System, experiment: &Experiment) -> Option<Vec<Read>> {
     };
     experiment.columns.iter().map(of).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, Parameter, State};
+    use faer::Mat;
+
+    const COUNT: usize = 300;
+
+    /// A cart under a push that its dry friction of 0.5 holds again and again.
+    fn cart(rate: &str) -> Model {
+        let names = [("f", 0.5), ("c", 0.0)];
+        Model {
+            states: [("x", "v"), ("v", rate)].map(|(n, e)| State::new(n, Expression::parse(e).unwrap())).into(),
+            controls: vec![Control::new("u")],
+            parameters: names.map(|(n, v)| Parameter::new(n, v)).into(),
+            ..Model::default()
+        }
+    }
+
+    fn experiment(system: &System) -> Experiment {
+        let run = Run {
+            name: "run".into(),
+            time: (0..COUNT).map(|i| 0.02 * i as f64).collect(),
+            values: Mat::from_fn(COUNT, 3, |i, c| if c == 2 { (2.1 * 0.02 * i as f64).sin() } else { 0.0 }),
+        };
+        let data = Dataset::new(["x", "v", "u"].map(Channel::new).into(), vec![run]).unwrap();
+        Experiment { substeps: 4, ..Experiment::new(system, &data, Some(&[1.0, 1.0])).unwrap() }
+    }
+
+    /// Rollouts of a model of the cart, columns beside each other.
+    fn rolled(model: &Model, parameters: [f64; 2]) -> Vec<f64> {
+        let system = System::new(model).unwrap();
+        let experiment = experiment(&system);
+        let lane: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
+        let log = &experiment.logs[0];
+        let mut lanes = Lanes::<1>::new(&system, log, (experiment.hold, experiment.past), &lane);
+        let mut values = vec![0.0; 2 * COUNT];
+        lanes.roll((0, COUNT - 1), &[[0.0], [0.0]], &[0, 1], 4, |i, c, v| values[2 * i + c] = v[0]);
+        values
+    }
+
+    #[test]
+    fn what_dry_friction_holds_takes_no_push_and_what_it_lets_go_takes_all_of_it() {
+        let base = cart("u - f*stick(v, 0)");
+        let changed = cart("u - f*stick(v, 0) - c*v");
+        let system = System::new(&base).unwrap();
+        let experiment = experiment(&system);
+        let path = Path::new(&system, &experiment, &[0.5, 0.0], &[vec![0.0, 0.0]]).unwrap();
+        let change = Change::between(&system, &changed, &[]).unwrap().unwrap();
+        let small = 1e-3;
+        let found = path.responses(&system, &experiment, &change, &[vec![0.5, small]]).remove(0).remove(0);
+        let without = rolled(&changed, [0.5, 0.0]);
+        let expected: Vec<f64> = rolled(&changed, [0.5, small]).iter().zip(&without).map(|(a, b)| a - b).collect();
+        let held = (0..COUNT).filter(|i| without[2 * i + 1] == 0.0).count();
+        assert!((10..COUNT - 20).contains(&held), "{held}");
+        let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
+        let off = norm(&mut found.iter().zip(&expected).map(|(a, b)| a - b));
+        let size = norm(&mut expected.iter().copied());
+        // Moments at which the friction catches or lets go move with the push, by a share of a step.
+        assert!(off < 0.05 * size, "{off} of {size}");
+        assert!((0..COUNT).filter(|i| without[2 * i + 1] == 0.0).all(|i| found[2 * i + 1].abs() < 0.02 * size));
+    }
+
+    #[test]
+    fn a_function_of_a_late_reading_has_no_path() {
+        let mut late = cart("u - f*v");
+        late.states[0].measured = Some(Expression::parse("2*delay(x, 0.1)").unwrap());
+        let system = System::new(&late).unwrap();
+        assert!(Path::new(&system, &experiment(&system), &[0.5, 0.0], &[vec![0.0, 0.0]]).is_none());
+        // One that is read late as it is has one.
+        late.states[0].measured = Some(Expression::parse("delay(x, 0.1)").unwrap());
+        let system = System::new(&late).unwrap();
+        assert!(Path::new(&system, &experiment(&system), &[0.5, 0.0], &[vec![0.0, 0.0]]).is_some());
+    }
+}

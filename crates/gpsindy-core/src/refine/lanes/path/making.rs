@@ -121,6 +121,12 @@ impl Making<'_, '_, '_> {
                 let slope = |i: usize| step * differences.slope(i / n, i % n);
                 propagate(n, step, &(0..n * n).map(slope).collect::<Vec<_>>(), &mut along.carried, &mut along.pushed);
                 differences.hold(n, &mut along.carried, &mut along.pushed);
+                for (j, (before, after)) in before.iter().zip(&x).enumerate() {
+                    if before[0] * after[0] < 0.0 {
+                        let middle = inputs.iter().map(|stages| stages[1][0]);
+                        differences.cross(simd, a + 0.5 * step, (&stage, middle), (j, after[0]), &mut along);
+                    }
+                }
             }
         }
         lanes.slots = slots;
@@ -224,6 +230,45 @@ impl<'a> Differences<'a> {
             self.system.evaluate(simd, self.tape, &mut self.registers);
             results.clear();
             results.extend((0..self.tape.n_outputs()).map(|i| self.tape.output(&self.registers, i)));
+        }
+    }
+
+    /// The matrices of the last step, where state `j` goes through zero to the side of `after` and its dry friction turns around: a
+    /// difference that comes to zero earlier or later has the other rate for longer.
+    ///
+    /// Source: the saltation matrix, Leine and Nijmeijer 2004, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, section 7.
+    #[inline(always)]
+    fn cross<S: pulp::Simd>(
+        &mut self,
+        simd: S,
+        t: f64,
+        (x, inputs): (&[[f64; 1]], impl Iterator<Item = f64>),
+        (j, after): (usize, f64),
+        along: &mut Along,
+    ) {
+        let n = x.len();
+        let Some(slots) = &mut self.slots else { return };
+        if !(0..slots.count()).any(|slot| slots.state(slot) == j) {
+            return;
+        }
+        // Just before it in the first lane, just behind it in all others.
+        let mut states: Vec<[f64; L]> = x.iter().map(|x| [x[0]; L]).collect();
+        let near = (1e-3 * self.scale[j]).copysign(after);
+        states[j] = std::array::from_fn(|lane| if lane == 0 { -near } else { near });
+        let mut rates = vec![[0.0; L]; n];
+        slots.open();
+        slots.rates(simd, [t; L], &states, inputs.map(|value| [value; L]), true, &mut rates);
+        if rates[j][0] == 0.0 {
+            return;
+        }
+        for matrices in [&mut along.carried, &mut along.pushed] {
+            let from = matrices.len() - n * n;
+            let own = &mut matrices[from..];
+            let row: Vec<f64> = own[j * n..(j + 1) * n].to_vec();
+            for (i, rate) in rates.iter().enumerate() {
+                let jump = (rate[1] - rate[0]) / rates[j][0];
+                own[i * n..(i + 1) * n].iter_mut().zip(&row).for_each(|(value, row)| *value += jump * row);
+            }
         }
     }
 
