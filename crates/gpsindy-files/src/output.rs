@@ -26,7 +26,8 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Writes files that belong together, each as [`write_whole`] does, and removes the `stale` ones, which an earlier set had and this one
-/// lacks. Nothing is replaced before every file is on the disk, so that a full disk leaves the earlier set.
+/// lacks. Nothing is replaced before every file is on the disk, so that a full disk leaves the earlier set; only a kill or a power cut within the
+/// renames that follow can leave files of both.
 ///
 /// # Errors
 /// [`Error::Write`]; no temporary file is left then.
