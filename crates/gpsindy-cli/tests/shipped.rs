@@ -10,9 +10,9 @@ fn the_readmes_commands_diagnose_the_shipped_bag() {
     let readme = std::fs::read_to_string(data("../README.md")).unwrap();
     let commands: Vec<&str> = readme.lines().filter(|line| line.contains("data/pendulum.mcap")).collect();
     let [build, diagnose] = commands[..] else { panic!("{commands:?}") };
-    // What cargo would build and run is the program under test.
-    let (_, inspect) = build.split_once("cargo run --release -- ").unwrap();
-    let (_, diagnose) = diagnose.split_once("cargo run --release -- ").unwrap();
+    // What is installed is the program under test.
+    let (_, inspect) = build.split_once("gpsindy ").unwrap();
+    let (_, diagnose) = diagnose.split_once("gpsindy ").unwrap();
     let folder = Folder::new();
     std::fs::create_dir(folder.path().join("data")).unwrap();
     for name in ["pendulum.mcap", "pendulum.toml", "pendulum_map.toml"] {
@@ -23,7 +23,7 @@ fn the_readmes_commands_diagnose_the_shipped_bag() {
         assert!(shown.contains(expected), "{expected} is not in\n{shown}");
     }
     folder.run(diagnose).done();
-    let report: Value = serde_json::from_str(&folder.read("diagnosis/report.json")).unwrap();
+    let report: Value = serde_json::from_str(&folder.read("from_topics/report.json")).unwrap();
     // Friction that may grow with a load, and does not here, is the same force.
     let effect = report["causes"][0]["effect"].as_str().unwrap();
     assert!(["coulomb_friction", "load_friction"].contains(&effect), "{report}");
