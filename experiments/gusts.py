@@ -86,7 +86,7 @@ def main(first, last):
         model, logs, row, deviation, time = case(seed)
         found = gpsindy.diagnose(model, logs[:-1], holdout=logs[-1:])
         named = [c for c in found.included if c.effect == "process_noise"]
-        is_right = found.verdict == "no_gap" and [c.state for c in named] == [row]
+        is_right = found.verdict == "explained" and [c.state for c in named] == [row]
         right += is_right
         words = f"{seed} {model.name}: {found.verdict}"
         if is_right:
