@@ -182,7 +182,7 @@ def test_a_delay_in_the_file_is_that_of_the_report_in_every_step(late):
 def test_a_nominal_delay_is_corrected_to_a_longer_a_shorter_and_no_one():
     found = gm.Simulator(LATE)
     log = real_log(5)
-    for late, steps in [(0.05, 10), (0.012, 2), (0.0, 0)]:
+    for late, steps in [(0.05, 10), (0.01, 2), (0.0, 0)]:
         model = found.model.with_parameters(**{"drive.delay": late})
         text = found.corrected(model)
         assert np.abs(rolled(found, log, model)[:, :1] - stepped(HINGE, log, late=steps)).max() < 1e-9
