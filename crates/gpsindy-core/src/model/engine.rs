@@ -5,8 +5,9 @@ use crate::error::{Error, Result};
 use crate::expression::{Expression, Tape};
 
 /// Steps of a simulator that the middle sample of a run may last at most. Simulators of machines step at 1 ms or a little less or more, and
-/// machines are logged at 1 Hz and more: a thousand steps. Time stamps in ms where s belong make that a million.
-const MOST_STEPS_A_SAMPLE: f64 = 5000.0;
+/// machines are logged at 1 Hz and more: a thousand steps, and twice that leaves room. Time stamps in ms where s belong make a thousand of
+/// every step: four thousand of a log at 50 Hz and steps of 5 ms.
+const MOST_STEPS_A_SAMPLE: f64 = 2000.0;
 
 /// A simulator that steps by itself, for many rows at once: `x' = F(x, u, f, p, dt)`.
 ///
