@@ -96,11 +96,9 @@ def test_no_error_shows_what_stands_in_a_file(folder):
         ("diagnose", {"model": model, "logs": [log], "run": "nobody"}),
         ("explain", {"what": report}),
     )
-    for number, result in enumerate(results):
+    for result in results:
         told = text(result)
-        assert result.is_error, told
-        # Where it is the file that can't be read, it is named.
-        assert str(folder) in told or number not in (0, 1, 2, 6), told
+        assert result.is_error and str(folder) in told, told
         # The folder's own path may hold the name of whoever runs the test.
         told = told.replace(str(folder), "")
         assert not any(part in told for part in ("root", "administrator", "x_0")), told

@@ -177,7 +177,10 @@ def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
             try:
                 return tool(*values, **named)
             except (OSError, ValueError, gpsindy.NumericalError) as failure:
-                raise ToolError(without_content(str(failure), _words([values, named]))) from None
+                message = without_content(str(failure), _words([values, named]))
+                # What a call read is said, too, where the error is of what stands in it.
+                is_named = any(path in message for path in confinement) or not confinement
+                raise ToolError(message if is_named else f"{', '.join(confinement)}: {message}") from None
 
         return call
 

@@ -73,7 +73,7 @@ impl<'a> Contest<'a> {
     }
 
     /// `base` with effects and their values, fitted all at once from where `best` stands: one at a time, the first would
-    /// be fitted without the others and might not find back. Nothing where it can't be simulated.
+    /// be fitted without the others and might not find back. Nothing where they can't be simulated, or written together.
     pub(crate) fn again_with(
         &self,
         base: &Contestant,
@@ -95,7 +95,9 @@ impl<'a> Contest<'a> {
         budget: Budget,
     ) -> Result<Option<Contestant>> {
         let hypotheses: Vec<&Hypothesis> = entrants.iter().map(|e| e.hypothesis).collect();
-        let applied = joint::apply(&hypotheses, base.system.model(), &self.scene)?;
+        // Effects that can't be written together, as a delay of what another effect made a state, are no set.
+        let written = joint::apply(&hypotheses, base.system.model(), &self.scene);
+        let Some(applied) = written.ok().filter(|applied| applied.model.check().is_ok()) else { return Ok(None) };
         let base = standing_at(base, best);
         unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))
     }
