@@ -10,7 +10,7 @@ use crate::diagnose::steps::lengthen::lengthen;
 use crate::diagnose::steps::places::{Place, places};
 use crate::diagnose::steps::round::{Expansion, expand};
 use crate::diagnose::steps::screen::nameless;
-use crate::diagnose::steps::search::search;
+use crate::diagnose::steps::search::{richer, search};
 use crate::diagnose::steps::simplify::{pruned, strongest};
 use crate::error::Result;
 
@@ -35,13 +35,18 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     for _ in 0..MOST_MOVES {
         known.push(best.clone());
         let Some(next) = moved(contest, &best, &seats, &round.fits, is_structured) else { break };
-        // The rules that add and those that take away may disagree about a set: then it stays as it was first.
-        if known.iter().any(|other| other.has_effects_of(&next)) || contest.run.is_out_of_time() {
+        // Fits of one set may end at different points, so that one effect more convinces beside the worse of them and is superfluous
+        // beside the better: the set without it stays.
+        let is_again = known.iter().any(|other| other.has_effects_of(&next));
+        if contest.run.is_out_of_time() || (is_again && next.hypotheses.len() >= best.hypotheses.len()) {
             break;
         }
         best = next;
         round = again(&best)?;
         seats = places(contest, &nominal, &best, &round.fits, is_structured)?;
+        if is_again {
+            break;
+        }
     }
     let left = left_over(contest, &best, &round)?;
     let nameless = if is_moved { self::nameless(contest, &nominal)? } else { nameless };
@@ -86,17 +91,17 @@ fn moved(
         fits.into_iter().max_by(order).cloned()
     };
     let own = best.hypotheses.len();
-    let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, best);
     let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = seats.iter().filter_map(|seat| seat.rest.as_ref()).filter(superfluous);
     let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
-    let other = seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better);
+    let other = first(seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better).collect());
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
-    first(fits.iter().filter(is_richer).collect())
+    richer(contest, other.as_ref().unwrap_or(best), fits)
+        .cloned()
         .or_else(|| first(simpler.collect()))
-        .or_else(|| first(other.collect()))
+        .or(other)
         .or_else(|| first(fits.iter().filter(is_one_for_two).collect()))
 }
 

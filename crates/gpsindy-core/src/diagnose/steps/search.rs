@@ -25,12 +25,18 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
 /// The best move: one more effect that convinces or another one that explains more, else one in the place of two that convince no more.
 pub(crate) fn better<'f>(contest: &Contest<'_>, best: &Contestant, fits: &'f [Contestant]) -> Option<&'f Contestant> {
     let own = best.hypotheses.len();
-    let is_better = |fit: &&Contestant| match fit.hypotheses.len() > own {
-        true => contest.is_convincing(fit, best),
-        false => fit.hypotheses.len() == own && contest.score(fit) > contest.score(best) + SWAP,
-    };
-    let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     let order = |a: &&Contestant, b: &&Contestant| contest.score(a).total_cmp(&contest.score(b));
-    let first = fits.iter().filter(is_better).max_by(order);
-    first.or_else(|| fits.iter().filter(is_simpler).max_by(order))
+    let is_other = |fit: &&Contestant| fit.hypotheses.len() == own && contest.score(fit) > contest.score(best) + SWAP;
+    let other = fits.iter().filter(is_other).max_by(order);
+    let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
+    let richer = richer(contest, other.unwrap_or(best), fits);
+    richer.or(other).or_else(|| fits.iter().filter(is_simpler).max_by(order))
+}
+
+/// The best of the fits with more effects that convince beside `leader`, the best with as many as there are: two in the place of a
+/// wrong one must say more than the right one does.
+pub(crate) fn richer<'f>(contest: &Contest<'_>, leader: &Contestant, fits: &'f [Contestant]) -> Option<&'f Contestant> {
+    let own = leader.hypotheses.len();
+    let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, leader);
+    fits.iter().filter(is_richer).max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
 }
