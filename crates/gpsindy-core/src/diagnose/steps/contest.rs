@@ -127,3 +127,34 @@ pub(crate) fn keep_first_of_each(fits: Vec<Contestant>) -> Vec<Contestant> {
     }
     kept
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::fit::fitter::unsearched;
+    use crate::diagnose::fixture::drive;
+    use crate::diagnose::steps::suspects::{Choice, suspects};
+    use crate::model::System;
+    use crate::progress::Silent;
+    use crate::refine::Experiment;
+
+    #[test]
+    fn effects_that_can_not_be_written_together_are_no_set_and_no_error() {
+        let (model, data) = drive(None, |x| 1.3 * x, 0.002, (2, 200));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
+        let fitter = Fitter::default();
+        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap();
+        let run = Run::new(&Silent, None);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
+        let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
+        let entrant = |id: &str, value: f64| (unsearched(find(id)), vec![value]);
+        // A delay works on a control; one that is then limited in its rate is a state.
+        let both = [entrant("input_delay", 0.02), entrant("input_rate_limit", 5.0)];
+        assert!(contest.again_with(&nominal, &nominal, &both).unwrap().is_none());
+        for one in &both {
+            assert!(contest.again_with(&nominal, &nominal, std::slice::from_ref(one)).unwrap().is_some());
+        }
+    }
+}
