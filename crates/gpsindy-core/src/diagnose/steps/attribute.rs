@@ -11,7 +11,7 @@ use crate::diagnose::steps::places::{Place, places};
 use crate::diagnose::steps::round::{Expansion, expand};
 use crate::diagnose::steps::screen::nameless;
 use crate::diagnose::steps::search::{richer, search};
-use crate::diagnose::steps::simplify::{pruned, strongest};
+use crate::diagnose::steps::simplify::{counts, pruned, strongest};
 use crate::error::Result;
 
 /// The causes of a detected gap.
@@ -34,7 +34,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let mut known: Vec<Contestant> = Vec::new();
     for _ in 0..MOST_MOVES {
         known.push(best.clone());
-        let Some(next) = moved(contest, &best, &seats, &round.fits, is_structured) else { break };
+        let Some(next) = moved(contest, &nominal, &best, &seats, &round.fits, is_structured) else { break };
         // Fits of one set may end at different points, so that one effect more convinces beside the worse of them and is superfluous
         // beside the better: the set without it stays.
         let is_again = known.iter().any(|other| other.has_effects_of(&next));
@@ -81,6 +81,7 @@ fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Res
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.
 fn moved(
     contest: &Contest<'_>,
+    nominal: &Contestant,
     best: &Contestant,
     seats: &[Place],
     fits: &[Contestant],
@@ -91,14 +92,17 @@ fn moved(
         fits.into_iter().max_by(order).cloned()
     };
     let own = best.hypotheses.len();
-    let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
+    let superfluous = |rest: &&Contestant| {
+        own > 1 && !(contest.is_convincing(best, rest) && counts(nominal, best, rest, is_structured))
+    };
     let simpler = seats.iter().filter_map(|seat| seat.rest.as_ref()).filter(superfluous);
     let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
     let other = first(seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better).collect());
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
-    richer(contest, other.as_ref().unwrap_or(best), fits)
+    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, is_structured));
+    richer(contest, other.as_ref().unwrap_or(best), that_count)
         .cloned()
         .or_else(|| first(simpler.collect()))
         .or(other)

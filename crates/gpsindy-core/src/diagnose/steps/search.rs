@@ -29,14 +29,18 @@ pub(crate) fn better<'f>(contest: &Contest<'_>, best: &Contestant, fits: &'f [Co
     let is_other = |fit: &&Contestant| fit.hypotheses.len() == own && contest.score(fit) > contest.score(best) + SWAP;
     let other = fits.iter().filter(is_other).max_by(order);
     let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
-    let richer = richer(contest, other.unwrap_or(best), fits);
+    let richer = richer(contest, other.unwrap_or(best), fits.iter());
     richer.or(other).or_else(|| fits.iter().filter(is_simpler).max_by(order))
 }
 
 /// The best of the fits with more effects that convince beside `leader`, the best with as many as there are: two in the place of a
 /// wrong one must say more than the right one does.
-pub(crate) fn richer<'f>(contest: &Contest<'_>, leader: &Contestant, fits: &'f [Contestant]) -> Option<&'f Contestant> {
+pub(crate) fn richer<'f>(
+    contest: &Contest<'_>,
+    leader: &Contestant,
+    fits: impl Iterator<Item = &'f Contestant>,
+) -> Option<&'f Contestant> {
     let own = leader.hypotheses.len();
     let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, leader);
-    fits.iter().filter(is_richer).max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
+    fits.filter(is_richer).max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
 }

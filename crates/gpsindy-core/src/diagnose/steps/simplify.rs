@@ -18,19 +18,24 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
         if best.hypotheses.len() < 2 {
             return Ok((best, is_structured));
         }
-        let share = if is_structured { NAMED } else { REST };
         if contest.run.is_out_of_time() {
             return Ok((best, is_structured));
         }
         // An effect without which nothing can be fitted is none to leave out.
         let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, &best, &[place]));
         let rests = rests.collect::<Result<Vec<_>>>()?;
-        let removed = |rest: &Contestant| rest.evidence.misfit() - best.evidence.misfit();
-        match rests.into_iter().flatten().min_by(|a, b| removed(a).total_cmp(&removed(b))) {
-            Some(rest) if removed(&rest) < share * gap_size(nominal, &best) => best = rest,
+        match rests.into_iter().flatten().min_by(|a, b| a.evidence.misfit().total_cmp(&b.evidence.misfit())) {
+            Some(rest) if !counts(nominal, &best, &rest, is_structured) => best = rest,
             _ => return Ok((best, is_structured)),
         }
     }
+}
+
+/// Whether `best` removes enough of the gap beyond what `rest` does to name what it has more: a larger part where structure without
+/// a name is left anyhow.
+pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant, is_structured: bool) -> bool {
+    let share = if is_structured { NAMED } else { REST };
+    rest.evidence.misfit() - best.evidence.misfit() >= share * gap_size(nominal, best)
 }
 
 /// Whether structure is left that has no name.
