@@ -1,4 +1,4 @@
-//! Likelihood with gradient by each engine, and the smoother: `cargo bench -p gpsindy-core --bench gp`.
+//! Likelihood with gradient by each engine, and the smoother: `cargo bench -p gpsindy-benches`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gpsindy_core::gp::{Conditioned, Engine, Evaluation, FitSettings, Kernel, Points, Quantity, Workspace, fit};

@@ -182,7 +182,7 @@ fn one_designed_run_parts_pairs_that_random_runs_leave_open() {
     assert!(designed >= 3, "{designed} of 4");
 }
 
-/// `cargo test --release --workspace --exclude gpsindy-py --test design -- --ignored --nocapture`
+/// `cargo test --release -p gpsindy-core --test design -- --ignored --nocapture`
 #[test]
 #[ignore = "takes minutes"]
 fn of_24_drawn_pairs_nine_in_ten_are_parted() {

@@ -2,7 +2,7 @@
 //!
 //! A short run is part of every test. The long one, 100,000 files a format, takes ten minutes of a core
 //! (`TMPDIR` in memory, as /dev/shm, spares the disk):
-//! `cargo test --release --workspace --exclude gpsindy-py --test fuzz -- --ignored --nocapture`
+//! `cargo test --release -p gpsindy-files --test fuzz -- --ignored --nocapture`
 #![allow(clippy::unwrap_used, unsafe_code, clippy::print_stdout)]
 #![cfg(all(feature = "mcap", feature = "parquet", feature = "ulog"))]
 
