@@ -78,3 +78,33 @@ fn reports_of_another_tool_are_scored() {
             .contains("--reports: nowhere has no CASE/report.json")
     );
 }
+
+#[test]
+fn an_effect_that_is_left_out_is_not_called_explained_by_another() {
+    let folder = suite();
+    let mut log = String::from("t,x\n");
+    for i in 0..120 {
+        let t = 0.05 * f64::from(i);
+        // x' = -x + 0.4 from one.
+        let x = 0.4 + 0.6 * (-t).exp();
+        log += &format!("{t:.2},{:.5}\n", x + 0.004 * ((0.618_034 * f64::from(i)).fract() - 0.5));
+    }
+    folder.write("suite/case_1/real_1.csv", &log);
+    let answer = "schema = \"gpsindy.suite/1\"\n[[case]]\nid = \"case_1\"\nin_catalogue = true\n\
+                  [[case.effects]]\neffect = \"bias\"\nstate = \"x\"\n";
+    folder.write("suite/answers.toml", answer);
+    let told = folder.run("exam suite --leave-out --effects bias,cubic_stiffness,drift --quiet").done().stdout;
+    assert!(told.contains("effect left out of the catalogue: explained"), "{told}");
+    let card: serde_json::Value = serde_json::from_str(&folder.read("exam/scorecard.json")).unwrap();
+    assert_eq!(card["cases"][0]["verdict"], "explained", "{card}");
+    let left = &card["left_out"];
+    assert_eq!(
+        (left["wrongly_explained"]["of"].as_u64(), left["wrongly_explained"]["hits"].as_u64()),
+        (Some(1), Some(0))
+    );
+    assert_eq!(left["cases"][0]["left_out"], "bias x");
+    assert_ne!(left["cases"][0]["verdict"], "explained", "{card}");
+    let without: serde_json::Value =
+        serde_json::from_str(&folder.read("exam/case_1/without_1_bias/report.json")).unwrap();
+    assert!(without["causes"].as_array().unwrap().iter().all(|c| c["effect"] != "bias"), "{without}");
+}

@@ -10,7 +10,7 @@ use gpsindy_core::diagnose::report::Diagnosis;
 use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed};
 use gpsindy_files::{read_model, write_whole};
 use gpsindy_report::Provenance;
-use gpsindy_report::scorecard::{ScoreCard, Suite, read_report};
+use gpsindy_report::scorecard::{LeftOut, ScoreCard, Suite, read_report};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -39,6 +39,9 @@ pub(crate) struct Exam {
     /// Diagnose only these cases, separated by commas
     #[arg(long, value_name = "CASE", value_delimiter = ',')]
     only: Vec<String>,
+    /// Also take each effect of a case out of the catalogue in turn, and count what is then called explained; the answers say which
+    #[arg(long, conflicts_with = "reports")]
+    leave_out: bool,
     #[command(flatten)]
     options: Options,
     #[command(flatten)]
@@ -68,7 +71,10 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
     if !command.only.is_empty() {
         suite.cases.retain(|case| command.only.contains(&case.id));
     }
-    let card = ScoreCard::new(&suite, &diagnoses);
+    let mut card = ScoreCard::new(&suite, &diagnoses);
+    if command.leave_out {
+        card.left_out = Some(LeftOut::new(&suite, &diagnoses, &leave_out(command, &suite, screen)?));
+    }
     let json = serde_json::to_string_pretty(&card).map_err(|e| Failure::Work(format!("scorecard.json: {e}")))? + "\n";
     std::fs::create_dir_all(&command.out).map_err(|e| Failure::Work(format!("{}: {e}", command.out.display())))?;
     write_whole(&command.out.join("scorecard.json"), json.as_bytes())?;
@@ -87,7 +93,7 @@ fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BT
     let outcomes: Vec<(String, Outcome<Diagnosed>)> = cases
         .par_iter()
         .map(|id| {
-            let outcome = case(command, &settings, id, screen);
+            let outcome = case(command, &settings, id, &command.out.join(id), screen);
             progress.report("diagnose", done.fetch_add(1, Ordering::Relaxed) + 1, cases.len());
             (id.clone(), outcome)
         })
@@ -98,6 +104,35 @@ fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BT
         match outcome {
             Ok(diagnosed) => drop(diagnoses.insert(id, diagnosed.diagnosis)),
             Err(failure) => screen.warn(&format!("{id}: no diagnosis: {failure}")),
+        }
+    }
+    Ok(diagnoses)
+}
+
+/// A diagnosis of every case of the catalogue without each of its effects, into CASE/without_N_EFFECT.
+fn leave_out(command: &Exam, suite: &Suite, screen: &Screen) -> Outcome<BTreeMap<(String, usize), Diagnosis>> {
+    let settings = command.options.settings()?;
+    let known = suite.cases.iter().filter(|answer| answer.in_catalogue);
+    let all: Vec<_> = known.flat_map(|answer| (0..answer.effects.len()).map(move |of| (answer, of))).collect();
+    let progress = screen.progress();
+    let done = AtomicUsize::new(0);
+    let outcomes: Vec<_> = all
+        .par_iter()
+        .map(|&(answer, of)| {
+            let ids = answer.ids_of(of);
+            let out = command.out.join(&answer.id).join(format!("without_{}_{}", of + 1, answer.effects[of].effect));
+            let without = settings.without.iter().cloned().chain(ids).collect();
+            let outcome = case(command, &Settings { without, ..settings.clone() }, &answer.id, &out, screen);
+            progress.report("diagnose without an effect", done.fetch_add(1, Ordering::Relaxed) + 1, all.len());
+            ((answer.id.clone(), of), outcome)
+        })
+        .collect();
+    drop(progress);
+    let mut diagnoses = BTreeMap::new();
+    for ((id, of), outcome) in outcomes {
+        match outcome {
+            Ok(diagnosed) => drop(diagnoses.insert((id, of), diagnosed.diagnosis)),
+            Err(failure) => screen.warn(&format!("{id}: no diagnosis without effect {of}: {failure}")),
         }
     }
     Ok(diagnoses)
@@ -144,8 +179,8 @@ fn check_out(command: &Exam, cases: &[String]) -> Outcome {
     Ok(())
 }
 
-/// Diagnoses one case from its folder alone and writes what came of it.
-fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outcome<Diagnosed> {
+/// Diagnoses one case from its folder alone and writes into `out` what came of it.
+fn case(command: &Exam, settings: &Settings, id: &str, out: &Path, screen: &Screen) -> Outcome<Diagnosed> {
     let folder = command.suite.join(id);
     let model = read_model(&folder.join("model.toml"))?;
     let quiet = screen.quietly();
@@ -158,7 +193,7 @@ fn case(command: &Exam, settings: &Settings, id: &str, screen: &Screen) -> Outco
         &quiet,
     )?;
     let diagnosed = settings.run(&model, &train, &holdout, &quiet.progress())?;
-    diagnose::write(&command.out.join(id), &diagnosed, &Provenance::default())?;
+    diagnose::write(out, &diagnosed, &Provenance::default())?;
     Ok(diagnosed)
 }
 

@@ -256,7 +256,6 @@ impl Diagnose {
 
     /// What was found as it is told: verified on held-out logs, located, written into the model and weighed.
     fn told(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
-        contest.run.say_if_cut();
         contest.run.begin("held-out logs and report");
         let verified = self.verify(&contest, &prepared, &judged)?;
         let gap = localise::gap(&contest, &judged, &verified.resting);
@@ -266,7 +265,8 @@ impl Diagnose {
         let logs = (&prepared.train, &prepared.holdout);
         // What is random leaves a rest that the noise does not.
         let has_causes = judged.detected.gap && !judged.outcome.best.hypotheses.is_empty() && judged.forcing.is_none();
-        let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?;
+        let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?.flatten();
+        contest.run.say_if_cut();
         let found = weigh::Found { judged: &judged, typicality, verification: verified, located: gap };
         let (mut diagnosis, augmented) = weigh::report(self.confidence, &contest, found, logs, augmented);
         let resting: Vec<&str> = resting.iter().map(String::as_str).collect();

@@ -7,6 +7,10 @@ use crate::progress::{Progress, step};
 use crate::refine::tally::{Counts, Tally};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Seconds of a limit that is none, a century: clocks can't count much further.
+const FOREVER: f64 = 3e9;
 
 /// One diagnosis under way.
 pub(crate) struct Run<'a> {
@@ -30,19 +34,23 @@ struct Begun {
 
 impl<'a> Run<'a> {
     pub(crate) fn new(progress: &'a dyn Progress, time_limit: Option<f64>) -> Self {
+        // Fits are too deep to ask the listener: they get the moment itself.
+        let left = time_limit.zip(progress.seconds()).map(|(limit, now)| (limit - now).clamp(0.0, FOREVER));
+        let tally = left.map(|left| Tally::until(Instant::now() + Duration::from_secs_f64(left)));
         Self {
             progress,
             time_limit,
             is_cut: AtomicBool::new(false),
             notes: Notes::default(),
-            tally: Arc::default(),
+            tally: Arc::new(tally.unwrap_or_default()),
             begun: Mutex::default(),
         }
     }
 
     /// Whether the search must end with what it has. Asked before a piece of work that is then left out.
     pub(crate) fn is_out_of_time(&self) -> bool {
-        let is_over = self.time_limit.zip(self.progress.seconds()).is_some_and(|(limit, now)| now >= limit);
+        let is_over = self.time_limit.zip(self.progress.seconds()).is_some_and(|(limit, now)| now >= limit)
+            || self.tally.is_over();
         if is_over {
             self.is_cut.store(true, Ordering::Relaxed);
         }

@@ -56,18 +56,9 @@ impl Change {
         let read =
             |state: &super::State| state.measured.clone().unwrap_or_else(|| Expression::variable(state.name.clone()));
         let (shown, readings) = differences(&read);
-        let controls: Vec<String> = changed.controls.iter().map(|c| c.name.clone()).collect();
         let parameters: Vec<String> =
             changed.parameters.iter().map(|p| p.name.clone()).chain(moved.iter().map(|&p| own(p))).collect();
-        let mut inputs = Vec::new();
-        for (index, (kind, parts)) in extraction.inputs.iter().enumerate() {
-            let earlier = (0..index).map(input_name);
-            let variables: Vec<String> = controls.iter().cloned().chain(earlier).chain(parameters.clone()).collect();
-            inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
-        }
-        let names = changed.states.iter().map(|s| s.name.clone());
-        let variables: Vec<String> =
-            names.chain(controls).chain((0..inputs.len()).map(input_name)).chain(parameters.clone()).collect();
+        let (inputs, variables) = inputs(&extraction, changed, &parameters)?;
         let mut late = Vec::new();
         for (kind, state, amounts) in &extraction.late {
             late.push(LateState { state: *state, kind: *kind, amounts: Tape::new(amounts, &parameters)? });
@@ -83,6 +74,44 @@ impl Change {
             late,
         }))
     }
+}
+
+impl Change {
+    /// Terms of the rate of a state of `base`, each a change of its own: the tape of the rates has one result for each.
+    ///
+    /// `None` where a term is late.
+    ///
+    /// # Errors
+    /// As [`System::new`].
+    pub(crate) fn terms(base: &System, row: usize, terms: &[Expression]) -> Result<Option<Self>> {
+        let model = base.model();
+        let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
+        let rates: Vec<Expression> = terms.iter().map(|term| extraction.extract(term)).collect();
+        if !extraction.late.is_empty() {
+            return Ok(None);
+        }
+        let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
+        let (inputs, variables) = inputs(&extraction, model, &parameters)?;
+        let n_outputs = base.simulator().map_or(0, |s| s.n_states());
+        let rates = Tape::with_simulator(&rates, &variables, n_outputs)?;
+        let readings = Tape::with_simulator(&[], &variables, n_outputs)?;
+        Ok(Some(Self { inputs, rows: vec![row; terms.len()], rates, shown: Vec::new(), readings, late: Vec::new() }))
+    }
+}
+
+/// The inputs with a history, and the variables of tapes that read them.
+fn inputs(extraction: &Extraction<'_>, model: &Model, parameters: &[String]) -> Result<(Vec<Input>, Vec<String>)> {
+    let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
+    let mut inputs = Vec::new();
+    for (index, (kind, parts)) in extraction.inputs.iter().enumerate() {
+        let earlier = (0..index).map(input_name);
+        let variables: Vec<String> =
+            controls.iter().cloned().chain(earlier).chain(parameters.iter().cloned()).collect();
+        inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
+    }
+    let names = model.states.iter().map(|s| s.name.clone());
+    let known = names.chain(controls).chain((0..inputs.len()).map(input_name));
+    Ok((inputs, known.chain(parameters.iter().cloned()).collect()))
 }
 
 /// `after - before`; where terms were added to `before`, these alone.
@@ -148,6 +177,16 @@ mod tests {
         assert_eq!(change.inputs.len(), 1);
         // x, v, u, the late control, k, c.
         assert_eq!(change.rates.evaluate_once(&[0.5, 0.0, 0.2, 0.7, 4.0, 0.1], 0.0), [0.5]);
+    }
+
+    #[test]
+    fn terms_of_a_row_have_a_result_each() {
+        let base = System::new(&model("u - k*x")).unwrap();
+        let terms = ["sin(v)", "delay(u, 0.1)"].map(|term| Expression::parse(term).unwrap());
+        let change = Change::terms(&base, 1, &terms).unwrap().unwrap();
+        assert_eq!((change.rows.as_slice(), change.inputs.len()), (&[1, 1][..], 1));
+        // x, v, u, the late control, k, c.
+        assert_eq!(change.rates.evaluate_once(&[0.3, 0.7, 9.0, 0.2, 4.0, 0.5], 0.0), [0.7f64.sin(), 0.2]);
     }
 
     #[test]

@@ -171,7 +171,7 @@ impl Refine {
         let mut damping = 1e-3;
         let mut converged = false;
         let mut iterations = 0;
-        while iterations < self.max_iterations && !converged {
+        while iterations < self.max_iterations && !converged && !experiment.tally.is_over() {
             watch(iterations)?;
             iterations += 1;
             let normal = Normal::new(&jacobian, experiment, &point, free);

@@ -72,7 +72,7 @@ pub(crate) fn judge(answer: &Answer, report: Option<&Diagnosis>) -> Judged {
         truth: answer.effects.iter().map(short).collect::<Vec<_>>().join(" + "),
         verdict: report.map(|r| r.verdict),
         p_value: report.map(|r| r.gap.p_value),
-        best: causes.first().map(|c| short(&name(c))),
+        best: causes.first().map(|c| short(&stated(c))),
         probability: causes.first().map(|c| c.probability),
         detected: report.is_some_and(|r| r.gap.p_value < LEVEL),
         any_included: !included.is_empty(),
@@ -130,12 +130,12 @@ fn distinct(answer: &Answer, included: &[&Cause], effect: usize, taken: &mut Vec
     false
 }
 
-fn name(cause: &Cause) -> TrueEffect {
+pub(super) fn stated(cause: &Cause) -> TrueEffect {
     TrueEffect { effect: cause.effect.clone(), state: cause.state.clone(), variables: cause.variables.clone() }
 }
 
 /// `coulomb_friction v(v)`.
-fn short(effect: &TrueEffect) -> String {
+pub(super) fn short(effect: &TrueEffect) -> String {
     let variables =
         if effect.variables.is_empty() { String::new() } else { format!("({})", effect.variables.join(",")) };
     format!("{} {}{variables}", effect.effect, effect.state)

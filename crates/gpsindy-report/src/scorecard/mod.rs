@@ -6,12 +6,14 @@
 mod answers;
 mod foreign;
 mod judge;
+mod left_out;
 mod rate;
 mod text;
 
 pub use answers::{Accepted, Answer, Kind, Oracle, Suite, TrueEffect};
 pub use foreign::read_report;
 pub use judge::Judged;
+pub use left_out::{LeftOut, LeftOutCase};
 pub use rate::{Bin, Calibration, Rate};
 
 use gpsindy_core::diagnose::report::{Diagnosis, Verdict};
@@ -74,6 +76,9 @@ pub struct ScoreCard {
     pub calibration: Calibration,
     /// Closed part of the gap over the oracle's, cases of the catalogue.
     pub closure: ClosureScore,
+    /// What was said with one effect left out of the catalogue; absent where none was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<LeftOut>,
     /// Every case, in the suite's order.
     pub cases: Vec<Judged>,
 }
@@ -163,6 +168,7 @@ impl ScoreCard {
                 median: quantile(&closures, 0.5),
                 percentile_10: quantile(&closures, 0.1),
             },
+            left_out: None,
             cases,
         }
     }

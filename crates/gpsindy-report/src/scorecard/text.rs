@@ -1,8 +1,9 @@
 //! The score card as text.
 
-use super::{Judged, Kind, Rate, ScoreCard, Stratum};
+use super::{Judged, Kind, LeftOut, Rate, ScoreCard, Stratum};
 use crate::numbers::{fixed, number};
 use crate::words::verdict_name;
+use gpsindy_core::diagnose::report::Verdict;
 use std::fmt::Write;
 
 pub(super) fn text(card: &ScoreCard) -> String {
@@ -36,6 +37,10 @@ pub(super) fn text(card: &ScoreCard) -> String {
     rate(&mut text, "in the catalogue: needlessly partly explained", card.needlessly_partly);
     rate(&mut text, "verdict right", card.right_verdict);
     rate(&mut text, "causes stated with 0.9 or more: right", card.calibration.stated_090);
+    if let Some(left_out) = &card.left_out {
+        rate(&mut text, "effect left out of the catalogue: explained", left_out.explained);
+        rate(&mut text, "  by what was not called equivalent to it", left_out.wrongly_explained);
+    }
     line(&mut text, "");
     figure(&mut text, "mean size of the group of the best cause", card.mean_group_size);
     figure(&mut text, "Brier score of all causes", card.calibration.brier);
@@ -44,6 +49,9 @@ pub(super) fn text(card: &ScoreCard) -> String {
     figure(&mut text, "closure relative to the oracle, 10th percentile", card.closure.percentile_10);
     reliability(&mut text, card);
     cases(&mut text, card);
+    if let Some(left_out) = &card.left_out {
+        without(&mut text, left_out);
+    }
     text
 }
 
@@ -110,6 +118,16 @@ fn cases(text: &mut String, card: &ScoreCard) {
             let _ = write!(row, "  {best} ({})", number(probability));
         }
         line(text, &row);
+    }
+}
+
+/// What was said with an effect left out, where that was no honest rest.
+fn without(text: &mut String, left_out: &LeftOut) {
+    line(text, "");
+    line(text, "explained with an effect left out (= where it was called equivalent)");
+    for case in left_out.cases.iter().filter(|c| c.verdict == Some(Verdict::Explained)) {
+        let mark = if case.equivalent { "=" } else { "-" };
+        line(text, &format!("{}  without {}  {mark}  {}", case.id, case.left_out, case.named.join(", ")));
     }
 }
 

@@ -99,9 +99,6 @@ impl Rival {
             equation = equation.plus(Expression::variable(name).times(member.clone()));
         }
         model.states[self.state].equation = equation;
-        let small = 1e-3 * scene.rates[self.state];
-        let count = self.basis.len();
-        let columns = (0..count).map(|k| (0..count).map(|i| if i == k { small } else { 0.0 }).collect()).collect();
         let added = |k: usize| Added {
             symbol: format!("{k}"),
             name: format!("rival_{k}"),
@@ -111,12 +108,19 @@ impl Rival {
             upper: f64::INFINITY,
             role: Role::Plain,
         };
-        let fitted = (0..count).map(|k| (first + k, added(k))).collect();
-        Applied {
-            model,
-            fitted,
-            parts: vec![count],
-            starts: vec![Start { columns, combine: Combine::Span, amplitudes: Vec::new() }],
-        }
+        let fitted = (0..self.basis.len()).map(|k| (first + k, added(k))).collect();
+        Applied { model, fitted, parts: vec![self.basis.len()], starts: vec![self.start(scene)] }
+    }
+
+    /// How much of every member a straight line takes: so little that none changes where the machine goes.
+    pub(crate) fn size(&self, scene: &Scene) -> f64 {
+        1e-3 * scene.rates[self.state]
+    }
+
+    /// One column for each member.
+    pub(crate) fn start(&self, scene: &Scene) -> Start {
+        let (small, count) = (self.size(scene), self.basis.len());
+        let columns = (0..count).map(|k| (0..count).map(|i| if i == k { small } else { 0.0 }).collect()).collect();
+        Start { columns, combine: Combine::Span, amplitudes: Vec::new() }
     }
 }

@@ -2,11 +2,13 @@
 //!
 //! A column is the change of the whitened outputs when the hypothesis is switched on at its start values.
 
+use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Start};
+use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::basis::Basis;
 use crate::diagnose::fit::bounded::{bounded_gain, span_gain};
 use crate::diagnose::fit::contestant::Linearised;
-use crate::diagnose::fit::responses::{LANES, responses};
+use crate::diagnose::fit::responses::{LANES, responses, responses_to_terms};
 use crate::diagnose::limits::{SHOWN, STEP};
 use nalgebra::{DMatrix, DVector};
 
@@ -204,6 +206,19 @@ pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) ->
         rest = later;
     }
     all
+}
+
+/// Gains of a family of functions without a name, for each view of a basis.
+pub(crate) fn gains_of_family(rival: &Rival, scene: &Scene, at: &Linearised<'_>, basis: &Basis) -> Vec<Gain> {
+    let start = rival.start(scene);
+    let is_finite = |columns: &Vec<Vec<DVector<f64>>>| columns.iter().flatten().flatten().all(|v| v.is_finite());
+    if let Some(mut columns) = responses_to_terms(at, rival.state, rival.members(), rival.size(scene)) {
+        return match is_finite(&columns) {
+            true => basis.gains(&start, &[], &mut columns),
+            false => vec![Gain::nothing(&start); basis.views().len()],
+        };
+    }
+    gains(&rival.apply(at.contestant.system.model(), scene), at, &[basis]).swap_remove(0).swap_remove(0)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::guide::Guide;
 use crate::diagnose::fit::lagging::with_lagging;
+use crate::expression::Expression;
 use crate::model::change::Change;
 use crate::model::{Model, System};
 use crate::refine::tally::Purpose;
@@ -30,6 +31,23 @@ pub(crate) fn responses(
     let sets: Vec<Vec<f64>> = columns.iter().map(set).collect();
     let moved: Vec<usize> = applied.fitted.iter().map(|(index, _)| *index).filter(|index| *index < own.len()).collect();
     changes(at, &applied.model, &moved, &sets)
+}
+
+/// The same for each of several `terms` of the rate of a row, taken `size` times; `None` where there is no path to draw them along.
+pub(crate) fn responses_to_terms(
+    at: &Linearised<'_>,
+    row: usize,
+    terms: &[Expression],
+    size: f64,
+) -> Option<Vec<Vec<DVector<f64>>>> {
+    let (path, fitted) = (at.path.as_ref()?, at.contestant);
+    let terms = Change::terms(&fitted.system, row, terms).ok()??;
+    let count = terms.rows.len();
+    fitted.experiment.tally.columns(count);
+    fitted.experiment.tally.pass(Purpose::Responses, (count * fitted.experiment.n_samples()).div_ceil(LANES));
+    let along = (fitted.refined.parameters.as_slice(), size);
+    let found = path.responses_to_terms(&fitted.system, &fitted.experiment, &terms, along);
+    Some(found.into_iter().map(|values| scaled(at, values)).collect())
 }
 
 /// By how much the noise-scaled outputs of `model` differ from those of the fit, for each set of its parameters; `moved` are the
@@ -71,22 +89,24 @@ fn along(
     moved: &[usize],
     sets: &[Vec<f64>],
 ) -> Option<Vec<Vec<DVector<f64>>>> {
-    let Linearised { contestant: fitted, jacobian, .. } = at;
+    let Linearised { contestant: fitted, .. } = at;
     let (system, experiment, own) = (&fitted.system, &fitted.experiment, &fitted.refined.parameters);
     let change = Change::between(system, model, moved).ok()??;
     let with_own = |set: &Vec<f64>| set.iter().copied().chain(moved.iter().map(|&index| own[index])).collect();
     let sets: Vec<Vec<f64>> = sets.iter().map(with_own).collect();
     experiment.tally.pass(Purpose::Responses, (sets.len() * experiment.n_samples()).div_ceil(LANES));
-    let scaled = |values: Vec<Vec<f64>>| {
-        let window = |(values, block): (Vec<f64>, &Block)| {
-            let noise = experiment.noise.iter().cycle();
-            let all = values.into_iter().zip(&block.present).zip(noise);
-            let all = all.map(|((value, &is_there), noise)| if is_there { value / noise } else { 0.0 });
-            DVector::from_iterator(block.residual.len(), all)
-        };
-        values.into_iter().zip(&jacobian.blocks).map(window).collect()
+    Some(path.responses(system, experiment, &change, &sets).into_iter().map(|values| scaled(at, values)).collect())
+}
+
+/// Readings of every window in units of their noise; zero where nothing was measured.
+fn scaled(at: &Linearised<'_>, values: Vec<Vec<f64>>) -> Vec<DVector<f64>> {
+    let window = |(values, block): (Vec<f64>, &Block)| {
+        let noise = at.contestant.experiment.noise.iter().cycle();
+        let all = values.into_iter().zip(&block.present).zip(noise);
+        let all = all.map(|((value, &is_there), noise)| if is_there { value / noise } else { 0.0 });
+        DVector::from_iterator(block.residual.len(), all)
     };
-    Some(path.responses(system, experiment, &change, &sets).into_iter().map(scaled).collect())
+    values.into_iter().zip(&at.jacobian.blocks).map(window).collect()
 }
 
 /// By rollouts, as many sets side by side as there are lanes.

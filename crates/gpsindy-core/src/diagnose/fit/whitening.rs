@@ -8,6 +8,9 @@ use crate::diagnose::fit::autoregression::Colour;
 use crate::diagnose::limits::MAX_ORDER;
 use nalgebra::DVector;
 
+/// Values that are filtered side by side.
+const BLOCK: usize = 8;
+
 /// What is done with one value.
 #[derive(Debug, Clone, PartialEq)]
 enum Step {
@@ -52,9 +55,13 @@ impl Whitener {
     /// Whitens values in place; what was not measured becomes zero.
     pub(crate) fn whiten(&self, values: &mut DVector<f64>) {
         let stride = self.filters.len();
+        let mut own = Vec::with_capacity(values.len() / stride + 1);
         for (column, filter) in self.filters.iter().enumerate() {
             if let Some(filter) = filter {
-                filter.run(values.iter_mut().skip(column).step_by(stride));
+                own.clear();
+                own.extend(values.iter().skip(column).step_by(stride));
+                filter.run(&mut own);
+                values.iter_mut().skip(column).step_by(stride).zip(&own).for_each(|(value, own)| *value = *own);
             }
         }
     }
@@ -77,7 +84,7 @@ pub(crate) fn prediction_error(colour: &Colour, series: &[Vec<f64>]) -> f64 {
                 logarithms += 2.0 * (scale / own).ln();
             }
         }
-        Filter { coefficients: colour.coefficients.clone(), scale, steps }.run(values.iter_mut());
+        Filter { coefficients: colour.coefficients.clone(), scale, steps }.run(&mut values);
         squares += values.iter().map(|v| v * v).sum::<f64>();
         count += there().filter(|&is_there| is_there).count() as f64;
     }
@@ -86,10 +93,35 @@ pub(crate) fn prediction_error(colour: &Colour, series: &[Vec<f64>]) -> f64 {
 }
 
 impl Filter {
-    fn run<'a>(&self, series: impl Iterator<Item = &'a mut f64>) {
+    fn run(&self, series: &mut [f64]) {
+        // All of the last values are as they were measured from here on.
+        let order = self.coefficients.len();
+        let start = (self.steps.len() + order).min(series.len());
+        // From the end, so that what comes before is still as it was measured.
+        let mut end = series.len();
+        while end - start >= BLOCK {
+            let from = end - BLOCK;
+            let mut errors: [f64; BLOCK] = std::array::from_fn(|k| series[from + k]);
+            for (lag, a) in self.coefficients.iter().enumerate() {
+                let before = &series[from - lag - 1..][..BLOCK];
+                errors.iter_mut().zip(before).for_each(|(error, value)| *error -= a * value);
+            }
+            series[from..end].iter_mut().zip(errors).for_each(|(value, error)| *value = error * self.scale);
+            end = from;
+        }
+        for i in (start..end).rev() {
+            let before = series[..i].iter().rev();
+            let predicted: f64 = self.coefficients.iter().zip(before).map(|(a, v)| a * v).sum();
+            series[i] = (series[i] - predicted) * self.scale;
+        }
+        self.begin(&mut series[..start]);
+    }
+
+    /// The first values, before which some are not known.
+    fn begin(&self, series: &mut [f64]) {
         // The last values, the latest first, as known or guessed.
         let mut last = [0.0; MAX_ORDER];
-        for (value, step) in series.zip(self.steps.iter().chain(std::iter::repeat(&Step::Plain))) {
+        for (value, step) in series.iter_mut().zip(self.steps.iter().chain(std::iter::repeat(&Step::Plain))) {
             let predicted: f64 = self.coefficients.iter().zip(&last).map(|(a, v)| a * v).sum();
             let error = *value - predicted;
             last.rotate_right(1);

@@ -1,6 +1,7 @@
 //! Attribute: which effects cause the gap, and whether unmodelled structure remains.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::weigh::ROUGH;
 use crate::diagnose::limits::{MOST_MOVES, SWAP};
 use crate::diagnose::steps::charge::charge_tolerated;
 use crate::diagnose::steps::contest::Contest;
@@ -11,7 +12,7 @@ use crate::diagnose::steps::places::{Place, places};
 use crate::diagnose::steps::round::{Expansion, expand};
 use crate::diagnose::steps::screen::nameless;
 use crate::diagnose::steps::search::{richer, search};
-use crate::diagnose::steps::simplify::{counts, pruned, strongest};
+use crate::diagnose::steps::simplify::{counts, is_structured, pruned, strongest};
 use crate::error::Result;
 
 /// The causes of a detected gap.
@@ -25,7 +26,8 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let Suspected { nominal, first, nameless, detected } = suspected;
     let singles = first.singles();
     let (found, round) = search(contest, &nominal, first)?;
-    let Settled { nominal, mut best, is_structured, is_moved } = settle(contest, nominal, &found)?;
+    let Settled { nominal, mut best, left, is_moved } = settle(contest, nominal, &found)?;
+    let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
     let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
@@ -48,7 +50,8 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
             break;
         }
     }
-    let left = left_over(contest, &best, &round)?;
+    let left = if known.len() > 1 { self::nameless(contest, &best)? } else { left };
+    let left = left_over(contest, &best, &left, &round);
     let nameless = if is_moved { self::nameless(contest, &nominal)? } else { nameless };
     let removed = seats.iter().map(|seat| seat.removed).collect();
     let alternatives = seats.into_iter().map(|seat| seat.fits).collect();
@@ -60,22 +63,23 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
 struct Settled {
     nominal: Contestant,
     best: Contestant,
-    /// Whether structure without a name is left beside them.
-    is_structured: bool,
+    /// Gain and degrees of freedom of every function without a name beside them.
+    left: Vec<(f64, usize)>,
     /// Whether rollouts or tolerances are others now.
     is_moved: bool,
 }
 
 fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
     contest.run.begin("settling");
-    let (best, is_structured) = pruned(contest, &nominal, found.clone())?;
+    let best = pruned(contest, &nominal, found.clone())?;
     let before = (best.experiment.windows.clone(), nominal.free.len());
     let (nominal, best) = lengthen(contest, nominal, best)?;
     let (nominal, best) = charge_tolerated(contest, nominal, best)?;
     let is_moved = before != (best.experiment.windows.clone(), nominal.free.len());
     // Once more, because longer rollouts show what an effect is worth.
-    let (best, is_structured) = if is_moved { pruned(contest, &nominal, best)? } else { (best, is_structured) };
-    Ok(Settled { nominal, best, is_structured, is_moved })
+    let best = if is_moved { pruned(contest, &nominal, best)? } else { best };
+    let left = nameless(contest, &best)?;
+    Ok(Settled { nominal, best, left, is_moved })
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.
@@ -92,16 +96,14 @@ fn moved(
         fits.into_iter().max_by(order).cloned()
     };
     let own = best.hypotheses.len();
-    let superfluous = |rest: &&Contestant| {
-        own > 1 && !(contest.is_convincing(best, rest) && counts(nominal, best, rest, is_structured))
-    };
+    let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = seats.iter().filter_map(|seat| seat.rest.as_ref()).filter(superfluous);
     let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
     let other = first(seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better).collect());
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
-    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, is_structured));
+    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, ROUGH));
     richer(contest, other.as_ref().unwrap_or(best), that_count)
         .cloned()
         .or_else(|| first(simpler.collect()))
@@ -109,14 +111,13 @@ fn moved(
         .or_else(|| first(fits.iter().filter(is_one_for_two).collect()))
 }
 
-/// Structure that a function without a name, or one more effect, would still remove.
-fn left_over(contest: &Contest<'_>, best: &Contestant, last: &Expansion) -> Result<Option<Left>> {
-    let gains = nameless(contest, best)?;
-    let Some((place, energy)) = strongest(best, &gains) else { return Ok(None) };
+/// Structure that a function without a name (`gains`), or one more effect, would still remove.
+fn left_over(contest: &Contest<'_>, best: &Contestant, gains: &[(f64, usize)], last: &Expansion) -> Option<Left> {
+    let (place, energy) = strongest(best, gains)?;
     // Two searches, both paid for.
-    let p_value = (2.0 * nameless_p_value(&gains, best).min(last.p_value(best))).min(1.0);
+    let p_value = (2.0 * nameless_p_value(gains, best).min(last.p_value(best))).min(1.0);
     let rival = &contest.rivals[place];
-    Ok(Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() }))
+    Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() })
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Checks: what must hold of included causes before they are believed, each with its own chance where they are right.
 
+use crate::diagnose::limits::CHANCE;
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::weigh::{LIKELY, TYPICAL};
-use crate::diagnose::limits::{CHANCE, REST, STRUCTURE};
+use crate::diagnose::limits::weigh::{LIKELY, ROUGH, TYPICAL};
 use crate::diagnose::report::{Check, Closure, Unexplained};
 use crate::diagnose::steps::findings::{Left, Outcome};
 use crate::diagnose::steps::stability::Stability;
@@ -92,9 +92,7 @@ impl Checked<'_> {
 
     fn typicality(&self) -> Option<Check> {
         let Typicality { p_value, drawn } = *self.typicality?;
-        let is_small =
-            self.outcome.left.as_ref().is_none_or(|left| left.energy < STRUCTURE) || self.unexplained.share < REST;
-        let passed = p_value >= TYPICAL || is_small;
+        let passed = p_value >= TYPICAL || self.unexplained.share < ROUGH;
         let says = match (p_value >= TYPICAL, passed) {
             (true, _) => {
                 format!("Of {drawn} logs simulated with these causes, enough leave a rest as large as the one seen.")

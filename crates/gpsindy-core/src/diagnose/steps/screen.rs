@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::basis::{Basis, Out, View};
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
-use crate::diagnose::fit::gains::gains;
+use crate::diagnose::fit::gains::{gains, gains_of_family};
 use crate::diagnose::fit::innovations::Innovations;
 use crate::diagnose::fit::outs::{in_place, interact, outs};
 use crate::diagnose::fit::peaks::peaks;
@@ -182,9 +182,11 @@ pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(
     contest.run.begin("functions without a name");
     let at = base.linearised()?;
     let gain = |rival: &Rival, at: &Linearised<'_>, coloured: &Basis| {
-        let applied = rival.apply(base.system.model(), &contest.scene);
-        let found = gains(&applied, at, &[coloured]);
-        found.first().map_or((0.0, 1), |g| (g[0][0].gain, g[0][0].degrees))
+        if contest.run.is_out_of_time() {
+            return (0.0, 1);
+        }
+        let found = gains_of_family(rival, &contest.scene, at, coloured);
+        found.first().map_or((0.0, 1), |g| (g.gain, g.degrees))
     };
     let coloured = Basis::new(&at, false, &[]);
     let is_dear = contest.rivals.len() > SCREENED;

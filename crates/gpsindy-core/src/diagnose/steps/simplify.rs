@@ -10,40 +10,32 @@ use crate::error::Result;
 
 /// The winner without effects that remove next to nothing of the gap; where structure without a name is left anyhow,
 /// without those that remove little of it.
-///
-/// Also says whether such structure is left.
-pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Contestant) -> Result<(Contestant, bool)> {
-    loop {
-        let is_structured = is_structured(contest, &best)?;
-        if best.hypotheses.len() < 2 {
-            return Ok((best, is_structured));
-        }
-        if contest.run.is_out_of_time() {
-            return Ok((best, is_structured));
-        }
+pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Contestant) -> Result<Contestant> {
+    while best.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         // An effect without which nothing can be fitted is none to leave out.
         let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, &best, &[place]));
         let rests = rests.collect::<Result<Vec<_>>>()?;
-        match rests.into_iter().flatten().min_by(|a, b| a.evidence.misfit().total_cmp(&b.evidence.misfit())) {
-            Some(rest) if !counts(nominal, &best, &rest, is_structured) => best = rest,
-            _ => return Ok((best, is_structured)),
+        let least = rests.into_iter().flatten().min_by(|a, b| a.evidence.misfit().total_cmp(&b.evidence.misfit()));
+        let Some(rest) = least.filter(|rest| !counts(nominal, &best, rest, NAMED)) else { break };
+        // What is left is asked for only where it decides.
+        if counts(nominal, &best, &rest, REST) && !is_structured(&best, &nameless(contest, &best)?) {
+            break;
         }
+        best = rest;
     }
+    Ok(best)
 }
 
-/// Whether `best` removes enough of the gap beyond what `rest` does to name what it has more: a larger part where structure without
-/// a name is left anyhow.
-pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant, is_structured: bool) -> bool {
-    let share = if is_structured { NAMED } else { REST };
+/// Whether `best` removes a `share` of the gap beyond what `rest` does.
+pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant, share: f64) -> bool {
     rest.evidence.misfit() - best.evidence.misfit() >= share * gap_size(nominal, best)
 }
 
-/// Whether structure is left that has no name.
-fn is_structured(contest: &Contest<'_>, best: &Contestant) -> Result<bool> {
-    let gains = nameless(contest, best)?;
-    let is_large = strongest(best, &gains).is_some_and(|(_, energy)| energy > STRUCTURE);
-    let is_significant = nameless_p_value(&gains, best) <= CHANCE;
-    Ok(is_large && is_significant || best.evidence.is_predictable())
+/// Whether structure is left that has no name, by the `gains` of functions at `best`.
+pub(crate) fn is_structured(best: &Contestant, gains: &[(f64, usize)]) -> bool {
+    let is_large = strongest(best, gains).is_some_and(|(_, energy)| energy > STRUCTURE);
+    let is_significant = nameless_p_value(gains, best) <= CHANCE;
+    is_large && is_significant || best.evidence.is_predictable()
 }
 
 /// The function without a name that gains most at `best`, and the mean squared residual that it would remove.

@@ -2,12 +2,15 @@
 //!
 //! The corrected model and its noise make new residuals; everything that is free is fitted to them along straight lines, and the same
 //! functions without a name are screened in them as in the real ones. The rank of what the logs leave among what the simulations leave
-//! needs no theory of the screening. Source: the Monte Carlo test, Barnard 1963; Besag and Clifford 1989, Biometrika 76(4).
+//! needs no theory of the screening; where none of them leaves as much, how far above them it lies tells the chance.
+//! Source: the Monte Carlo test, Barnard 1963; Besag and Clifford 1989, Biometrika 76(4); the largest of many by Gumbel 1958,
+//! Statistics of Extremes, chapter 5.
 
+use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::basis::{Basis, Out};
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
-use crate::diagnose::fit::gains::gains;
+use crate::diagnose::fit::gains::{Gain, gains_of_family};
 use crate::diagnose::limits::weigh::SIMULATED;
 use crate::diagnose::limits::{NOISE, SKETCHED};
 use crate::diagnose::steps::contest::Contest;
@@ -18,36 +21,63 @@ use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+/// The constant of Euler and Mascheroni: the mean of the standard distribution of largest values.
+const EULER: f64 = 0.577_215_664_901_532_9;
+
 /// What the simulations say.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Typicality {
-    /// Share of all logs, simulated or seen, that leave at least as much as the one seen.
+    /// Chance that a log of these causes leaves at least as much as the one seen.
     pub(crate) p_value: f64,
     /// How many were simulated.
     pub(crate) drawn: usize,
 }
 
-/// Of a winner; none where it is linear in nothing: a model that diverges where it stands.
-pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Typicality> {
+/// Of a winner; none where time is up before it is known.
+pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Typicality>> {
     contest.run.begin("simulated logs");
+    if contest.run.is_out_of_time() {
+        return Ok(None);
+    }
     let whole = best.linearised()?;
     let sketch = whole.sketch(SKETCHED);
     let at = sketch.as_ref().map_or(whole, |sketch| sketch.linearised());
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let simulated: Vec<Out> = (0..SIMULATED).map(|_| drawn(&at, &mut random)).collect();
     let basis = Basis::new(&at, false, &simulated);
-    let largest = |rival: &crate::diagnose::catalogue::rival::Rival| {
-        let applied = rival.apply(at.contestant.system.model(), &contest.scene);
-        let found = gains(&applied, &at, &[&basis]).into_iter().next().and_then(|start| start.into_iter().next());
+    let largest = |rival: &Rival| {
+        if contest.run.is_out_of_time() {
+            return Vec::new();
+        }
         // By Akaike's criterion, so that large families do not win by their number.
-        let left = |gain: crate::diagnose::fit::gains::Gain| gain.gain - 2.0 * gain.degrees as f64;
-        found.map_or_else(Vec::new, |views| views.into_iter().map(left).collect::<Vec<f64>>())
+        let left = |gain: Gain| gain.gain - 2.0 * gain.degrees as f64;
+        gains_of_family(rival, &contest.scene, &at, &basis).into_iter().map(left).collect()
     };
     let all: Vec<Vec<f64>> = contest.rivals.par_iter().map(largest).collect();
+    if contest.run.is_out_of_time() {
+        return Ok(None);
+    }
     let most = |view: usize| all.iter().filter_map(|left| left.get(view)).copied().fold(f64::NEG_INFINITY, f64::max);
-    let seen = most(0);
-    let above = (1..=SIMULATED).filter(|&view| most(view) >= seen).count();
-    Ok(Typicality { p_value: (1 + above) as f64 / (1 + SIMULATED) as f64, drawn: SIMULATED })
+    let simulated: Vec<f64> = (1..=SIMULATED).map(most).collect();
+    Ok(Some(Typicality { p_value: chance(most(0), &simulated), drawn: SIMULATED }))
+}
+
+/// Chance of one at least as large as `seen`: its rank, and beyond all that were simulated the tail of the distribution of largest
+/// values with their mean and deviation.
+fn chance(seen: f64, simulated: &[f64]) -> f64 {
+    let count = simulated.len() as f64;
+    let above = simulated.iter().filter(|&&one| one >= seen).count() as f64;
+    let rank = (1.0 + above) / (1.0 + count);
+    if above > 0.0 {
+        return rank;
+    }
+    let mean = simulated.iter().sum::<f64>() / count;
+    let spread = (simulated.iter().map(|one| (one - mean) * (one - mean)).sum::<f64>() / (count - 1.0)).sqrt();
+    let scale = spread * 6f64.sqrt() / std::f64::consts::PI;
+    let place = mean - EULER * scale;
+    // 1 - exp(-e), exact where e is small.
+    let tail = -(-(-(seen - place) / scale).exp()).exp_m1();
+    if tail.is_finite() { tail.min(rank) } else { rank }
 }
 
 /// A fit whose residuals are drawn: as a view, what is to be taken from those that were seen.
@@ -87,4 +117,21 @@ fn noise<'r>(colour: &Colour, random: &'r mut ChaCha8Rng) -> impl FnMut() -> f64
 
 fn standard(random: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(random)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chance_of_a_largest_value_is_its_rank_and_beyond_all_the_tail_of_such_values() {
+        // The standard distribution of largest values, by its quantiles.
+        let simulated: Vec<f64> = (1..=300).map(|i| -(-(f64::from(i) / 301.0).ln()).ln()).collect();
+        assert!((chance(0.0, &simulated[..]) - 0.632).abs() < 0.01);
+        let tail = |x: f64| -(-(-x).exp()).exp_m1();
+        for seen in [7.0, 9.0] {
+            let found = chance(seen, &simulated) / tail(seen);
+            assert!((0.7..1.5).contains(&found), "{found}");
+        }
+    }
 }

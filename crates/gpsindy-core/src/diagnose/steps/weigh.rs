@@ -5,7 +5,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::verify::QUIET;
-use crate::diagnose::limits::weigh::{COUNTS, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT};
+use crate::diagnose::limits::weigh::{COUNTS, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT, ROUGH, TYPICAL};
 use crate::diagnose::limits::{REST, SHOWN, STRUCTURE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{
@@ -50,7 +50,7 @@ pub(crate) fn report(
     let unexplained = match forcing {
         // What is random is no structure, and rollouts miss the held-out runs by it.
         Some(forcing) => Unexplained { probability: 1.0 - forcing.probability(), share: 0.0, depends_on: Vec::new() },
-        None => unexplained(nominal, outcome, detected, &verification),
+        None => unexplained(nominal, outcome, detected, &verification, typicality.as_ref()),
     };
     let gap = gap_energy(nominal, outcome);
     let named = hypotheses.len() - usize::from(has_function);
@@ -201,6 +201,7 @@ fn unexplained(
     outcome: &Outcome,
     detected: &Detected,
     verification: &Verification,
+    typicality: Option<&Typicality>,
 ) -> Unexplained {
     let nothing = Unexplained { probability: 0.0, share: 0.0, depends_on: Vec::new() };
     if !detected.gap {
@@ -217,7 +218,9 @@ fn unexplained(
     let size = left.energy / STRUCTURE;
     let relative = share / REST;
     let odds = (size * size).min(relative * relative);
-    let structure = significant * odds / (1.0 + odds);
+    // Simulated logs say how surely it is no noise, of whatever size; below that of rounding it is none all the same.
+    let seen = typicality.filter(|_| share >= ROUGH).map_or(0.0, |t| 1.0 / (1.0 + (t.p_value / TYPICAL).powi(2)));
+    let structure = (significant * odds / (1.0 + odds)).max(seen);
     let probability = 1.0 - (1.0 - structure) * (1.0 - missed);
     let depends_on = if structure > LIKELY { left.depends_on.clone() } else { Vec::new() };
     Unexplained { probability, share, depends_on }

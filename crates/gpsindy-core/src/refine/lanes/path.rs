@@ -152,6 +152,41 @@ impl Path {
 }
 
 impl Path {
+    /// The responses of the logged readings, in their units, to each of several `terms` of one row's rate, taken `size` times: by term
+    /// and window, sample by sample.
+    pub(crate) fn responses_to_terms(
+        &self,
+        system: &System,
+        experiment: &Experiment,
+        terms: &Change,
+        (parameters, size): (&[f64], f64),
+    ) -> Vec<Vec<Vec<f64>>> {
+        let read = read(system, experiment);
+        let Some(row) = terms.rows.first() else { return Vec::new() };
+        let mut all: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(self.windows.len()); terms.rows.len()];
+        let lane: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
+        let mut history: Option<(usize, Histories<'_, 1>)> = None;
+        for along in &self.windows {
+            let number = along.window.log;
+            if history.as_ref().is_none_or(|(index, _)| *index != number) {
+                let log = &experiment.logs[number];
+                history = Some((number, Histories::<1>::new(&terms.inputs, log, experiment.hold, &lane)));
+            }
+            let Some((_, history)) = history.as_mut() else { continue };
+            let [middle, _] = along.inputs(experiment, history, terms.inputs.len());
+            let mut signals = along.signals(system, &terms.rates, parameters, (&middle, &[]), Moment::Middle);
+            signals.iter_mut().flatten().for_each(|value| *value *= size);
+            for (number, signals) in signals.chunks(L).enumerate() {
+                let signals: Vec<Vec<Vec<f64>>> = signals.iter().map(|signal| vec![signal.clone()]).collect();
+                let moved = along.moved(self.n, &[*row], &signals, experiment.substeps);
+                for lane in 0..signals.len() {
+                    all[number * L + lane].push(self.read_out(system, along, read.as_deref(), &moved, lane));
+                }
+            }
+        }
+        all
+    }
+
     /// The responses of the logged readings, in their units, to pushes on the rates of some `rows`: by window, sample by sample.
     /// `push` gives the values of each row in the middles of a window's steps, of which it is told the times, s.
     pub(crate) fn pushed(

@@ -47,7 +47,8 @@ pub(super) fn fit(
     let scene = Scene { system, experiment, free };
     let mut search = Search::new(scene, point, kept.map(Arc::as_ref))?;
     let mut iterations = 0;
-    while iterations < settings.max_iterations && search.parts.iter().any(|part| part.rest.is_none()) {
+    let is_over = || experiment.tally.is_over();
+    while iterations < settings.max_iterations && search.parts.iter().any(|part| part.rest.is_none()) && !is_over() {
         watch(iterations)?;
         iterations += 1;
         let may_renew = settings.max_iterations - iterations >= WORTH;
@@ -55,7 +56,7 @@ pub(super) fn fit(
     }
     // A fit that only ranks is not worth derivatives of its own.
     let ranks_only = settings.max_iterations <= WORTH;
-    if !ranks_only {
+    if !ranks_only && !is_over() {
         let stale = (0..search.windows.len()).filter(|&w| !search.windows[w].is_verified());
         search.renew(&stale.map(|w| (w, Slopes::Fine)).collect::<Vec<_>>());
     }
