@@ -70,7 +70,7 @@ pub(crate) fn report(
         stabilities: &stabilities,
         verification: &verification,
         typicality: typicality.as_ref(),
-        is_forced,
+        forced: forcing.as_ref().filter(|_| is_forced).map(|forcing| forcing.p_value),
     };
     let has_causes = detected.gap && (is_forced || !hypotheses.is_empty());
     let checks = if has_causes { checked.all() } else { Vec::new() };
