@@ -74,9 +74,12 @@ pub(crate) fn report(
     };
     let has_causes = detected.gap && (is_forced || !hypotheses.is_empty());
     let checks = if has_causes { checked.all() } else { Vec::new() };
-    // A cause without which less than the verdict allows would be left need not be sure.
+    // A cause without which less than the verdict allows would be left need not be sure, beside one that is: of several that can stand
+    // for each other none would be missed.
     let share = |place: usize| outcome.removed.get(place).map_or(1.0, |removed| removed / gap);
-    let are_credible = (0..hypotheses.len()).all(|place| credible[place] > LIKELY || share(place) < COUNTS);
+    let is_sure = |place: usize| credible[place] > LIKELY;
+    let are_credible = (0..hypotheses.len()).all(|place| is_sure(place) || share(place) < COUNTS)
+        && (hypotheses.is_empty() || (0..hypotheses.len()).any(is_sure));
     let verdict = verdict(judged, &checks, are_credible, &verification);
     // A search that was cut short has not shown that nothing else is there.
     let verdict = match verdict {
