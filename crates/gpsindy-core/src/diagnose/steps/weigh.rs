@@ -74,12 +74,9 @@ pub(crate) fn report(
     };
     let has_causes = detected.gap && (is_forced || !hypotheses.is_empty());
     let checks = if has_causes { checked.all() } else { Vec::new() };
-    // A cause without which less than the verdict allows would be left need not be sure, beside one that is: of several that can stand
-    // for each other none would be missed.
     let share = |place: usize| outcome.removed.get(place).map_or(1.0, |removed| removed / gap);
-    let is_sure = |place: usize| credible[place] > LIKELY;
-    let are_credible = (0..hypotheses.len()).all(|place| is_sure(place) || share(place) < COUNTS)
-        && (hypotheses.is_empty() || (0..hypotheses.len()).any(is_sure));
+    let worth: Vec<(f64, f64)> = (0..hypotheses.len()).map(|place| (credible[place], share(place))).collect();
+    let are_credible = are_believed(&worth);
     let verdict = verdict(judged, &checks, are_credible, &verification);
     // A search that was cut short has not shown that nothing else is there.
     let verdict = match verdict {
@@ -229,6 +226,16 @@ fn unexplained(
     Unexplained { probability, share, depends_on }
 }
 
+/// Whether causes, each credible to such a degree and with such a share of the gap, are believed together.
+///
+/// One without which less than the verdict allows would be left need not be sure, beside one that is: of several that can stand for
+/// each other none would be missed.
+fn are_believed(causes: &[(f64, f64)]) -> bool {
+    let is_sure = |&(credible, _): &(f64, f64)| credible > LIKELY;
+    let all = causes.iter().all(|cause| is_sure(cause) || cause.1 < COUNTS);
+    all && (causes.is_empty() || causes.iter().any(is_sure))
+}
+
 /// `are_credible`: whether every cause that counts is more likely one of the machine's than an imitation.
 fn verdict(judged: &findings::Judged, checks: &[Check], are_credible: bool, verification: &Verification) -> Verdict {
     let findings::Judged { detected, outcome, forcing, .. } = judged;
@@ -285,6 +292,14 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_causes_need_not_be_sure_beside_one_that_is_and_explain_nothing_alone() {
+        assert!(are_believed(&[(0.9, 0.9), (0.2, 0.005)]));
+        assert!(!are_believed(&[(0.9, 0.9), (0.2, 0.05)]));
+        assert!(!are_believed(&[(0.02, 0.005), (0.02, 0.004), (0.01, 0.004)]));
+        assert!(are_believed(&[]));
+    }
 
     #[test]
     fn a_cause_of_the_whole_gap_is_credible_and_one_of_a_hundredth_of_it_is_not() {
