@@ -5,7 +5,7 @@ mod faults;
 /// A task by its name.
 type Task = (&'static str, fn() -> Result<(), String>);
 
-const TASKS: &[Task] = &[("faults", faults::run)];
+const TASKS: &[Task] = &[("faults", faults::run), ("features", crate::tools::features)];
 
 /// Runs one task, or all of them; the first that fails ends it.
 pub(crate) fn run(name: Option<&str>) -> Result<(), String> {

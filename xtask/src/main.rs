@@ -26,8 +26,8 @@ cargo xtask package       every crate packs with its licences, builds from its p
 cargo xtask deny          licences, doubles, sources and advisories of all dependencies (cargo-deny)
 cargo xtask semver [REV]  the public interface against a tag or commit; without REV the latest tag (cargo-semver-checks)
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
-cargo xtask features      the readers of logs with each format alone and with none, warnings as errors; a part of `rust`
-cargo xtask long [TASK]   what takes too long for every change, all of it or one task: faults (kills, a full disk, two runs in one folder)
+cargo xtask long [TASK]   what takes too long for every change, all of it or one task: faults (kills, a full disk, two runs in one
+                          folder), features (the readers of logs with each format alone and with none, warnings as errors)
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg and docs/pendulum.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
@@ -46,7 +46,6 @@ fn main() -> ExitCode {
         "deny" => tools::deny(),
         "semver" => tools::semver(argument.as_deref()),
         "msrv" => tools::msrv(),
-        "features" => tools::features(),
         "long" => long::run(argument.as_deref()),
         "data" => data::write(),
         "picture" => picture::all(),
@@ -73,7 +72,6 @@ fn rust() -> Result<(), String> {
     let cargo = |arguments: &str| shell::run("cargo", arguments.split(' '), &[]);
     cargo("fmt --all --check")?;
     cargo("clippy --release --workspace --all-targets -- -D warnings")?;
-    tools::features()?;
     // With the extension module, which has no test of its own here: the wheel then shares what is built for the tests.
     skipped::counted(|environment| {
         shell::run("cargo", "test --release --workspace --exclude gpsindy-benches".split(' '), environment)

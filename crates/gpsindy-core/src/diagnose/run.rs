@@ -165,7 +165,7 @@ mod tests {
     }
 
     /// A drive with a drag that its model lacks.
-    fn diagnosed(time_limit: Option<f64>, clock: &Clock) -> Diagnosed {
+    fn diagnosed(time_limit: Option<f64>, clock: &dyn Progress) -> Diagnosed {
         let (model, data) = drive(None, |x| x + 0.8 * x * x.abs(), 0.01, (3, 200));
         let (train, holdout) = hold_out(&data).unwrap();
         Diagnose { time_limit, ..Diagnose::default() }.run(&model, &train, &holdout, clock).unwrap()
@@ -186,6 +186,33 @@ mod tests {
             assert!(cut.notes.contains(&Note::TimeUp { seconds }), "{:?}", cut.notes);
             assert!(cut.diagnosis.notes.iter().any(|note| note.starts_with("the time limit of")));
         }
+    }
+
+    /// A listener whose clock stands, as between the reports of a long fit.
+    struct Standing;
+
+    impl Progress for Standing {
+        fn report(&self, _: &str, _: usize, _: usize) -> bool {
+            true
+        }
+
+        fn seconds(&self) -> Option<f64> {
+            Some(0.0)
+        }
+    }
+
+    #[test]
+    fn a_limit_ends_fits_under_way_though_the_listener_is_not_asked() {
+        let work = |limit: Option<f64>| {
+            let found = diagnosed(limit, &Standing);
+            let trials: u64 = found.diagnosis.work.iter().map(|stage| stage.trials).sum();
+            (found.notes.iter().any(|note| matches!(note, Note::TimeUp { .. })), trials)
+        };
+        let (was_cut, whole) = work(None);
+        let (is_cut, trials) = work(Some(1e-9));
+        assert!(!was_cut && is_cut);
+        // What follows the search fits the starts of held-out rollouts.
+        assert!(10 * trials < whole, "{trials} of {whole}");
     }
 
     #[test]
