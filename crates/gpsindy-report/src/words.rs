@@ -180,8 +180,14 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         format!("Unmodelled structure{depends} remains.")
     } else if differs {
         "The fitted sizes differ between parts of the logs, so another effect may be the true cause.".into()
+    } else if report.is_cut() {
+        "The time limit ended the search, so another effect may be the true cause.".into()
     } else {
         "An effect outside the catalogue may be the true cause.".into()
+    };
+    let none = match report.is_cut() {
+        true => "no effect that was tried before the time limit explains it",
+        false => "no effect of the catalogue explains it",
     };
     match report.verdict {
         Verdict::NoGap => format!("Measurement noise alone explains the difference between {model} and the logs."),
@@ -194,9 +200,9 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
             format!("Part of the gap between {model} and the logs is explained by {causes}. {rest}")
         }
         Verdict::Unexplained if depends.is_empty() => {
-            format!("There is a gap{place}, and no effect of the catalogue explains it.")
+            format!("There is a gap{place}, and {none}.")
         }
-        _ => format!("There is a gap{place}{depends}, and no effect of the catalogue explains it."),
+        _ => format!("There is a gap{place}{depends}, and {none}."),
     }
 }
 

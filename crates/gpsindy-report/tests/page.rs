@@ -30,6 +30,23 @@ fn a_page_says_verdict_where_which_how_far_and_next_in_this_order() {
 }
 
 #[test]
+fn a_search_that_was_cut_off_blames_its_limit_and_not_the_catalogue() {
+    let mut report = fixtures::two_causes();
+    report.verdict = gpsindy_core::diagnose::Verdict::PartlyExplained;
+    report.unexplained.probability = 0.0;
+    for cause in &mut report.causes {
+        cause.stability = None;
+    }
+    let said = |report: &gpsindy_core::diagnose::Diagnosis| {
+        summary(report, 200, false).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(said(&report).contains("An effect outside the catalogue may be the true cause."), "{}", said(&report));
+    report.notes.push("the time limit of 10 s ended the search early".into());
+    let cut = said(&report);
+    assert!(cut.contains("The time limit ended the search") && !cut.contains("outside the catalogue"), "{cut}");
+}
+
+#[test]
 fn text_from_outside_is_escaped() {
     let mut report = fixtures::two_causes();
     report.notes.push("<img src=x onerror=alert(1)>".into());

@@ -381,6 +381,9 @@ pub(crate) mod forcing {
     /// Steps from the best of them to the top for each process: some twenty bring three digits.
     pub(crate) const STEPS: u64 = 40;
 
+    /// Nats by which the corners of a simplex at rest differ: a seventh of an interval's half width from the top.
+    pub(crate) const REST: f64 = 0.01;
+
     /// Longest correlation time, as a share of all logs together: a force that changed fewer than five times was not seen to be
     /// random, and takes the place of any function of the motion.
     pub(crate) const LONGEST: f64 = 0.2;

@@ -2,6 +2,9 @@
 
 use std::sync::{Mutex, PoisonError};
 
+/// How the note begins that a search was cut off: a report that was read back is known by it, too.
+pub(crate) const TIME_UP: &str = "the time limit of";
+
 /// Something that a diagnosis did, or met, that its reader must know. [`std::fmt::Display`] says it in a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -168,7 +171,7 @@ impl std::fmt::Display for Note {
             ),
             Self::TimeUp { seconds } => write!(
                 f,
-                "the time limit of {seconds:.0} s ended the search early; the result is the best so far, and a longer search may find other causes"
+                "{TIME_UP} {seconds:.0} s ended the search early; the result is the best so far, and a longer search may find other causes"
             ),
             Self::Resting { columns } => write!(
                 f,

@@ -13,6 +13,7 @@ mod power;
 mod time_unit;
 mod work;
 
+use super::notes::TIME_UP;
 pub use cause::{Cause, Excluded, ModelParameter, Parameter, Stability};
 pub use check::Check;
 pub use closure::{Closure, ClosureState};
@@ -81,6 +82,11 @@ impl Diagnosis {
     /// Confidence of the intervals; 0.95 where the report does not tell.
     pub fn level(&self) -> f64 {
         self.confidence.unwrap_or(0.95)
+    }
+
+    /// Whether the time limit ended the search before all was tried.
+    pub fn is_cut(&self) -> bool {
+        self.notes.iter().any(|note| note.starts_with(TIME_UP))
     }
 
     /// The included causes, best first.

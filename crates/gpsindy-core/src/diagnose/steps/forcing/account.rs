@@ -7,7 +7,7 @@ use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace,
 use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::CONVINCING;
 use crate::diagnose::limits::forcing::{
-    CLIMBED, DURATIONS, LEVELS, LONGEST, MOST_PATHS, SAME, SKETCHED, STEPS, UNSEEN,
+    CLIMBED, DURATIONS, LEVELS, LONGEST, MOST_PATHS, REST, SAME, SKETCHED, STEPS, UNSEEN,
 };
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Told};
@@ -272,7 +272,7 @@ impl Climb {
             place
         };
         let around = std::iter::once(centre.clone()).chain((0..centre.len()).map(corner)).collect();
-        let solver = NelderMead::new(around).with_sd_tolerance(1e-3).ok()?;
+        let solver = NelderMead::new(around).with_sd_tolerance(REST).ok()?;
         let steps = STEPS * start.len() as u64;
         let found = Executor::new(self, solver).configure(|state| state.max_iters(steps)).run().ok()?;
         Some(self.processes(found.state().get_best_param()?))
