@@ -326,12 +326,19 @@ fn next(report: &Diagnosis) -> Markup {
     }
 }
 
-/// The new equation with what was added to the old one marked: all that is not its beginning or its end.
+/// The new equation with what was added to the old one marked: all that is not its beginning or its end, in whole words.
 fn changed(before: &str, after: &str) -> Markup {
-    let first = before.chars().zip(after.chars()).take_while(|(a, b)| a == b).count();
+    let mut first = before.chars().zip(after.chars()).take_while(|(a, b)| a == b).count();
     let rest = before.chars().count().min(after.chars().count()) - first;
-    let last = before.chars().rev().zip(after.chars().rev()).take(rest).take_while(|(a, b)| a == b).count();
+    let mut last = before.chars().rev().zip(after.chars().rev()).take(rest).take_while(|(a, b)| a == b).count();
     let new: Vec<char> = after.chars().collect();
+    let is_of_word = |place: usize| new.get(place).is_some_and(|c| c.is_alphanumeric() || *c == '_');
+    while first > 0 && is_of_word(first - 1) && is_of_word(first) {
+        first -= 1;
+    }
+    while last > 0 && is_of_word(new.len() - last) && new.len() > last && is_of_word(new.len() - last - 1) {
+        last -= 1;
+    }
     let part = |range: std::ops::Range<usize>| new[range].iter().collect::<String>();
     html! { (part(0..first)) ins { (part(first..new.len() - last)) } (part(new.len() - last..new.len())) }
 }
@@ -375,6 +382,9 @@ mod tests {
         assert_eq!(text("u - b*v", "u - b*v - c*sign(v)"), "u - b*v<ins> - c*sign(v)</ins>");
         assert_eq!(text("k*u", "k*(1 + c)*u"), "k*<ins>(1 + c)*</ins>u");
         assert_eq!(text("v", "v"), "v<ins></ins>");
+        assert_eq!(text("a*(de - r)", "a*(dead_zone(de, c) - r)"), "a*(<ins>dead_zone(de, c)</ins> - r)");
+        assert_eq!(text("a*u", "a*u_late"), "a*<ins>u_late</ins>");
+        assert_eq!(text("u", "lag_u"), "<ins>lag_u</ins>");
         assert_eq!(text("", "v - w"), "<ins>v - w</ins>");
     }
 }
