@@ -28,7 +28,11 @@ const RUN: [&str; 8] = [
 /// Writes `docs/effects` from the catalogue.
 pub(crate) fn effects() -> Result<(), String> {
     // Built with all packages at once, for the same reason as below.
-    run("cargo", "build --release --workspace --exclude gpsindy-benches --example effects".split(' '), &[])?;
+    run(
+        "cargo",
+        "build --release --workspace --exclude gpsindy-benches --exclude gpsindy-py --example effects".split(' '),
+        &[],
+    )?;
     let program = root().join("target/release/examples").join(format!("effects{}", std::env::consts::EXE_SUFFIX));
     run(program, ["docs/effects", "docs/gallery"], &[])
 }
@@ -80,8 +84,8 @@ pub(crate) fn build() -> Result<(), String> {
 
 /// The program, the libraries that Rust blocks link, and a Python with the wheel of this tree.
 fn tools() -> Result<Tools, String> {
-    // With all packages at once, as everything else here is built: other features of a dependency would build it anew.
-    run("cargo", "build --release --workspace --exclude gpsindy-benches".split(' '), &[])?;
+    // With all packages at once: other features of a dependency would build it anew. The extension module is built with its wheel.
+    run("cargo", "build --release --workspace --exclude gpsindy-benches --exclude gpsindy-py".split(' '), &[])?;
     let gpsindy = root().join("target/release").join(format!("gpsindy{}", std::env::consts::EXE_SUFFIX));
     Ok(Tools { gpsindy, python: python::environment(&BUILDERS)? })
 }

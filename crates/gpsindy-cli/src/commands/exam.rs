@@ -85,57 +85,69 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
     screen.out(&format!("\ndiagnoses: {}\n", command.reports.as_ref().unwrap_or(&command.out).display()))
 }
 
+/// A diagnosis to make.
+struct Job<'a, K> {
+    key: K,
+    case: &'a str,
+    settings: Settings,
+    /// The folder for what comes of it.
+    out: PathBuf,
+}
+
 /// A diagnosis of every case that could be diagnosed.
 fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BTreeMap<String, Diagnosis>> {
     let settings = command.options.settings()?;
-    let progress = screen.progress();
-    let done = AtomicUsize::new(0);
-    let outcomes: Vec<(String, Outcome<Diagnosed>)> = cases
-        .par_iter()
-        .map(|id| {
-            let outcome = case(command, &settings, id, &command.out.join(id), screen);
-            progress.report("diagnose", done.fetch_add(1, Ordering::Relaxed) + 1, cases.len());
-            (id.clone(), outcome)
-        })
-        .collect();
-    drop(progress);
-    let mut diagnoses = BTreeMap::new();
-    for (id, outcome) in outcomes {
-        match outcome {
-            Ok(diagnosed) => drop(diagnoses.insert(id, diagnosed.diagnosis)),
-            Err(failure) => screen.warn(&format!("{id}: no diagnosis: {failure}")),
-        }
-    }
-    Ok(diagnoses)
+    let jobs =
+        cases.iter().map(|id| Job { key: id.clone(), case: id, settings: settings.clone(), out: command.out.join(id) });
+    Ok(all(command, &jobs.collect::<Vec<_>>(), "diagnose", screen))
 }
 
 /// A diagnosis of every case of the catalogue without each of its effects, into CASE/without_N_EFFECT.
 fn leave_out(command: &Exam, suite: &Suite, screen: &Screen) -> Outcome<BTreeMap<(String, usize), Diagnosis>> {
     let settings = command.options.settings()?;
     let known = suite.cases.iter().filter(|answer| answer.in_catalogue);
-    let all: Vec<_> = known.flat_map(|answer| (0..answer.effects.len()).map(move |of| (answer, of))).collect();
+    let jobs = known.flat_map(|answer| (0..answer.effects.len()).map(move |of| (answer, of))).map(|(answer, of)| {
+        let without = settings.without.iter().cloned().chain(answer.ids_of(of)).collect();
+        let folder = format!("without_{}_{}", of + 1, answer.effects[of].effect);
+        Job {
+            key: (answer.id.clone(), of),
+            case: &answer.id,
+            settings: Settings { without, ..settings.clone() },
+            out: command.out.join(&answer.id).join(folder),
+        }
+    });
+    Ok(all(command, &jobs.collect::<Vec<_>>(), "diagnose without an effect", screen))
+}
+
+/// What came of the jobs; one that fails is told and left out.
+fn all<K: Clone + Ord + Send + Sync>(
+    command: &Exam,
+    jobs: &[Job<'_, K>],
+    stage: &str,
+    screen: &Screen,
+) -> BTreeMap<K, Diagnosis> {
     let progress = screen.progress();
     let done = AtomicUsize::new(0);
-    let outcomes: Vec<_> = all
+    let outcomes: Vec<Outcome<Diagnosed>> = jobs
         .par_iter()
-        .map(|&(answer, of)| {
-            let ids = answer.ids_of(of);
-            let out = command.out.join(&answer.id).join(format!("without_{}_{}", of + 1, answer.effects[of].effect));
-            let without = settings.without.iter().cloned().chain(ids).collect();
-            let outcome = case(command, &Settings { without, ..settings.clone() }, &answer.id, &out, screen);
-            progress.report("diagnose without an effect", done.fetch_add(1, Ordering::Relaxed) + 1, all.len());
-            ((answer.id.clone(), of), outcome)
+        .map(|job| {
+            let outcome = case(command, job, screen);
+            progress.report(stage, done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+            outcome
         })
         .collect();
     drop(progress);
     let mut diagnoses = BTreeMap::new();
-    for ((id, of), outcome) in outcomes {
+    for (job, outcome) in jobs.iter().zip(outcomes) {
         match outcome {
-            Ok(diagnosed) => drop(diagnoses.insert((id, of), diagnosed.diagnosis)),
-            Err(failure) => screen.warn(&format!("{id}: no diagnosis without effect {of}: {failure}")),
+            Ok(diagnosed) => drop(diagnoses.insert(job.key.clone(), diagnosed.diagnosis)),
+            Err(failure) => {
+                let name = job.out.strip_prefix(&command.out).unwrap_or(&job.out);
+                screen.warn(&format!("{}: no diagnosis: {failure}", name.display()));
+            }
         }
     }
-    Ok(diagnoses)
+    diagnoses
 }
 
 /// The reports of another tool; one that can't be read is an error, since a score of the rest would flatter it.
@@ -179,9 +191,10 @@ fn check_out(command: &Exam, cases: &[String]) -> Outcome {
     Ok(())
 }
 
-/// Diagnoses one case from its folder alone and writes into `out` what came of it.
-fn case(command: &Exam, settings: &Settings, id: &str, out: &Path, screen: &Screen) -> Outcome<Diagnosed> {
-    let folder = command.suite.join(id);
+/// Diagnoses one case from its folder alone and writes what came of it.
+fn case<K>(command: &Exam, job: &Job<'_, K>, screen: &Screen) -> Outcome<Diagnosed> {
+    let Job { settings, out, .. } = job;
+    let folder = command.suite.join(job.case);
     let model = read_model(&folder.join("model.toml"))?;
     let quiet = screen.quietly();
     let Parts { train, holdout, .. } = diagnose::logs(

@@ -3,8 +3,11 @@
 
 use crate::data::{Channel, Dataset, Run};
 use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::lagging::start_of;
 use crate::diagnose::fit::outputs::trajectories;
+use crate::diagnose::limits::Budget;
 use crate::expression::Expression;
 use crate::model::{Control, Model, Parameter, State, System};
 use crate::refine::{Experiment, Hold, guess_initial};
@@ -25,6 +28,14 @@ pub(crate) fn drive(
     size: (usize, usize),
 ) -> (Model, Dataset) {
     drive_of(5, tolerance, loses, noise, size)
+}
+
+/// The fit of a model of one column to logs with noise of a known deviation, and what fitted it.
+pub(crate) fn fitted(model: &Model, data: &Dataset, noise: f64) -> (Fitter, Contestant) {
+    let system = System::new(model).unwrap();
+    let experiment = Experiment::new(&system, data, Some(&[noise])).unwrap();
+    let fitter = Fitter::default();
+    (fitter, fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap())
 }
 
 /// As [`drive`], with the noise of a seed.

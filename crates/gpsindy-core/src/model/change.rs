@@ -1,6 +1,6 @@
 //! By how much another model's rates and readings differ from a system's, at the same states: a suspect without its plant.
 
-use super::inputs::{Extraction, Input, LateState, input_name, late_name};
+use super::inputs::{Extraction, Input, LateState, late_name};
 use super::{Model, System};
 use crate::error::Result;
 use crate::expression::{Expression, Operator, Tape};
@@ -58,11 +58,8 @@ impl Change {
         let (shown, readings) = differences(&read);
         let parameters: Vec<String> =
             changed.parameters.iter().map(|p| p.name.clone()).chain(moved.iter().map(|&p| own(p))).collect();
-        let (inputs, variables) = inputs(&extraction, changed, &parameters)?;
-        let mut late = Vec::new();
-        for (kind, state, amounts) in &extraction.late {
-            late.push(LateState { state: *state, kind: *kind, amounts: Tape::new(amounts, &parameters)? });
-        }
+        let (inputs, variables) = extraction.compiled(&parameters)?;
+        let late = extraction.late_states(&parameters)?;
         let with_late: Vec<String> = variables.iter().cloned().chain((0..late.len()).map(late_name)).collect();
         let n_outputs = base.simulator().map_or(0, |s| s.n_states());
         Ok(Some(Self {
@@ -74,9 +71,7 @@ impl Change {
             late,
         }))
     }
-}
 
-impl Change {
     /// Terms of the rate of a state of `base`, each a change of its own: the tape of the rates has one result for each.
     ///
     /// `None` where a term is late.
@@ -91,27 +86,12 @@ impl Change {
             return Ok(None);
         }
         let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
-        let (inputs, variables) = inputs(&extraction, model, &parameters)?;
+        let (inputs, variables) = extraction.compiled(&parameters)?;
         let n_outputs = base.simulator().map_or(0, |s| s.n_states());
         let rates = Tape::with_simulator(&rates, &variables, n_outputs)?;
         let readings = Tape::with_simulator(&[], &variables, n_outputs)?;
         Ok(Some(Self { inputs, rows: vec![row; terms.len()], rates, shown: Vec::new(), readings, late: Vec::new() }))
     }
-}
-
-/// The inputs with a history, and the variables of tapes that read them.
-fn inputs(extraction: &Extraction<'_>, model: &Model, parameters: &[String]) -> Result<(Vec<Input>, Vec<String>)> {
-    let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
-    let mut inputs = Vec::new();
-    for (index, (kind, parts)) in extraction.inputs.iter().enumerate() {
-        let earlier = (0..index).map(input_name);
-        let variables: Vec<String> =
-            controls.iter().cloned().chain(earlier).chain(parameters.iter().cloned()).collect();
-        inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
-    }
-    let names = model.states.iter().map(|s| s.name.clone());
-    let known = names.chain(controls).chain((0..inputs.len()).map(input_name));
-    Ok((inputs, known.chain(parameters.iter().cloned()).collect()))
 }
 
 /// `after - before`; where terms were added to `before`, these alone.

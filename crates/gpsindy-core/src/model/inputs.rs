@@ -1,6 +1,7 @@
 //! Inputs with a history and states that are read late: functions with a memory, as a compiled model has them.
 
 use super::Model;
+use crate::error::Result;
 use crate::expression::{Expression, Function, Tape};
 
 /// How an input with a history is made from a signal.
@@ -97,6 +98,30 @@ pub(super) fn late_name(index: usize) -> String {
 }
 
 impl Extraction<'_> {
+    /// The inputs, compiled, each a function of the controls, the inputs before it and the parameters; and the variables of tapes that
+    /// read them: states, controls, inputs, parameters.
+    pub(super) fn compiled(&self, parameters: &[String]) -> Result<(Vec<Input>, Vec<String>)> {
+        let controls: Vec<String> = self.model.controls.iter().map(|c| c.name.clone()).collect();
+        let mut inputs = Vec::with_capacity(self.inputs.len());
+        for (index, (kind, parts)) in self.inputs.iter().enumerate() {
+            let earlier = (0..index).map(input_name);
+            let variables: Vec<String> =
+                controls.iter().cloned().chain(earlier).chain(parameters.iter().cloned()).collect();
+            inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
+        }
+        let names = self.model.states.iter().map(|s| s.name.clone());
+        let known = names.chain(controls).chain((0..inputs.len()).map(input_name));
+        Ok((inputs, known.chain(parameters.iter().cloned()).collect()))
+    }
+
+    /// The states that are read late, compiled: their amounts are functions of the parameters.
+    pub(super) fn late_states(&self, parameters: &[String]) -> Result<Vec<LateState>> {
+        let one = |(kind, state, amounts): &(InputKind, usize, Vec<Expression>)| {
+            Ok(LateState { state: *state, kind: *kind, amounts: Tape::new(amounts, parameters)? })
+        };
+        self.late.iter().map(one).collect()
+    }
+
     pub(super) fn extract(&mut self, expression: &Expression) -> Expression {
         match expression {
             Expression::Call(function, arguments) if function.has_memory() => {

@@ -113,21 +113,9 @@ impl System {
             })
             .collect();
 
-        let controls: Vec<String> = model.controls.iter().map(|c| c.name.clone()).collect();
         let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
-        let mut inputs = Vec::new();
-        for (index, (kind, parts)) in extraction.inputs.iter().enumerate() {
-            let earlier = (0..index).map(input_name);
-            let variables: Vec<String> = controls.iter().cloned().chain(earlier).chain(parameters.clone()).collect();
-            inputs.push(Input { kind: *kind, tape: Tape::new(parts, &variables)? });
-        }
-        let mut late_states = Vec::new();
-        for (kind, state, amounts) in &extraction.late {
-            late_states.push(LateState { state: *state, kind: *kind, amounts: Tape::new(amounts, &parameters)? });
-        }
-        let names = model.states.iter().map(|s| s.name.clone());
-        let variables: Vec<String> =
-            names.chain(controls).chain((0..inputs.len()).map(input_name)).chain(parameters).collect();
+        let (inputs, variables) = extraction.compiled(&parameters)?;
+        let late_states = extraction.late_states(&parameters)?;
         let steps = simulator.as_ref().filter(|s| s.steps().is_some());
         let drive = steps.map(|s| Drive::new(&rates, s.n_states(), &variables)).transpose()?;
         let with_late: Vec<String> = variables.iter().cloned().chain((0..late_states.len()).map(late_name)).collect();

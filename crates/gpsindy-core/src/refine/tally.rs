@@ -1,7 +1,6 @@
 //! The account of a computation: counts of what it did with its logs, a measure of its cost that needs no clock and no idle machine,
 //! and when it must end.
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -53,18 +52,18 @@ pub(crate) struct Tally {
     samples: [AtomicU64; 3],
     fits: AtomicU64,
     columns: AtomicU64,
-    end: OnceLock<Instant>,
+    end: Option<Instant>,
 }
 
 impl Tally {
     /// A computation that ends with what it has at a moment.
     pub(crate) fn until(end: Instant) -> Self {
-        Self { end: end.into(), ..Self::default() }
+        Self { end: Some(end), ..Self::default() }
     }
 
     /// Whether time is up: a fit then ends where it stands.
     pub(crate) fn is_over(&self) -> bool {
-        self.end.get().is_some_and(|end| Instant::now() >= *end)
+        self.end.is_some_and(|end| Instant::now() >= end)
     }
 
     pub(crate) fn pass(&self, purpose: Purpose, samples: usize) {

@@ -43,8 +43,7 @@ impl Basis {
         fitted: &[(usize, Added)],
         columns: &mut [Vec<DVector<f64>>],
     ) -> Gain {
-        let is_finite = columns.iter().flatten().all(|values| values.iter().all(|v| v.is_finite()));
-        let found = is_finite.then(|| self.gains(start, fitted, columns).swap_remove(view));
+        let found = are_finite(columns).then(|| self.gains(start, fitted, columns).swap_remove(view));
         found.unwrap_or_else(|| Gain::nothing(start))
     }
 
@@ -180,6 +179,10 @@ fn length_bounds(start: &Start, fitted: &[(usize, Added)], i: usize) -> (f64, f6
     if a.is_nan() || b.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { (a.min(b), a.max(b)) }
 }
 
+fn are_finite(columns: &[Vec<DVector<f64>>]) -> bool {
+    columns.iter().flatten().flatten().all(|value| value.is_finite())
+}
+
 /// Gains of every start of an applied hypothesis: by start, basis and view of the basis.
 pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) -> Vec<Vec<Vec<Gain>>> {
     let per_pass = |starts: &[Start]| starts.iter().map(|s| s.columns.len()).sum::<usize>();
@@ -196,7 +199,7 @@ pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) ->
         };
         for start in now {
             let own: Vec<Vec<DVector<f64>>> = columns.drain(..start.columns.len()).collect();
-            let finite = own.iter().flatten().all(|v| v.iter().all(|x| x.is_finite()));
+            let finite = are_finite(&own);
             let gains = bases.iter().map(|basis| match finite {
                 true => basis.gains(start, &applied.fitted, &mut own.clone()),
                 false => vec![Gain::nothing(start); basis.views().len()],
@@ -211,9 +214,8 @@ pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) ->
 /// Gains of a family of functions without a name, for each view of a basis.
 pub(crate) fn gains_of_family(rival: &Rival, scene: &Scene, at: &Linearised<'_>, basis: &Basis) -> Vec<Gain> {
     let start = rival.start(scene);
-    let is_finite = |columns: &Vec<Vec<DVector<f64>>>| columns.iter().flatten().flatten().all(|v| v.is_finite());
     if let Some(mut columns) = responses_to_terms(at, rival.state, rival.members(), rival.size(scene)) {
-        return match is_finite(&columns) {
+        return match are_finite(&columns) {
             true => basis.gains(&start, &[], &mut columns),
             false => vec![Gain::nothing(&start); basis.views().len()],
         };

@@ -25,8 +25,7 @@ pub(crate) const CROWDED: f64 = 0.15;
 
 /// Logs that are simulated with the named causes: enough for the mean and the deviation of what they leave, to a seventh.
 pub(crate) const SIMULATED: usize = 30;
-/// Chance of as large a rest at which one that is seen is as likely structure as noise. One right explanation in a hundred is lost to
-/// it; of the wrong ones that were found by leaving the right effect out of the catalogue, most leave a rest beyond it.
+/// Chance of as large a rest at which one that is seen is as likely structure as noise: one right explanation in a hundred is lost to it.
 pub(crate) const TYPICAL: f64 = 0.01;
 /// Share of the gap below which no rest counts however surely it is seen: a thousandth of its amplitude, to which integrators and
 /// the digits of a log agree.

@@ -133,19 +133,14 @@ pub(crate) fn keep_first_of_each(fits: Vec<Contestant>) -> Vec<Contestant> {
 mod tests {
     use super::*;
     use crate::diagnose::fit::fitter::unsearched;
-    use crate::diagnose::fixture::drive;
+    use crate::diagnose::fixture::{drive, fitted};
     use crate::diagnose::steps::suspects::{Choice, suspects};
-    use crate::model::System;
     use crate::progress::Silent;
-    use crate::refine::Experiment;
 
     #[test]
     fn effects_that_can_not_be_written_together_are_no_set_and_no_error() {
         let (model, data) = drive(None, |x| 1.3 * x, 0.002, (2, 200));
-        let system = System::new(&model).unwrap();
-        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
-        let fitter = Fitter::default();
-        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap();
+        let (fitter, nominal) = fitted(&model, &data, 0.002);
         let run = Run::new(&Silent, None);
         let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();

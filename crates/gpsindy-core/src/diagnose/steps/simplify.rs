@@ -57,15 +57,12 @@ mod tests {
     use crate::diagnose::catalogue::hypothesis::Hypothesis;
     use crate::diagnose::catalogue::joint;
     use crate::diagnose::fit::contestant::{Entrant, Searches};
-    use crate::diagnose::fit::fitter::Fitter;
-    use crate::diagnose::fixture::drive;
+    use crate::diagnose::fixture::{drive, fitted};
     use crate::diagnose::limits::Budget;
     use crate::diagnose::run::Run;
     use crate::diagnose::steps::suspects::{Choice, suspects};
     use crate::diagnose::{Diagnose, hold_out};
-    use crate::model::System;
     use crate::progress::Silent;
-    use crate::refine::Experiment;
 
     /// What is named of a drive that loses `loses(x)`, where its model loses `x`.
     fn named(loses: impl Fn(f64) -> f64) -> Vec<String> {
@@ -78,10 +75,7 @@ mod tests {
     #[test]
     fn an_effect_that_stays_when_another_is_left_out_still_pays_for_the_search_that_chose_it() {
         let (model, data) = drive(None, |x| 1.5 * x + 0.8 * x * x * x, 0.002, (2, 200));
-        let system = System::new(&model).unwrap();
-        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap();
-        let fitter = Fitter::default();
-        let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap();
+        let (fitter, nominal) = fitted(&model, &data, 0.002);
         let run = Run::new(&Silent, None);
         let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
