@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Top-level modules of the core and the layer each stands in.
 const LAYERS: &[(u8, &[&str])] = &[
-    (1, &["data", "error", "excitation", "progress", "parallel", "expression"]),
+    (1, &["data", "error", "excitation", "progress", "parallel", "expression", "optimise"]),
     (2, &["gp", "regress", "library", "model"]),
     (3, &["clock", "smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose"]),

@@ -124,6 +124,7 @@ pub mod gp;
 mod identify;
 pub mod library;
 mod model;
+mod optimise;
 mod paired;
 mod parallel;
 mod progress;

@@ -4,10 +4,10 @@ use super::cost::Cost;
 use super::fit::FitSettings;
 use super::kernel::Kernel;
 use super::likelihood::{Evaluation, Workspace};
-use super::optimise::Minimum;
 use super::points::Points;
 use super::search::{polish, search};
 use super::start::Bounds;
+use crate::optimise::Minimum;
 
 /// Jitter ladder, relative to the diagonal; tried only where the one before fails.
 pub(super) const JITTER: [f64; 4] = [0.0, 1e-10, 1e-8, 1e-6];

@@ -12,9 +12,9 @@ use super::cost::Cost;
 use super::fit::FitSettings;
 use super::kernel::Role;
 use super::likelihood::Workspace;
-use super::optimise::{Minimum, Optimiser};
 use super::points::Points;
 use super::start::starts;
+use crate::optimise::{Minimum, Optimiser};
 
 /// Points over several inputs from which on a part of them is searched first.
 const DEAR: usize = 128;

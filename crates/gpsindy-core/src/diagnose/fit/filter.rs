@@ -13,7 +13,6 @@ mod linear;
 mod pass;
 
 use crate::diagnose::fit::elimination;
-use crate::diagnose::limits::forcing::MOST_READINGS;
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State, System};
@@ -154,10 +153,10 @@ impl Filter {
 
     /// Filters the logs of `experiment` from the starts of its windows; windows that follow each other are one stretch.
     ///
-    /// `parameters`: those of the machine. Nothing where the filter diverges.
+    /// `parameters`: those of the machine. `most`: samples after which the logs end. Nothing where the filter diverges.
     pub(crate) fn run(
         &self,
-        experiment: &Experiment,
+        (experiment, most): (&Experiment, usize),
         (parameters, starts): (&[f64], &[Vec<f64>]),
         processes: &[Process],
         pace: Pace,
@@ -167,10 +166,7 @@ impl Filter {
         values.extend(processes.iter().map(|process| 1.0 / process.time));
         let mut all = Filtered { likelihood: 0.0, count: 0, level: 0.0, stretches: Vec::new() };
         let (mut logarithms, mut squares) = (0.0, 0.0);
-        for (window, start) in stretches(&experiment.windows, starts) {
-            if all.count > MOST_READINGS {
-                break;
-            }
+        for (window, start) in stretches(&experiment.windows, starts, most) {
             let mut pass = Pass::new(self, experiment, window, (&values, start), processes, pace);
             let samples = pass.run(window);
             logarithms += pass.logarithms;
@@ -187,22 +183,29 @@ impl Filter {
     /// The filter linearised about the path that it takes with `processes`; nothing where it diverges.
     pub(crate) fn linear(
         &self,
-        experiment: &Experiment,
+        (experiment, most): (&Experiment, usize),
         machine: (&[f64], &[Vec<f64>]),
         processes: &[Process],
     ) -> Option<Linear> {
-        let path = self.run(experiment, machine, processes, Pace::Path)?;
+        let path = self.run((experiment, most), machine, processes, Pace::Path)?;
         Some(Linear::about(&path, experiment, self.n, processes))
     }
 }
 
-/// Windows that follow each other in one log, as one, and the start of the first.
-fn stretches<'a>(windows: &[Window], starts: &'a [Vec<f64>]) -> Vec<(Window, &'a [f64])> {
+/// Windows that follow each other in one log, as one, and the start of the first; the first `most` samples of them all.
+fn stretches<'a>(windows: &[Window], starts: &'a [Vec<f64>], most: usize) -> Vec<(Window, &'a [f64])> {
     let mut all: Vec<(Window, &[f64])> = Vec::new();
+    let mut left = most;
     for (window, start) in windows.iter().zip(starts) {
+        let count = (window.last + 1 - window.first).min(left);
+        if count == 0 {
+            break;
+        }
+        left -= count;
+        let window = Window { last: window.first + count - 1, ..*window };
         match all.last_mut() {
             Some((last, _)) if last.log == window.log && last.last + 1 == window.first => last.last = window.last,
-            _ => all.push((*window, start)),
+            _ => all.push((window, start)),
         }
     }
     all

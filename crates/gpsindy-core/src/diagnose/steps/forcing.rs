@@ -33,14 +33,15 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;
-    let Some(mut found) = Account::forced(contest, &judged.nominal)? else { return Ok(judged) };
+    let mut found = Account::forced(contest, &judged.nominal)?;
     stage.advance()?;
     if !judged.outcome.best.hypotheses.is_empty()
         && let Some(beside) = beside_causes(contest, &judged)?
-        && beside.score > found.score + CONVINCING
+        && found.as_ref().is_none_or(|alone| beside.score > alone.score + CONVINCING)
     {
-        found = beside;
+        found = Some(beside);
     }
+    let Some(found) = found else { return Ok(judged) };
     stage.advance()?;
     let mut chance = 1.0;
     let is_account = if found.is_forced() {

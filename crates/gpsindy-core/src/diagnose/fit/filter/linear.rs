@@ -86,8 +86,8 @@ impl Linear {
         }
     }
 
-    /// Log likelihood of the stretches up to the one that holds the reading number `most`, with `processes` at the path's own
-    /// places, up to the constant that all of one path share; not finite where the filter diverges.
+    /// Log likelihood of the first `most` samples, or a few more, with `processes` at the path's own places, up to the constant that
+    /// all of one path share; not finite where the filter diverges.
     pub(crate) fn likelihood(&self, processes: &[Process], most: usize) -> f64 {
         debug_assert!(processes.iter().map(|p| p.acts).eq(self.places.iter().copied()));
         // The widest registers that the processor has.
@@ -100,12 +100,12 @@ impl Linear {
     #[inline(always)]
     fn along(&self, processes: &[Process], most: usize) -> f64 {
         let mut filter = Moments::new(self, processes);
+        let mut left = most;
         for (start, steps) in &self.stretches {
-            if filter.count > most {
-                break;
-            }
             filter.begin(start);
-            for step in steps {
+            let count = steps.len().min(left);
+            left -= count;
+            for step in &steps[..count] {
                 for reading in &step.readings {
                     filter.read(reading);
                 }
@@ -355,9 +355,9 @@ mod tests {
             ]
         };
         let machine: (&[f64], &[Vec<f64>]) = (&[], &starts);
-        let path = filter.linear(&experiment, machine, &processes(1.0, 1.0)).unwrap();
+        let path = filter.linear((&experiment, usize::MAX), machine, &processes(1.0, 1.0)).unwrap();
         let other = processes(1.7, 0.5);
-        let rolled = filter.run(&experiment, machine, &other, Pace::Likelihood).unwrap();
+        let rolled = filter.run((&experiment, usize::MAX), machine, &other, Pace::Likelihood).unwrap();
         assert_eq!(rolled.count, 600);
         (rolled.likelihood, path.likelihood(&other, usize::MAX))
     }

@@ -7,14 +7,13 @@ use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace,
 use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::CONVINCING;
 use crate::diagnose::limits::forcing::{
-    CLIMBED, DURATIONS, LEVELS, LONGEST, MOST_PATHS, REST, SAME, SKETCHED, STEPS, UNSEEN,
+    CLIMBED, DURATIONS, LAWFUL, LEVELS, LONGEST, MOST_PATHS, MOST_READINGS, REST, SAME, SKETCHED, STEPS, UNSEEN,
 };
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::error::Result;
+use crate::optimise::Optimiser;
 use crate::parallel::*;
-use argmin::core::{CostFunction, Executor, State};
-use argmin::solver::neldermead::NelderMead;
 use nalgebra::Matrix2;
 
 /// A contestant beside random processes, and how well the logs speak of both.
@@ -23,49 +22,76 @@ pub(super) struct Account {
     filter: Filter,
     pub(super) processes: Vec<Process>,
     pub(super) score: f64,
+    /// Samples of the logs that are looked at.
+    most: usize,
 }
 
 impl Account {
     /// `fit` with `processes` as they are; nothing where it can't be filtered.
     pub(super) fn of(contest: &Contest<'_>, fit: &Contestant, processes: &[Process]) -> Result<Option<Self>> {
-        let bare = Self::bare(contest, fit, processes.iter().map(|p| p.acts))?;
+        let bare = Self::bare(contest, fit, processes.iter().map(|p| p.acts), most(fit, MOST_READINGS))?;
         Ok(bare.and_then(|bare| Self { processes: processes.to_vec(), ..bare }.charged()))
     }
 
     /// `fit` beside processes at `places` that are still to be found; nothing where it can't be filtered.
-    fn bare(contest: &Contest<'_>, fit: &Contestant, places: impl Iterator<Item = Acts>) -> Result<Option<Self>> {
-        let filter = Filter::new(&fit.system, places)?;
-        Ok(filter.map(|filter| Self { fit: fit.clone(), filter, processes: Vec::new(), score: contest.prior(fit) }))
+    fn bare(
+        contest: &Contest<'_>,
+        fit: &Contestant,
+        places: impl Iterator<Item = Acts>,
+        most: usize,
+    ) -> Result<Option<Self>> {
+        let of = |filter| Self { fit: fit.clone(), filter, processes: Vec::new(), score: contest.prior(fit), most };
+        Ok(Filter::new(&fit.system, places)?.map(of))
     }
 
     /// `fit` with coloured noise on its columns, where that convinces.
     pub(super) fn unforced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
-        Self::grown(contest, fit, &columns(fit))
+        Self::of(contest, fit, &[])?.map(|bare| bare.grown(contest, &columns(fit))).transpose()
     }
 
-    /// `fit` with random forces in its rows and coloured noise on its columns, where they convince.
+    /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes
+    /// it, or where a part of the logs shows already that what they leave follows a law.
     pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
         let model = fit.system.model();
         let rows = (0..fit.nominal_states()).filter(|&j| !model.is_kinematic(j)).map(Acts::Row);
-        Self::grown(contest, fit, &rows.chain(columns(fit)).collect::<Vec<_>>())
+        let places: Vec<Acts> = rows.chain(columns(fit)).collect();
+        let Some(whole) = Self::of(contest, fit, &[])? else { return Ok(None) };
+        let part = Self { most: most(fit, SKETCHED), ..whole };
+        let part = part.charged_anew(contest).map(|part| part.grown(contest, &places)).transpose()?;
+        let Some(part) = part else { return Ok(None) };
+        if part.functions(contest)? < LAWFUL {
+            return Ok(None);
+        }
+        let most = most(fit, MOST_READINGS);
+        let whole = Self { most, ..part };
+        let whole = match whole.linear(&whole.processes) {
+            Some(linear) if !whole.processes.is_empty() => {
+                let ranges = whole.processes.iter().map(|p| range(contest, fit, p.acts)).collect();
+                let start = whole.processes.clone();
+                let bare = Self { score: contest.prior(fit), ..whole };
+                Sketch { climb: Climb { account: bare, ranges, linear }, start, cost: f64::NAN }.finished()
+            }
+            _ => whole.charged_anew(contest),
+        };
+        whole.map(|whole| whole.grown(contest, &places)).transpose()
     }
 
-    /// `fit` with random processes at some of `places`, the best first, while they convince.
-    fn grown(contest: &Contest<'_>, fit: &Contestant, places: &[Acts]) -> Result<Option<Self>> {
-        let Some(mut best) = Self::of(contest, fit, &[])? else { return Ok(None) };
-        while best.processes.len() < places.len() {
+    /// With random processes at some of `places` besides, the best first, while they convince.
+    fn grown(mut self, contest: &Contest<'_>, places: &[Acts]) -> Result<Self> {
+        while self.processes.len() < places.len() {
             let mut sketches = Vec::new();
-            for &acts in places.iter().filter(|&&acts| best.processes.iter().all(|p| p.acts != acts)) {
-                sketches.extend(best.sketched(contest, acts)?);
+            for &acts in places.iter().filter(|&&acts| self.processes.iter().all(|p| p.acts != acts)) {
+                sketches.extend(self.sketched(contest, acts)?);
             }
             sketches.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let tops = sketches.into_iter().take(CLIMBED).filter_map(Sketch::climbed);
-            match tops.max_by(|a, b| a.score.total_cmp(&b.score)) {
-                Some(next) if next.score > best.score + CONVINCING => best = next,
+            let top = tops.min_by(|a, b| a.cost.total_cmp(&b.cost)).and_then(Sketch::finished);
+            match top {
+                Some(next) if next.score > self.score + CONVINCING => self = next,
                 _ => break,
             }
         }
-        Ok(Some(best))
+        Ok(self)
     }
 
     /// Whether a force is among its processes.
@@ -76,26 +102,33 @@ impl Account {
     /// The same with one more random process, about where it is at its best.
     fn sketched(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Sketch>> {
         let places: Vec<Acts> = self.processes.iter().map(|p| p.acts).chain([acts]).collect();
-        let Some(account) = Self::bare(contest, &self.fit, places.iter().copied())? else { return Ok(None) };
+        let bare = Self::bare(contest, &self.fit, places.iter().copied(), self.most)?;
+        let Some(account) = bare else { return Ok(None) };
         let ranges: Vec<Range> = places.into_iter().map(|acts| range(contest, &self.fit, acts)).collect();
         let start = |process: Process| self.processes.iter().copied().chain([process]).collect();
         let starts: Vec<Vec<Process>> = ranges[ranges.len() - 1].starts().map(start).collect();
         // A strong process follows the logs.
         let Some(linear) = starts.iter().rev().find_map(|start| account.linear(start)) else { return Ok(None) };
         let climb = Climb { account, ranges, linear };
-        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, SKETCHED)).collect();
+        let most = climb.sketched();
+        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, most)).collect();
         let best = starts.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1));
         Ok(best.map(|(start, cost)| Sketch { climb, start, cost }))
     }
 
     fn linear(&self, processes: &[Process]) -> Option<Linear> {
         let refined = &self.fit.refined;
-        self.filter.linear(&self.fit.experiment, (&refined.parameters, &refined.initial), processes)
+        self.filter.linear((&self.fit.experiment, self.most), (&refined.parameters, &refined.initial), processes)
     }
 
     fn filtered(&self, processes: &[Process], pace: Pace) -> Option<Filtered> {
         let refined = &self.fit.refined;
-        self.filter.run(&self.fit.experiment, (&refined.parameters, &refined.initial), processes, pace)
+        self.filter.run((&self.fit.experiment, self.most), (&refined.parameters, &refined.initial), processes, pace)
+    }
+
+    /// The same with the score on the samples that are looked at now.
+    fn charged_anew(self, contest: &Contest<'_>) -> Option<Self> {
+        Self { score: contest.prior(&self.fit), ..self }.charged()
     }
 
     /// With the likelihood in its score, less half the logarithm of the sample size for every parameter; nothing where the filter
@@ -170,6 +203,11 @@ impl Account {
     }
 }
 
+/// How many samples hold so many readings.
+fn most(fit: &Contestant, readings: usize) -> usize {
+    readings.div_ceil(fit.experiment.columns.len().max(1))
+}
+
 /// The columns that may have coloured noise.
 fn columns(fit: &Contestant) -> Vec<Acts> {
     (0..fit.experiment.columns.len()).map(Acts::Column).collect()
@@ -223,6 +261,9 @@ fn range(contest: &Contest<'_>, fit: &Contestant, acts: Acts) -> Range {
     }
 }
 
+/// Step of a logarithm in the slope of a cost: half of the digits of a likelihood.
+const STEP: f64 = 1e-4;
+
 /// The logarithms of every process's standard deviation and correlation time.
 fn logarithms(processes: &[Process]) -> Vec<f64> {
     processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
@@ -236,8 +277,16 @@ struct Sketch {
 }
 
 impl Sketch {
-    /// The account with all of its processes at their best: the first of two bore what both do, so all of them move.
-    fn climbed(self) -> Option<Account> {
+    /// With all of its processes at their best on a part of the samples: the first of two bore what both do, so all of them move.
+    fn climbed(self) -> Option<Self> {
+        let most = self.climb.sketched();
+        let start = self.climb.top(&self.start, most)?;
+        let cost = self.climb.cost_of(&start, most);
+        Some(Self { start, cost, ..self })
+    }
+
+    /// The account with all of its processes at their best.
+    fn finished(self) -> Option<Account> {
         let Self { mut climb, start: mut processes, .. } = self;
         for _ in 0..MOST_PATHS {
             climb.linear = climb.account.linear(&processes)?;
@@ -246,7 +295,7 @@ impl Sketch {
             if !before.is_finite() {
                 return None;
             }
-            processes = climb.top(&processes)?;
+            processes = climb.top(&processes, usize::MAX)?;
             if before - climb.cost_of(&processes, usize::MAX) < SAME {
                 break;
             }
@@ -263,22 +312,38 @@ struct Climb {
 }
 
 impl Climb {
-    /// Where the processes cost least, from `start` on.
-    fn top(&self, start: &[Process]) -> Option<Vec<Process>> {
-        let centre = logarithms(start);
-        let corner = |k: usize| {
-            let mut place = centre.clone();
-            place[k] += 0.5;
-            place
-        };
-        let around = std::iter::once(centre.clone()).chain((0..centre.len()).map(corner)).collect();
-        let solver = NelderMead::new(around).with_sd_tolerance(REST).ok()?;
-        let steps = STEPS * start.len() as u64;
-        let found = Executor::new(self, solver).configure(|state| state.max_iters(steps)).run().ok()?;
-        Some(self.processes(found.state().get_best_param()?))
+    /// The samples of a sketch.
+    fn sketched(&self) -> usize {
+        most(&self.account.fit, SKETCHED)
     }
 
-    /// `most`: readings after which no further stretch is filtered.
+    /// Where the processes cost least on the first `most` samples, from `start` on.
+    fn top(&self, start: &[Process], most: usize) -> Option<Vec<Process>> {
+        let climb = Optimiser {
+            tolerance_cost: REST,
+            tolerance_gradient: REST,
+            max_iterations: STEPS,
+            longest_move: 1.0,
+            ..Optimiser::default()
+        };
+        let found = climb.minimise(&logarithms(start), |place, slope| {
+            let cost = self.cost_of(&self.processes(place), most);
+            for (k, slope) in slope.iter_mut().enumerate() {
+                let at = |step: f64| {
+                    let mut aside = place.to_vec();
+                    aside[k] += step;
+                    self.cost_of(&self.processes(&aside), most)
+                };
+                // Where the range ends, backwards.
+                let ahead = (at(STEP) - cost) / STEP;
+                *slope = if ahead.is_finite() { ahead } else { (cost - at(-STEP)) / STEP };
+            }
+            cost.is_finite().then_some(cost)
+        })?;
+        Some(self.processes(&found.point))
+    }
+
+    /// On the first `most` samples.
     fn cost_of(&self, processes: &[Process], most: usize) -> f64 {
         if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
             return f64::INFINITY;
@@ -295,14 +360,5 @@ impl Climb {
             time: pair[1].exp(),
         };
         self.ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
-    }
-}
-
-impl CostFunction for &Climb {
-    type Param = Vec<f64>;
-    type Output = f64;
-
-    fn cost(&self, place: &Self::Param) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.cost_of(&self.processes(place), usize::MAX))
     }
 }

@@ -1,9 +1,11 @@
 //! Minimiser of a smooth cost with gradient: argmin's L-BFGS with our line search, restarted from
 //! the best point where it stops early. It can't hang, and it says whether it converged.
 
-use super::line_search::WeakWolfe;
+mod line_search;
+
 use argmin::core::{CostFunction, Error, Executor, Gradient, State, TerminationReason, TerminationStatus};
 use argmin::solver::quasinewton::LBFGS;
+use line_search::WeakWolfe;
 use std::cell::RefCell;
 
 /// Settings of the minimiser.
