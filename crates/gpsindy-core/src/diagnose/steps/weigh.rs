@@ -18,7 +18,6 @@ use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
 use crate::diagnose::steps::findings::{self, Detected, Outcome, Told, crowding};
 use crate::diagnose::steps::localise::Located;
-use crate::diagnose::steps::nameless::is_nameless;
 use crate::diagnose::steps::stability::{self, Stability};
 use crate::diagnose::steps::typicality::Typicality;
 use crate::diagnose::steps::verify::Verification;
@@ -42,10 +41,10 @@ pub(crate) fn report(
     let Found { judged, typicality, verification, located } = found;
     let findings::Judged { nominal, detected, outcome, forcing, .. } = judged;
     let hypotheses = &outcome.best.hypotheses;
-    let has_function = hypotheses.iter().any(is_nameless);
+    let has_function = hypotheses.iter().any(Hypothesis::is_nameless);
     let model = nominal.system.model();
     let stability =
-        |place: usize| (!is_nameless(&hypotheses[place])).then(|| stability::of(model, &outcome.best, place)).flatten();
+        |place: usize| (!hypotheses[place].is_nameless()).then(|| stability::of(model, &outcome.best, place)).flatten();
     let stabilities: Vec<Option<Stability>> = (0..hypotheses.len()).map(stability).collect();
     let unexplained = match forcing {
         // What is random is no structure, and rollouts miss the held-out runs by it.
@@ -56,7 +55,7 @@ pub(crate) fn report(
     let named = hypotheses.len() - usize::from(has_function);
     let credible = |place: usize| {
         // A function without a name imitates nothing: it is what it is.
-        if is_nameless(&hypotheses[place]) {
+        if hypotheses[place].is_nameless() {
             return 1.0;
         }
         let share = outcome.removed.get(place).map_or(0.0, |removed| removed / gap);
@@ -243,10 +242,10 @@ fn verdict(judged: &findings::Judged, checks: &[Check], are_credible: bool, veri
         return Verdict::NoGap;
     }
     let is_forced = forcing.as_ref().is_some_and(|forcing| !forcing.forces.is_empty());
-    if outcome.best.hypotheses.iter().all(is_nameless) && !is_forced {
+    if outcome.best.hypotheses.iter().all(Hypothesis::is_nameless) && !is_forced {
         return Verdict::Unexplained;
     }
-    let has_function = outcome.best.hypotheses.iter().any(is_nameless);
+    let has_function = outcome.best.hypotheses.iter().any(Hypothesis::is_nameless);
     // A nominal model that diverges where the corrected one does not is all gap.
     let closure = &verification.closure;
     let rescued = closure.before.is_none() && closure.after.is_some();
