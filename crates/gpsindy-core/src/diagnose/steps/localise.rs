@@ -152,8 +152,8 @@ fn shares(
     resting: &[usize],
 ) -> Vec<f64> {
     let mut energy = vec![0.0; nominal.system.n_states()];
-    for (hypothesis, removed) in outcome.best.hypotheses.iter().zip(&outcome.removed) {
-        energy[hypothesis.state] += removed.max(1e-9);
+    for seat in &outcome.seats {
+        energy[seat.hypothesis.state] += seat.removed.max(1e-9);
     }
     if let Some(left) = &outcome.left {
         energy[left.state] += left.energy;

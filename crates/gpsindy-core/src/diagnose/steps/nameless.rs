@@ -5,7 +5,7 @@ use crate::diagnose::fit::contestant::{Entrant, Searches};
 use crate::diagnose::limits::nameless::CHANCE;
 use crate::diagnose::limits::{Budget, STRUCTURE};
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::findings::{Judged, Left};
+use crate::diagnose::steps::findings::{Judged, Left, Seat};
 
 /// The outcome with the best function of what is left in it; the same where nothing is left, or it can't be fitted.
 pub(crate) fn kept(contest: &Contest<'_>, mut judged: Judged) -> Judged {
@@ -20,7 +20,7 @@ pub(crate) fn kept(contest: &Contest<'_>, mut judged: Judged) -> Judged {
     let start = vec![0.0; applied.fitted.len()];
     let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::of(contest.rivals.len()) };
     if let Ok(fit) = contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual) {
-        outcome.removed.push(left.energy);
+        outcome.seats.push(Seat { hypothesis: hypothesis.clone(), alternatives: Vec::new(), removed: left.energy });
         outcome.best = fit;
         outcome.left = None;
     }
