@@ -64,7 +64,7 @@ const PARTS: &[(&str, &[&str])] = &[
     ("floor", &["start", "verify"]),
     ("causes", &["stability"]),
     ("checks", &["stability", "typicality", "verify"]),
-    ("weigh", &["augment", "causes", "checks", "curves", "localise", "nameless", "stability", "typicality", "verify"]),
+    ("weigh", &["augment", "causes", "checks", "curves", "localise", "stability", "typicality", "verify"]),
 ];
 
 fn layer(module: &str) -> Option<u8> {

@@ -313,6 +313,12 @@ impl Diagnose {
         if let Some(power) = &self.power {
             power.check()?;
         }
+        if let Some(custom) = self.custom.iter().find(|custom| CustomEffect::is_reserved(&custom.id)) {
+            return Err(Error::settings(format!(
+                "the id `{}` of an effect of your own has a meaning already; give it another id",
+                custom.id
+            )));
+        }
         let known = || Effect::ALL.iter().map(|e| e.id()).chain(self.custom.iter().map(|c| c.id.as_str()));
         for id in self.effects.iter().chain(&self.without) {
             if !known().any(|k| k == id) {

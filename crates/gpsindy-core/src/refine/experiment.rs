@@ -170,6 +170,14 @@ impl Experiment {
         self.windows.iter().map(|w| w.last - w.first + 1).sum()
     }
 
+    /// Rows from one value of a column to its next, on average and at least one: more where every topic has rows of its own.
+    pub(crate) fn rows_a_value(&self) -> usize {
+        let rows: usize = self.logs.iter().map(|log| log.time.len()).sum();
+        let columns = self.logs.iter().flat_map(|log| &log.measured);
+        let values: usize = columns.map(|c| c.iter().filter(|v| v.is_finite()).count()).sum();
+        (rows as f64 * self.columns.len() as f64 / values.max(1) as f64).round().max(1.0) as usize
+    }
+
     /// Number of values that are compared, missing ones left out.
     pub fn n_values(&self) -> usize {
         self.windows
@@ -210,6 +218,11 @@ fn log(run: &Run, channels: &[usize], controls: &[usize], model: &crate::model::
     })
 }
 
+/// The rows that have a value, and the values: the samples of a column whose topic has rows of its own follow each other in it.
+pub(crate) fn present(column: &[f64]) -> Vec<(usize, f64)> {
+    column.iter().copied().enumerate().filter(|(_, value)| value.is_finite()).collect()
+}
+
 /// Standard deviation of a logged column over all runs.
 fn spread(logs: &[Log], column: usize) -> f64 {
     let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
@@ -242,13 +255,12 @@ fn state_scales(system: &System, logs: &[Log], columns: &[usize], spreads: &[f64
             let mut sum = 0.0;
             let mut count = 0.0;
             for log in logs {
-                let lag = (log.time.len() / 40).max(1);
-                for i in lag..log.time.len() {
-                    let rate = (log.measured[c][i] - log.measured[c][i - lag]) / (log.time[i] - log.time[i - lag]);
-                    if rate.is_finite() {
-                        sum += rate * rate;
-                        count += 1.0;
-                    }
+                let there = present(&log.measured[c]);
+                let lag = (there.len() / 40).max(1);
+                for ((before, from), (after, to)) in there.iter().zip(there.iter().skip(lag)) {
+                    let rate = (to - from) / (log.time[*after] - log.time[*before]);
+                    sum += rate * rate;
+                    count += 1.0;
                 }
             }
             (sum / f64::max(count, 1.0)).sqrt().max(f64::MIN_POSITIVE)

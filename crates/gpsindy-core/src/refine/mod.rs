@@ -15,6 +15,7 @@ mod stepped;
 pub(crate) mod tally;
 
 pub(crate) use crate::data::Hold;
+pub(crate) use experiment::present;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::guided::Guided;

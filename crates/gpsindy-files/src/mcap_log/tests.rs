@@ -140,9 +140,17 @@ const BEGIN: i64 = 1_763_000_000_500_000_000;
 
 /// 100 Hz of joints whose message reached the recorder 3 ms late, 50 Hz of commands.
 pub(crate) fn robot(compression: Option<Compression>) -> Vec<u8> {
+    robot_after(0, compression)
+}
+
+/// The same where so many commands, 10 ms apart, come before the first joint.
+fn robot_after(early: i64, compression: Option<Compression>) -> Vec<u8> {
     let mut bag = Bag::new(compression);
     let joints = bag.channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
     let command = bag.channel("/command", "std_msgs/msg/Float64MultiArray", ARRAY);
+    for k in 0..early {
+        bag.write(command, BEGIN + (k - early) * 10_000_000 + 1_000_000, &array(&[7.0, -1.0 - k as f64]));
+    }
     for i in 0..200_i64 {
         let t = BEGIN + i * 10_000_000;
         let (pan, lift) = (i as f64 * 0.1, -(i as f64));
@@ -192,22 +200,30 @@ fn topics_keep_their_clocks_and_joints_are_found_by_name() {
 
 #[test]
 fn a_log_in_two_topics_gives_what_the_same_log_in_one_table_gives() {
-    let found = assembled(&robot(None), MAP, &["u"]);
-    let mut csv = String::from("t,q,u\n");
-    for i in 0..200_i64 {
-        csv += &format!("{:?},{:?},\n", (i * 10_000_000) as f64 / 1e9, i as f64 * 0.1);
-        if i % 2 == 0 {
-            csv += &format!("{:?},,{i}\n", (i * 10_000_000 + 1_000_000) as f64 / 1e9);
+    for early in [0, 7] {
+        let found = assembled(&robot_after(early, None), MAP, &["u"]);
+        // Times count from the first stamp, which is a command's where one comes before the joints.
+        let first = if early == 0 { 0 } else { 1_000_000 - early * 10_000_000 };
+        let at = |ns: i64| (ns - first) as f64 / 1e9;
+        let mut csv = String::from("t,q,u\n");
+        for k in 0..early {
+            csv += &format!("{:?},,{:?}\n", at((k - early) * 10_000_000 + 1_000_000), -1.0 - k as f64);
         }
-    }
-    let logs = Logs::parse("robot.csv", csv.as_bytes(), &LogOptions::default()).unwrap();
-    let task = Task { needed: vec!["q".into(), "u".into()], controls: vec!["u".into()], ..Task::default() };
-    let table = logs.assemble(&task, &Silent).unwrap();
-    let (a, b) = (&found.data.runs()[0], &table.data.runs()[0]);
-    assert_eq!(a.time, b.time[..a.time.len()]);
-    for j in 0..2 {
-        let bits = |run: &gpsindy_core::Run| run.column(j).iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        assert_eq!(bits(a), bits(b)[..a.time.len()]);
+        for i in 0..200_i64 {
+            csv += &format!("{:?},{:?},\n", at(i * 10_000_000), i as f64 * 0.1);
+            if i % 2 == 0 {
+                csv += &format!("{:?},,{i}\n", at(i * 10_000_000 + 1_000_000));
+            }
+        }
+        let logs = Logs::parse("robot.csv", csv.as_bytes(), &LogOptions::default()).unwrap();
+        let task = Task { needed: vec!["q".into(), "u".into()], controls: vec!["u".into()], ..Task::default() };
+        let table = logs.assemble(&task, &Silent).unwrap();
+        let bits = |data: &gpsindy_core::Dataset| {
+            let run = &data.runs()[0];
+            let columns = [run.time.as_slice(), run.column(0), run.column(1)];
+            columns.map(|values| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>())
+        };
+        assert_eq!(bits(&found.data), bits(&table.data), "{early} commands before the first joint");
     }
 }
 

@@ -1,6 +1,10 @@
 //! Custom effects.
 
+use crate::diagnose::catalogue::list::Effect;
 use crate::expression::Expression;
+
+/// The id under which a report states a function without a name.
+pub(crate) const FUNCTION: &str = "function";
 
 /// An effect of the user's own, added to the right side of an equation.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,4 +30,17 @@ pub struct CustomParameter {
     pub high: f64,
     /// Unit as text, may be empty.
     pub unit: String,
+}
+
+impl CustomEffect {
+    /// Whether an id has a meaning already: an effect of the catalogue, or the function without a name.
+    ///
+    /// ```
+    /// use gpsindy_core::diagnose::CustomEffect;
+    /// assert!(CustomEffect::is_reserved("function") && CustomEffect::is_reserved("bias"));
+    /// assert!(!CustomEffect::is_reserved("wake"));
+    /// ```
+    pub fn is_reserved(id: &str) -> bool {
+        id == FUNCTION || Effect::from_id(id).is_some()
+    }
 }

@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::excursion::{Excursion, turns};
 use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
-use crate::refine::Experiment;
+use crate::refine::{Experiment, Log, present};
 
 /// The trajectories of the nominal model and what they excite.
 #[derive(Debug, Clone)]
@@ -51,7 +51,14 @@ impl Scene {
                 Excursion::of(&values)
             })
             .collect();
-        let mut steps: Vec<f64> = experiment.logs.iter().flat_map(|l| l.time.windows(2).map(|w| w[1] - w[0])).collect();
+        // Of the samples of each sensor: topics of their own have rows between them.
+        let steps = |log: &Log| {
+            let of = |column: &Vec<f64>| -> Vec<f64> {
+                present(column).windows(2).map(|w| log.time[w[1].0] - log.time[w[0].0]).collect()
+            };
+            log.measured.iter().flat_map(of).collect::<Vec<f64>>()
+        };
+        let mut steps: Vec<f64> = experiment.logs.iter().flat_map(steps).collect();
         steps.sort_by(f64::total_cmp);
         let period = steps.get(steps.len() / 2).copied().unwrap_or(1.0);
         let length = |l: &crate::refine::Log| l.time[l.time.len() - 1] - l.time[0];

@@ -1,19 +1,22 @@
 //! Hypotheses: an effect of the catalogue at a place in a model, written into the model's equations.
 
-use crate::diagnose::catalogue::custom::CustomEffect;
+pub(crate) use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Role, Start};
+use crate::diagnose::catalogue::custom::{CustomEffect, FUNCTION};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::Family;
+use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::site::Site;
 use crate::model::{Model, unit};
 use std::sync::Arc;
 
-/// What acts: an effect of the catalogue or one of the user's own.
+/// What acts: an effect of the catalogue, one of the user's own, or a function that nobody has a name for.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Kind {
     Catalogue(Effect),
     Custom(Box<CustomEffect>),
+    Nameless(Arc<Rival>),
 }
 
 /// An effect at a place.
@@ -28,112 +31,44 @@ pub(crate) struct Hypothesis {
     pub(crate) site: Option<Arc<Site>>,
 }
 
-/// A parameter that a hypothesis adds to the model.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Added {
-    /// Its name in the catalogue's form.
-    pub(crate) symbol: String,
-    /// Its name in the model.
-    pub(crate) name: String,
-    pub(crate) unit: String,
-    /// Size of a finite difference's typical value.
-    pub(crate) scale: f64,
-    pub(crate) lower: f64,
-    pub(crate) upper: f64,
-    pub(crate) role: Role,
-}
-
-/// What sets a parameter apart where it is fitted or told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Role {
-    /// Nothing.
-    Plain,
-    /// An angle, which a reader has within a turn.
-    Angle,
-    /// The period of a sample-and-hold: the outputs jump when it moves, so it is found by trial. Its phase follows it.
-    Period,
-    /// The phase of a sample-and-hold.
-    Phase,
-    /// The speed within which dry friction turns around: beyond its lower end, where no fit can walk to, it is zero.
-    Corner,
-}
-
-impl Added {
-    /// A value below its lower end that no fit can walk to, and that is tried beside what a fit finds.
-    pub(crate) fn beyond(&self) -> Option<f64> {
-        (self.role == Role::Corner).then_some(0.0)
-    }
-
-    /// Whether it is found by trial, and the fit leaves it where it is.
-    pub(crate) fn is_tried(&self) -> bool {
-        matches!(self.role, Role::Period | Role::Phase)
-    }
-
-    /// A value as a reader should have it.
-    pub(crate) fn told(&self, value: f64) -> f64 {
-        if self.role == Role::Angle { value.rem_euclid(std::f64::consts::TAU) } else { value }
-    }
-}
-
-/// How the coefficients of a screening become start values of a fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Combine {
-    /// Columns that are each proportional to the size of one parameter.
-    Amplitude,
-    /// Two columns, at phase zero and at a quarter turn: size and phase (first and last parameter).
-    Sinusoid,
-    /// Any number of columns, each proportional to a parameter of its own.
-    Span,
-    /// The column is no straight line in any parameter: start where it was made.
-    Keep,
-}
-
-/// Start values of the added parameters: one or two columns of a screening.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Start {
-    pub(crate) columns: Vec<Vec<f64>>,
-    pub(crate) combine: Combine,
-    /// For [`Combine::Amplitude`]: which parameter each column moves, and at which value it does nothing.
-    pub(crate) amplitudes: Vec<(usize, f64)>,
-}
-
-/// A model with a hypothesis written into it.
-#[derive(Debug, Clone)]
-pub(crate) struct Applied {
-    pub(crate) model: Model,
-    /// Parameters that are to be fitted: index in the model, and what is known of them.
-    pub(crate) fitted: Vec<(usize, Added)>,
-    /// How many of them each hypothesis brought.
-    pub(crate) parts: Vec<usize>,
-    pub(crate) starts: Vec<Start>,
-}
-
 impl Hypothesis {
     pub(crate) fn catalogue(effect: Effect, state: usize, variables: &[&str]) -> Self {
         let variables = variables.iter().map(|v| (*v).to_string()).collect();
         Self { kind: Kind::Catalogue(effect), state, variables, site: None }
     }
 
+    /// A function without a name, in the place of an effect.
+    pub(crate) fn nameless(rival: &Rival) -> Self {
+        let (state, variables) = (rival.state, rival.variables.clone());
+        Self { kind: Kind::Nameless(Arc::new(rival.clone())), state, variables, site: None }
+    }
+
     pub(crate) fn id(&self) -> &str {
         match &self.kind {
             Kind::Catalogue(effect) => effect.id(),
             Kind::Custom(custom) => &custom.id,
+            Kind::Nameless(_) => FUNCTION,
         }
     }
 
     pub(crate) fn family(&self) -> Family {
         match &self.kind {
             Kind::Catalogue(effect) => effect.family(),
-            Kind::Custom(_) => Family::Custom,
+            Kind::Custom(_) | Kind::Nameless(_) => Family::Custom,
         }
     }
 
-    /// The effect of the catalogue; `None` for one of the user's own.
+    /// The effect of the catalogue; `None` for one of the user's own, and for a function without a name.
     pub(crate) fn effect(&self) -> Option<Effect> {
         match &self.kind {
             Kind::Catalogue(effect) => Some(*effect),
-            Kind::Custom(_) => None,
+            Kind::Custom(_) | Kind::Nameless(_) => None,
         }
+    }
+
+    /// Whether it is a function without a name.
+    pub(crate) fn is_nameless(&self) -> bool {
+        matches!(self.kind, Kind::Nameless(_))
     }
 
     /// Whether it is this effect.
@@ -186,6 +121,7 @@ impl Hypothesis {
         match &self.kind {
             Kind::Catalogue(effect) => effect.form_of(&self.variables),
             Kind::Custom(custom) => custom.form.to_string(),
+            Kind::Nameless(rival) => format!("f({})", rival.variables.join(", ")),
         }
     }
 

@@ -21,7 +21,7 @@ pub(crate) fn places(model: &Model) -> Vec<&str> {
 pub(crate) fn broken<'a>(hypothesis: &'a Hypothesis, places: &[&str]) -> Option<&'a str> {
     match hypothesis.kind {
         Kind::Catalogue(_) => hypothesis.variables.iter().map(String::as_str).find(|name| places.contains(name)),
-        Kind::Custom(_) => None,
+        Kind::Custom(_) | Kind::Nameless(_) => None,
     }
 }
 

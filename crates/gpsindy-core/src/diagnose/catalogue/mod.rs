@@ -1,5 +1,6 @@
 //! The catalogue: the effects, where they can act, and how each is written into a model.
 
+mod applied;
 pub(crate) mod custom;
 mod custom_starts;
 pub(crate) mod definition;

@@ -3,8 +3,8 @@
 //! They answer two questions that a comparison of effects cannot: whether structure remains that no effect of the
 //! catalogue covers, and on which variables it depends.
 
+use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Role, Start};
 use crate::diagnose::catalogue::excited::Scene;
-use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Role, Start};
 use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter};
 

@@ -74,6 +74,7 @@ impl Hypothesis {
                 None => (effect.definition().write)(&mut writer)?,
             },
             Kind::Custom(custom) => writer.custom(custom)?,
+            Kind::Nameless(rival) => return Ok(rival.apply(model, scene)),
         };
         let parts = vec![writer.fitted.len()];
         Ok(Applied { model: writer.model, fitted: writer.fitted, parts, starts })

@@ -115,15 +115,15 @@ pub(crate) fn left_open(judged: &Judged) -> Open {
     let best = &outcome.best;
     let mut candidates = vec![Candidate::of(best)];
     let mut pairs = Vec::new();
-    for (place, fits) in outcome.alternatives.iter().enumerate() {
-        let others = || fits.iter().filter(|fit| !fit.has_effects_of(best));
+    for seat in &outcome.seats {
+        let others = || seat.alternatives.iter().filter(|fit| !fit.has_effects_of(best));
         let mut group = vec![0];
-        for fit in others().filter(|fit| outcome.is_twin(place, fit)) {
+        for fit in others().filter(|fit| seat.is_twin(fit)) {
             pairs.extend(group.iter().map(|&known| (known, candidates.len())));
             group.push(candidates.len());
             candidates.push(Candidate::of(fit));
         }
-        candidates.extend(others().filter(|fit| !outcome.is_twin(place, fit)).take(OTHERS).map(Candidate::of));
+        candidates.extend(others().filter(|fit| !seat.is_twin(fit)).take(OTHERS).map(Candidate::of));
     }
     if best.hypotheses.is_empty() {
         candidates.extend(outcome.singles.iter().take(OTHERS).map(Candidate::of));

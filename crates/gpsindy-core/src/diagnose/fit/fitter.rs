@@ -261,7 +261,10 @@ pub(crate) fn starts(contestant: &Contestant) -> Starts {
     let experiment = &contestant.experiment;
     let is_cut = experiment.windows.len() > experiment.logs.len();
     if is_cut && experiment.columns.len() >= contestant.nominal_states() {
-        Starts { samples: START_SAMPLES, more: (contestant.evidence.misfit() - FAR).max(0.0) }
+        Starts {
+            samples: START_SAMPLES * contestant.experiment.rows_a_value(),
+            more: (contestant.evidence.misfit() - FAR).max(0.0),
+        }
     } else {
         Starts::default()
     }

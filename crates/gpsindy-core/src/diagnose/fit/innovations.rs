@@ -12,7 +12,7 @@ mod kalman;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::guide::Guide;
 use crate::diagnose::limits::innovations::ROUNDS;
-use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Window, roll_together};
+use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Window, present, roll_together};
 use kalman::{Filter, shows};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -131,14 +131,26 @@ fn path_of(contestant: &Contestant, experiment: &Experiment) -> Vec<Vec<Vec<f64>
     for (window, states) in experiment.windows.iter().zip(&mut path) {
         let log = &experiment.logs[window.log];
         for (c, &j) in experiment.columns.iter().enumerate().filter(|(_, j)| shows(system, **j)) {
-            for (state, value) in states.iter_mut().zip(&log.measured[c][window.first..]) {
-                if value.is_finite() {
-                    state[j] = *value;
-                }
-            }
+            follow(states, j, &present(&log.measured[c][window.first..=window.last]));
         }
     }
     path
+}
+
+/// Puts a state on its readings (sample and value), and between them on the rollout, moved by what it misses at both.
+fn follow(states: &mut [Vec<f64>], j: usize, readings: &[(usize, f64)]) {
+    let missed: Vec<(usize, f64)> = readings.iter().map(|(k, value)| (*k, value - states[*k][j])).collect();
+    let (Some(&(first, early)), Some(&(last, late))) = (missed.first(), missed.last()) else { return };
+    for pair in missed.windows(2) {
+        let ((from, before), (to, after)) = (pair[0], pair[1]);
+        for k in from + 1..to {
+            let part = (k - from) as f64 / (to - from) as f64;
+            states[k][j] += before + part * (after - before);
+        }
+    }
+    states[..first].iter_mut().for_each(|state| state[j] += early);
+    states[last + 1..].iter_mut().for_each(|state| state[j] += late);
+    readings.iter().for_each(|(k, value)| states[*k][j] = *value);
 }
 
 #[cfg(test)]
@@ -200,8 +212,9 @@ mod tests {
         }
     }
 
-    /// The fit of a servo of inertia 0.03 to logs of one of `inertia`, whose commands come `late` samples late.
-    fn fitted(inertia: f64, late: usize) -> Contestant {
+    /// The fit of a servo of inertia 0.03 to logs of one of `inertia`, whose commands come `late` samples late. Place and speed are
+    /// read in turns where they have rows of their `own`.
+    fn fitted(inertia: f64, late: usize, own: bool) -> Contestant {
         let noise = [1e-3, 1e-2];
         let mut model = Model {
             states: ["q", "v"].map(|name| State::new(name, Expression::Pi)).into(),
@@ -219,7 +232,8 @@ mod tests {
         let mut x = vec![0.0, 0.0];
         for i in 0..count {
             for (j, noise) in noise.iter().enumerate() {
-                values[(i, j)] = x[j] + 3f64.sqrt() * noise * drawn(2 * i + j);
+                let is_read = !own || i % 2 == j;
+                values[(i, j)] = if is_read { x[j] + 3f64.sqrt() * noise * drawn(2 * i + j) } else { f64::NAN };
             }
             values[(i, 2)] = command(i);
             let commands = [command(i.saturating_sub(late))];
@@ -258,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_wrong_inertia_leads_where_rollouts_have_left_the_log() {
-        let contestant = fitted(0.048, 0);
+        let contestant = fitted(0.048, 0, false);
         assert!(contestant.evidence.misfit() > 20.0, "{}", contestant.evidence.misfit());
         let found = gains(&contestant, &["parameter_error", "input_delay", "sensor_bias", "step_disturbance"]);
         assert!(found[1..].iter().all(|other| other.0 < 0.5 * found[0].0), "{found:?}");
@@ -266,14 +280,31 @@ mod tests {
     }
 
     #[test]
+    fn a_wrong_inertia_leads_where_place_and_speed_never_share_a_row() {
+        let ids = ["parameter_error", "input_delay", "sensor_bias", "step_disturbance"];
+        let found = gains(&fitted(0.048, 0, true), &ids);
+        assert!(found[1..].iter().all(|other| other.0 < 0.5 * found[0].0), "{found:?}");
+        assert!((found[0].1[0] - 0.048).abs() < 0.01, "{found:?}");
+    }
+
+    #[test]
+    fn between_readings_a_path_is_the_rollout_moved_by_what_it_misses() {
+        let mut states: Vec<Vec<f64>> = (0..6).map(|k| vec![f64::from(k * k)]).collect();
+        follow(&mut states, 0, &[(1, 2.0), (4, 20.0)]);
+        let found: Vec<f64> = states.into_iter().map(|state| state[0]).collect();
+        assert_eq!(found, [1.0, 2.0, 4.0 + 2.0, 9.0 + 3.0, 20.0, 29.0]);
+    }
+
+    #[test]
     fn a_command_that_comes_late_to_a_saturated_servo_leads() {
-        let found = gains(&fitted(0.03, 3), &["input_delay", "parameter_error", "sensor_bias", "step_disturbance"]);
+        let found =
+            gains(&fitted(0.03, 3, false), &["input_delay", "parameter_error", "sensor_bias", "step_disturbance"]);
         assert!(found[1..].iter().all(|other| other.0 < 0.5 * found[0].0), "{found:?}");
     }
 
     #[test]
     fn a_true_model_leaves_nearly_white_innovations_and_no_gain() {
-        let contestant = fitted(0.03, 0);
+        let contestant = fitted(0.03, 0, false);
         let innovations = Innovations::of(&contestant, &contestant.linearised().unwrap().jacobian).unwrap();
         let all: Vec<Vec<f64>> = innovations
             .jacobian

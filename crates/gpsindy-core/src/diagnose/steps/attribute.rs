@@ -1,14 +1,15 @@
 //! Attribute: which effects cause the gap, and whether unmodelled structure remains.
 
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::ROUGH;
 use crate::diagnose::limits::{MOST_MOVES, SWAP};
 use crate::diagnose::steps::charge::charge_tolerated;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::detect::{Suspected, nameless_p_value};
-use crate::diagnose::steps::findings::{Judged, Left, Outcome};
+use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat};
 use crate::diagnose::steps::lengthen::lengthen;
-use crate::diagnose::steps::places::{Place, places};
+use crate::diagnose::steps::places::{self, Place};
 use crate::diagnose::steps::round::{Expansion, expand};
 use crate::diagnose::steps::screen::nameless;
 use crate::diagnose::steps::search::{richer, search};
@@ -32,11 +33,11 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let is_known = !is_moved && best.has_effects_of(&found);
     let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
     let mut round = if is_known { round } else { again(&best)? };
-    let mut seats = places(contest, &nominal, &best, &round.fits, is_structured)?;
+    let mut places = places::places(contest, &nominal, &best, &round.fits, is_structured)?;
     let mut known: Vec<Contestant> = Vec::new();
     for _ in 0..MOST_MOVES {
         known.push(best.clone());
-        let Some(next) = moved(contest, &nominal, &best, &seats, &round.fits, is_structured) else { break };
+        let Some(next) = moved(contest, &nominal, &best, &places, &round.fits, is_structured) else { break };
         // Fits of one set may end at different points, so that one effect more convinces beside the worse of them and is superfluous
         // beside the better: the set without it stays.
         let is_again = known.iter().any(|other| other.has_effects_of(&next));
@@ -45,7 +46,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
         }
         best = next;
         round = again(&best)?;
-        seats = places(contest, &nominal, &best, &round.fits, is_structured)?;
+        places = places::places(contest, &nominal, &best, &round.fits, is_structured)?;
         if is_again {
             break;
         }
@@ -53,9 +54,13 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let left = if known.len() > 1 { self::nameless(contest, &best)? } else { left };
     let left = left_over(contest, &best, &left, &round);
     let nameless = if is_moved { self::nameless(contest, &nominal)? } else { nameless };
-    let removed = seats.iter().map(|seat| seat.removed).collect();
-    let alternatives = seats.into_iter().map(|seat| seat.fits).collect();
-    let outcome = Outcome { best, alternatives, removed, singles, left, screened: round.screened };
+    let seat = |(hypothesis, place): (&Hypothesis, Place)| Seat {
+        hypothesis: hypothesis.clone(),
+        alternatives: place.fits,
+        removed: place.removed,
+    };
+    let seats = best.hypotheses.iter().zip(places).map(seat).collect();
+    let outcome = Outcome { best, seats, singles, left, screened: round.screened };
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
 }
 
@@ -87,7 +92,7 @@ fn moved(
     contest: &Contest<'_>,
     nominal: &Contestant,
     best: &Contestant,
-    seats: &[Place],
+    places: &[Place],
     fits: &[Contestant],
     is_structured: bool,
 ) -> Option<Contestant> {
@@ -97,9 +102,9 @@ fn moved(
     };
     let own = best.hypotheses.len();
     let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
-    let simpler = seats.iter().filter_map(|seat| seat.rest.as_ref()).filter(superfluous);
+    let simpler = places.iter().filter_map(|place| place.rest.as_ref()).filter(superfluous);
     let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
-    let other = first(seats.iter().filter_map(|seat| seat.fits.first()).filter(is_better).collect());
+    let other = first(places.iter().filter_map(|place| place.fits.first()).filter(is_better).collect());
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);

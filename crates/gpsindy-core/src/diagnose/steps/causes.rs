@@ -9,7 +9,7 @@ use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::sampling;
 use crate::diagnose::report::{Cause, Parameter, finite};
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::findings::{Outcome, Told};
+use crate::diagnose::steps::findings::{Outcome, Seat, Told};
 use crate::diagnose::steps::stability::Stability;
 use crate::model::{Model, unit};
 use std::cmp::Ordering;
@@ -64,16 +64,15 @@ impl Causes<'_> {
     /// All causes, best first.
     pub(crate) fn all(&self) -> Vec<Cause> {
         let outcome = self.outcome;
-        if outcome.best.hypotheses.is_empty() {
+        if outcome.seats.is_empty() {
             return self.singles();
         }
         let mut all: Vec<Cause> = Vec::new();
         // The effect that removes most comes first.
-        let mut places: Vec<usize> = (0..outcome.best.hypotheses.len()).collect();
-        let removed = |place: usize| outcome.removed.get(place).copied().unwrap_or(0.0);
-        places.sort_by(|&a, &b| removed(b).total_cmp(&removed(a)));
-        for place in places {
-            self.at(place, removed(place), &mut all);
+        let mut seats: Vec<(usize, &Seat)> = outcome.seats.iter().enumerate().collect();
+        seats.sort_by(|(_, a), (_, b)| b.removed.total_cmp(&a.removed));
+        for (place, seat) in seats {
+            self.at(place, seat, &mut all);
         }
         // Stable: included effects stay in their order, the others follow by probability.
         all.sort_by(|a, b| {
@@ -100,15 +99,15 @@ impl Causes<'_> {
     }
 
     /// The winner's effect at `place`, and what else may stand there.
-    fn at(&self, place: usize, removed: f64, all: &mut Vec<Cause>) {
+    fn at(&self, place: usize, seat: &Seat, all: &mut Vec<Cause>) {
         let best = &self.outcome.best;
-        let hypothesis = &best.hypotheses[place];
-        let Some(fits) = self.outcome.alternatives.get(place) else {
-            // A function without a name: whatever is left is it.
-            let real = is_real(best, removed, 1);
+        let Seat { hypothesis, alternatives: fits, removed } = seat;
+        if hypothesis.is_nameless() {
+            // Whatever is left is it.
+            let real = is_real(best, *removed, 1);
             return all.push(cause(self.confidence, best, place, real, self.keep, Vec::new()));
-        };
-        let sound = self.credible[place] * is_real(best, removed, best.added[place].len());
+        }
+        let sound = self.credible[place] * is_real(best, *removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
         // The effect that each contestant has in this one's place.
         let differing = |fit: &Contestant| {
@@ -119,7 +118,7 @@ impl Causes<'_> {
         let mut equivalent: Vec<String> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
         for (fit, weight) in fits.iter().zip(&weights) {
-            let is_twin = self.outcome.is_twin(place, fit);
+            let is_twin = seat.is_twin(fit);
             let place = differing(fit);
             let id = fit.hypotheses[place].id().to_string();
             if is_twin || fit.hypotheses[place] == *hypothesis {

@@ -24,8 +24,7 @@ impl Suspected {
     pub(crate) fn without_gap(self) -> Judged {
         let outcome = Outcome {
             best: self.nominal.clone(),
-            alternatives: Vec::new(),
-            removed: Vec::new(),
+            seats: Vec::new(),
             singles: self.first.singles(),
             left: None,
             screened: self.first.screened,

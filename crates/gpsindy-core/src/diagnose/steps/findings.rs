@@ -1,5 +1,6 @@
 //! The results that steps pass on to later steps.
 
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::{CROWDED, TWINS};
 use crate::diagnose::steps::survey::Summary;
@@ -23,13 +24,20 @@ pub(crate) struct Left {
     pub(crate) depends_on: Vec<String>,
 }
 
+/// What one effect of the winner is worth, and what else may stand in its place.
+pub(crate) struct Seat {
+    pub(crate) hypothesis: Hypothesis,
+    /// Contestants that differ from the winner in this effect alone, the winner included; none of a function without a name.
+    pub(crate) alternatives: Vec<Contestant>,
+    /// Mean squared residual (noise units) that the effect removes, taken last.
+    pub(crate) removed: f64,
+}
+
 /// What the contest found.
 pub(crate) struct Outcome {
     pub(crate) best: Contestant,
-    /// For every effect of the winner: contestants that differ from the winner in that effect alone, the winner included.
-    pub(crate) alternatives: Vec<Vec<Contestant>>,
-    /// Mean squared residual (noise units) that each effect of the winner removes, taken last.
-    pub(crate) removed: Vec<f64>,
+    /// One for every effect of the winner, in its order.
+    pub(crate) seats: Vec<Seat>,
     /// Where no effect convinced: single effects, best first.
     pub(crate) singles: Vec<Contestant>,
     pub(crate) left: Option<Left>,
@@ -37,11 +45,11 @@ pub(crate) struct Outcome {
     pub(crate) screened: Vec<Summary>,
 }
 
-impl Outcome {
-    /// Whether `fit`, one of the alternatives at `place`, is not told from the best of them.
-    pub(crate) fn is_twin(&self, place: usize, fit: &Contestant) -> bool {
+impl Seat {
+    /// Whether `fit`, one of the alternatives, is not told from the best of them.
+    pub(crate) fn is_twin(&self, fit: &Contestant) -> bool {
         let bic = |fit: &Contestant| -2.0 * fit.evidence.score();
-        let best = self.alternatives[place].iter().map(bic).fold(f64::INFINITY, f64::min);
+        let best = self.alternatives.iter().map(bic).fold(f64::INFINITY, f64::min);
         bic(fit) - best < TWINS
     }
 }

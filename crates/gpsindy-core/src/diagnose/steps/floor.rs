@@ -31,7 +31,7 @@ fn sensor_noise(best: &Contestant, noise: &[f64]) -> Vec<f64> {
 /// error on. In an unstable plant that is most of what noise leaves.
 fn with_start(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> Vec<f64> {
     let own = Experiment { scale: best.experiment.scale.clone(), noise: floor.clone(), ..experiment.clone() };
-    let beginning = beginnings(&own.windows);
+    let beginning = beginnings(&own);
     let initial = starts(&best.system, &own, &best.refined.parameters, best.nominal_states());
     let point = Point { parameters: best.refined.parameters.clone(), initial };
     let Ok(jacobian) = Jacobian::new(&best.system, &own, &point, &[]) else { return floor };
@@ -116,7 +116,7 @@ fn same_controls(one: &Log, other: &Log, samples: usize) -> bool {
 
 fn same_start(one: &Log, other: &Log, noise: &[f64]) -> bool {
     one.measured.iter().zip(&other.measured).zip(noise).all(|((a, b), &noise)| {
-        let differences: Vec<f64> = a.iter().zip(b).take(FIRST).map(|(a, b)| a - b).filter(|d| d.is_finite()).collect();
+        let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).filter(|d| d.is_finite()).take(FIRST).collect();
         let count = differences.len() as f64;
         // The mean difference of `count` pairs has the deviation noise*sqrt(2/count).
         !differences.is_empty()

@@ -7,12 +7,13 @@
 
 mod account;
 
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::weigh::LIKELY;
 use crate::diagnose::limits::{CHANCE, CONVINCING, NOISE};
 use crate::diagnose::steps::contest::Contest;
-use crate::diagnose::steps::findings::{Forcing, Judged, Outcome};
+use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat};
 use crate::error::Result;
 use account::Account;
 
@@ -79,9 +80,16 @@ fn replaced(mut judged: Judged, fit: Contestant, forcing: Forcing, chance: f64) 
     let outcome = &mut judged.outcome;
     outcome.left = None;
     if !fit.has_effects_of(&outcome.best) {
-        let place = |h: &_| outcome.best.hypotheses.iter().position(|known| known == h);
-        outcome.removed = fit.hypotheses.iter().map(|h| place(h).map_or(0.0, |i| outcome.removed[i])).collect();
-        outcome.alternatives = vec![vec![fit.clone()]; fit.hypotheses.len()];
+        let seat = |hypothesis: &Hypothesis| Seat {
+            hypothesis: hypothesis.clone(),
+            alternatives: vec![fit.clone()],
+            removed: outcome
+                .seats
+                .iter()
+                .find(|known| known.hypothesis == *hypothesis)
+                .map_or(0.0, |known| known.removed),
+        };
+        outcome.seats = fit.hypotheses.iter().map(seat).collect();
     }
     outcome.best = fit;
     // A row that is pushed at random has a gap; a sensor whose noise has a memory has none.

@@ -3,6 +3,7 @@
 //! The gap of an equation is the difference between the rates of the corrected and of the nominal model along
 //! the corrected trajectory. The corrected model is the winner, or the nominal model with the best generic function.
 
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::evidence::chi_squared_tail;
@@ -102,11 +103,7 @@ fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Cont
     let rival = rivals.iter().find(|r| r.state == left.state && r.variables == left.depends_on);
     let fitted = rival.and_then(|rival| {
         let applied = rival.apply(outcome.best.system.model(), &contest.scene);
-        let hypothesis = crate::diagnose::catalogue::hypothesis::Hypothesis::catalogue(
-            crate::diagnose::Effect::Bias,
-            rival.state,
-            &[],
-        );
+        let hypothesis = Hypothesis::nameless(rival);
         let start = vec![0.0; applied.fitted.len()];
         let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::NONE };
         contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual).ok()
@@ -155,8 +152,8 @@ fn shares(
     resting: &[usize],
 ) -> Vec<f64> {
     let mut energy = vec![0.0; nominal.system.n_states()];
-    for (hypothesis, removed) in outcome.best.hypotheses.iter().zip(&outcome.removed) {
-        energy[hypothesis.state] += removed.max(1e-9);
+    for seat in &outcome.seats {
+        energy[seat.hypothesis.state] += seat.removed.max(1e-9);
     }
     if let Some(left) = &outcome.left {
         energy[left.state] += left.energy;

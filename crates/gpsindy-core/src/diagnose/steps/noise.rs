@@ -1,7 +1,7 @@
 //! The noise of every column and the outliers in it, from the logs alone.
 
 use crate::diagnose::limits::{OUTLIER, SPIKE_LIKE};
-use crate::refine::Log;
+use crate::refine::{Log, present};
 
 /// Noise standard deviation of each column from differences of its samples, in its unit.
 ///
@@ -49,11 +49,6 @@ fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
     (trimmed / share_kept / gain).sqrt()
 }
 
-/// The rows that have a value, and the values.
-fn present(column: &[f64]) -> Vec<(usize, f64)> {
-    column.iter().copied().enumerate().filter(|(_, value)| value.is_finite()).collect()
-}
-
 /// Rows from one value to the next, but for the longest tenth: these are holes.
 fn usual_step(present: &[Vec<(usize, f64)>]) -> usize {
     let steps = present.iter().flat_map(|samples| samples.windows(2).map(|pair| pair[1].0 - pair[0].0));
@@ -78,9 +73,14 @@ pub(crate) fn resolution(logs: &[Log], column: usize) -> f64 {
 /// Marks isolated spikes as missing; returns how many.
 pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
     let mut removed = 0;
-    for log in logs {
-        for (column, &noise) in log.measured.iter_mut().zip(noise) {
-            let bend: Vec<f64> = column.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
+    for c in 0..noise.len() {
+        let present: Vec<Vec<(usize, f64)>> = logs.iter().map(|l| present(&l.measured[c])).collect();
+        let (usual, noise) = (usual_step(&present), noise[c]);
+        for (log, there) in logs.iter_mut().zip(&present) {
+            // Beside a hole nothing says how far the column may have moved.
+            let is_hole = |w: &[(usize, f64)]| w.windows(2).any(|pair| pair[1].0 - pair[0].0 > usual);
+            let bend = |w: &[(usize, f64)]| if is_hole(w) { f64::NAN } else { w[1].1 - 0.5 * (w[0].1 + w[2].1) };
+            let bend: Vec<f64> = there.windows(3).map(bend).collect();
             let mut sizes: Vec<f64> = bend.iter().map(|b| b.abs()).filter(|b| b.is_finite()).collect();
             sizes.sort_by(f64::total_cmp);
             // Noise alone bends by sqrt(1 + 2/4) of itself, and the median of a normal variable's size is 1/1.4826.
@@ -95,7 +95,7 @@ pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
                 .collect();
             removed += spikes.len();
             for i in spikes {
-                column[i + 1] = f64::NAN;
+                log.measured[c][there[i + 1].0] = f64::NAN;
             }
         }
     }

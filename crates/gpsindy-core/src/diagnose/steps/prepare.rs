@@ -14,7 +14,7 @@ use crate::diagnose::steps::windows::{Purpose, choose_windows, halvings, whole_r
 use crate::error::Result;
 use crate::excitation::{choose, excitation, variance};
 use crate::model::{Model, System};
-use crate::refine::{Experiment, Hold, Log, Window, guess_initial};
+use crate::refine::{Experiment, Hold, Log, Window, guess_initial, present};
 
 /// What is known beforehand.
 pub(crate) struct Known<'a> {
@@ -104,8 +104,9 @@ fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
         let Ok(column) = data.index_of(&state.name) else { continue };
         let values = || data.runs().iter().flat_map(|r| r.column(column).iter().copied()).filter(|v| v.is_finite());
         let within = values().all(|v| v.abs() < 1.02 * PI) || values().all(|v| (-0.02 * PI..1.02 * TAU).contains(&v));
-        let jumps =
-            |r: &crate::data::Run| r.column(column).windows(2).any(|w| ((w[1] - w[0]).abs() - TAU).abs() < 0.2 * PI);
+        let jumps = |r: &crate::data::Run| {
+            present(r.column(column)).windows(2).any(|w| ((w[1].1 - w[0].1).abs() - TAU).abs() < 0.2 * PI)
+        };
         if within && data.runs().iter().any(jumps) {
             data.unwrap_angle(&state.name)?;
             notes.say(Note::Unwrapped { column: state.name.clone() });

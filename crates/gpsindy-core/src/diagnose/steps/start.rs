@@ -36,7 +36,7 @@ pub(crate) fn starts(
     parameters: &[f64],
     nominal_states: usize,
 ) -> Vec<Vec<f64>> {
-    let beginning = Experiment { windows: beginnings(&experiment.windows), ..experiment.clone() };
+    let beginning = Experiment { windows: beginnings(experiment), ..experiment.clone() };
     let beliefs = beliefs(system, &beginning, nominal_states);
     let believed: Vec<Vec<f64>> = beliefs.iter().map(|b| b.states.iter().map(|s| s.0).collect()).collect();
     let settings = Budget::Usual.refine();
@@ -52,12 +52,13 @@ pub(crate) fn starts(
 }
 
 /// The windows' beginnings, on which their starts are refined.
-pub(crate) fn beginnings(windows: &[Window]) -> Vec<Window> {
+pub(crate) fn beginnings(experiment: &Experiment) -> Vec<Window> {
+    let fewest = FEWEST * experiment.rows_a_value();
     let of = |w: &Window| {
         let samples = (BEGINNING * (w.last - w.first) as f64) as usize;
-        Window { last: w.last.min(w.first + samples.max(FEWEST)), ..*w }
+        Window { last: w.last.min(w.first + samples.max(fewest)), ..*w }
     };
-    windows.iter().map(of).collect()
+    experiment.windows.iter().map(of).collect()
 }
 
 /// What the first samples of every window tell of its start.

@@ -27,11 +27,12 @@ pub(crate) fn choose_windows(
 ) -> Result<(Experiment, Option<f64>)> {
     let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
+    let shortest = SHORTEST * experiment.rows_a_value();
     let mut parts = 1usize;
     if purpose == Purpose::Search && system.engine().is_some() && system.n_controls() > 0 {
         // A longer rollout costs more calls, and has more saturations and stops at which the fit of a wrong model ends.
         let motion = motion_time(&experiment);
-        while longest / parts as f64 > motion && samples / (2 * parts) >= SHORTEST {
+        while longest / parts as f64 > motion && samples / (2 * parts) >= shortest {
             parts *= 2;
         }
     }
@@ -39,7 +40,7 @@ pub(crate) fn choose_windows(
         watch(parts.ilog2() as usize)?;
         let length = longest / parts as f64;
         let cut = if parts == 1 { whole_runs(experiment.clone()) } else { experiment.clone().with_windows_of(length) };
-        let smallest = samples / (2 * parts) < SHORTEST;
+        let smallest = samples / (2 * parts) < shortest;
         let at = (parameters, free);
         match Budget::Rough.refine().fit_watched(system, &cut, at, None, &|_| watch(parts.ilog2() as usize)) {
             Ok((fit, jacobian)) => {
@@ -60,7 +61,7 @@ pub(crate) fn choose_windows(
 /// How often windows can be halved before they are too short.
 pub(crate) fn halvings(experiment: &Experiment) -> usize {
     let samples = experiment.logs.iter().map(|l| l.time.len()).max().unwrap_or(1);
-    (samples / SHORTEST).max(1).ilog2() as usize + 1
+    (samples / (SHORTEST * experiment.rows_a_value())).max(1).ilog2() as usize + 1
 }
 
 /// Whether rollouts stay near the logs, and errors of their starts do not explode.
