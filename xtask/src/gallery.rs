@@ -26,7 +26,7 @@ pub(crate) fn run(folder: &Path, only: Option<&str>, tools: &Tools, html: bool) 
     )
 }
 
-/// Writes the page anew, and its files beside it.
+/// Writes the page anew, and its files next to it.
 fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
     let folder = page.parent().unwrap_or(page);
     let mut text = with_outputs(&read(page)?, &ran.printed);
@@ -113,7 +113,7 @@ fn result_of(page: &str) -> Option<&str> {
     page.lines().find(|line| line.starts_with("**"))
 }
 
-/// The page with its result beneath its heading, in place of the one that stands there.
+/// The page with its result below its heading, in place of an earlier one.
 fn with_result(page: &str, result: &str) -> String {
     if let Some(old) = result_of(page) {
         return page.replacen(old, result, 1);

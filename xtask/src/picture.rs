@@ -13,7 +13,7 @@ pub(crate) fn all() -> Result<(), String> {
     pendulum()
 }
 
-/// `docs/hare_lynx.svg`: counts beside the rollout of the equations that `identify` finds in them.
+/// `docs/hare_lynx.svg`: counts and the rollout of the equations that `identify` finds in them.
 fn hare_lynx() -> Result<(), String> {
     gpsindy("identify data/hare_lynx.csv --state hare,lynx --degree 2 --refine --out target/hare_lynx.toml")?;
     gpsindy(
