@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Top-level modules of the core and the layer each stands in.
+/// Top-level modules of the core and the layer of each.
 const LAYERS: &[(u8, &[&str])] = &[
     (1, &["data", "error", "excitation", "progress", "parallel", "expression", "optimise"]),
     (2, &["gp", "regress", "library", "model"]),
@@ -17,7 +17,7 @@ const LAYERS: &[(u8, &[&str])] = &[
 const STRANGERS: &[(&str, &str)] =
     &[("identify", "diagnose"), ("gp", "regress"), ("gp", "model"), ("regress", "model")];
 
-/// The floors of a method, lowest first: its folders, and the files beside them. What stands on none is the body on top.
+/// The floors of a method, lowest first: its folders, and the files next to them. What is on none is the body on top.
 const FLOORS: &[(&str, &[&[&str]])] = &[
     (
         "diagnose",
@@ -45,7 +45,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
     ),
 ];
 
-/// Steps that other steps may know: what they stand on, and what they hand on.
+/// Steps that other steps may know: what they build on, and what they pass on.
 const SHARED_STEPS: &[&str] =
     &["contest", "findings", "noise", "prepare", "round", "screen", "survey", "suspects", "windows"];
 
@@ -243,7 +243,7 @@ fn arrows(method: &str) -> Arrows {
     files.iter().map(imported).collect()
 }
 
-/// The floor of a file; the body where it stands on none.
+/// The floor of a file; the body where it is on none.
 fn floor(floors: &[&[&str]], file: &str) -> usize {
     let first = file.split('/').next().unwrap_or_default();
     floors.iter().position(|names| names.contains(&first)).unwrap_or(floors.len())

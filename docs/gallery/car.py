@@ -68,3 +68,4 @@ assert cause.effect == "input_lag", cause
 assert abs(cause.parameters[0]["value"] - 0.25) < 0.02, cause.parameters
 
 found.save("diagnosis")
+model.save("car.toml")

@@ -57,3 +57,4 @@ assert level["low"] <= 1.5 <= level["high"], level
 assert corner["value"] == 0.0, corner
 
 found.save("diagnosis")
+model.save("drive.toml")

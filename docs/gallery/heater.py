@@ -47,3 +47,4 @@ assert cause.effect == "input_delay", cause
 assert abs(cause.parameters[0]["value"] - 4.0) < 0.3, cause.parameters
 
 found.save("diagnosis")
+model.save("heater.toml")

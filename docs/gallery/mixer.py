@@ -42,7 +42,7 @@ print(found.summary())
 
 assert found.verdict == "unexplained", found.verdict
 assert not found.included, found.included
-region = found.to_dict()["gap"]["by_region"][0]
-assert (region["state"], region["variable"]) == ("w", "w"), region
+left = found.to_dict()["unexplained"]
+assert left["depends_on"] == ["w"], left
 
 found.save("diagnosis")

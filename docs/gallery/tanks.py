@@ -56,3 +56,4 @@ assert cause.effect == "parameter_error" and cause.variables == ("a1",), cause
 assert abs(found.augmented.parameters[1].value - 0.04) < 0.001
 
 found.save("diagnosis")
+model.save("tanks.toml")

@@ -89,7 +89,7 @@ fn text(data: &mut Vec<u8>, text: &str) {
 pub(crate) fn numbers(bytes: &[u8]) -> Vec<(u64, Vec<f64>)> {
     let messages = mcap::MessageStream::new(bytes).unwrap().map(Result::unwrap);
     let values = |data: &[u8]| {
-        // Behind the stamp, an empty text and the one name stand three lists of at most one number.
+        // Behind the stamp, an empty text and the one name come three lists of at most one number.
         let (mut at, mut found) = (4 + 8 + 8 + 4 + 4 + JOINT.len() + 1, Vec::new());
         for _ in 0..3 {
             at += (4 - at % 4) % 4;

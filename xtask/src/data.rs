@@ -14,7 +14,7 @@ const SEED: u64 = 1;
 /// Files of `data/` that the program carries for `gpsindy demo`: a packed crate holds nothing from outside its folder.
 const CARRIED: [&str; 3] = ["lotka_volterra.csv", "pendulum.csv", "pendulum.toml"];
 
-/// A log of topics in `data/`, and the map of its columns beside it.
+/// A log of topics in `data/`, and the map of its columns next to it.
 const BAG: &str = "pendulum.mcap";
 
 /// Writes every generated file into `data/`, and what the program carries into its crate.

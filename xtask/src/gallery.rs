@@ -26,7 +26,7 @@ pub(crate) fn run(folder: &Path, only: Option<&str>, tools: &Tools, html: bool) 
     )
 }
 
-/// Writes the page anew, and its files beside it.
+/// Writes the page anew, and its files next to it.
 fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
     let folder = page.parent().unwrap_or(page);
     let mut text = with_outputs(&read(page)?, &ran.printed);
@@ -36,9 +36,12 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
         text = with_result(&text, &result(&read(&report)?)?);
         copy(&report, &folder.join(format!("reports/{name}.json")))?;
     }
-    let drawn = [whole.clone(), ran.folder.join("result/fleet.html")].into_iter().find(|path| path.exists());
+    let compared = ran.folder.join("result/fleet.html");
+    let of_fleet = compared.exists();
+    let drawn = [whole.clone(), compared].into_iter().find(|path| path.exists());
     if let Some(drawn) = drawn.map(|path| read(&path)).transpose()? {
-        let rollout = |title: &str| title.contains("in held-out run") && !title.contains("Residual");
+        // The page of a fleet shows its units first.
+        let rollout = |title: &str| of_fleet || title.contains("in held-out run") && !title.contains("Residual");
         let gap = |title: &str| title.contains("Residual of the equation") && title.contains("against");
         let pictures = [(String::new(), picture(&drawn, rollout)), ("_gap".into(), picture(&drawn, gap))];
         for (ending, picture) in pictures.into_iter().filter_map(|(ending, picture)| Some((ending, picture?))) {
@@ -113,7 +116,7 @@ fn result_of(page: &str) -> Option<&str> {
     page.lines().find(|line| line.starts_with("**"))
 }
 
-/// The page with its result beneath its heading, in place of the one that stands there.
+/// The page with its result below its heading, in place of an earlier one.
 fn with_result(page: &str, result: &str) -> String {
     if let Some(old) = result_of(page) {
         return page.replacen(old, result, 1);
@@ -132,7 +135,7 @@ fn with_results(index: &str, result: impl Fn(&str) -> Option<String>) -> String 
     index.lines().map(|line| row(line).unwrap_or_else(|| line.into()) + "\n").collect()
 }
 
-/// The first chart of a report whose title is `wanted`, as a file of its own; a fleet has none.
+/// The first chart of a report whose title is `wanted`, as a file of its own.
 fn picture(page: &str, wanted: impl Fn(&str) -> bool) -> Option<String> {
     let style = page.split_once("<style>")?.1.split_once("</style>")?.0;
     let mut charts = page.split("<svg viewBox=").skip(1).filter(|chart| chart.contains("role=\"img\""));

@@ -5,7 +5,13 @@ mod faults;
 /// A task by its name.
 type Task = (&'static str, fn() -> Result<(), String>);
 
-const TASKS: &[Task] = &[("faults", faults::run), ("features", crate::tools::features)];
+const TASKS: &[Task] = &[
+    ("faults", faults::run),
+    ("features", crate::tools::features),
+    ("package", crate::package::check),
+    ("wheel", crate::wheel::check),
+    ("site", || crate::site::build(None)),
+];
 
 /// Runs one task, or all of them; the first that fails ends it.
 pub(crate) fn run(name: Option<&str>) -> Result<(), String> {

@@ -7,6 +7,7 @@ mod files;
 mod gallery;
 mod long;
 mod package;
+mod pages;
 mod picture;
 mod plot;
 mod python;
@@ -15,6 +16,7 @@ mod site;
 mod skipped;
 mod snippets;
 mod tools;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -23,16 +25,19 @@ cargo xtask test          formatting, clippy as errors, Rust tests, documentatio
 cargo xtask rust          the Rust part of it
 cargo xtask python        the Python part of it
 cargo xtask package       every crate packs with its licences, builds from its package, and the packed program runs its demo
+cargo xtask wheel         wheel and source package: twine, auditwheel, and each installed and used in a bare environment
 cargo xtask deny          licences, doubles, sources and advisories of all dependencies (cargo-deny)
 cargo xtask semver [REV]  the public interface against a tag or commit; without REV the latest tag (cargo-semver-checks)
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
 cargo xtask long [TASK]   what takes too long for every change, all of it or one task: faults (kills, a full disk, two runs in one
-                          folder), features (the readers of logs with each format alone and with none, warnings as errors)
+                          folder), features (the readers of logs with each format alone and with none, warnings as errors), package,
+                          wheel, site
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg and docs/pendulum.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
 cargo xtask gallery [PAGE] run a page of docs/gallery, or all, and keep what it prints, draws and reports; `effects` afterwards
-cargo xtask site          build the site of docs/ into target/site/public: references, every command and program of the pages, links
+cargo xtask site [PAGE]   build the site of docs/ into target/site/public and check its links, then run every block of every page and
+                          build it with what the gallery printed; with PAGE, such as docs/logs/csv.md, run only the blocks of that page
 ";
 
 fn main() -> ExitCode {
@@ -43,6 +48,7 @@ fn main() -> ExitCode {
         "rust" => rust(),
         "python" => python::test(),
         "package" => package::check(),
+        "wheel" => wheel::check(),
         "deny" => tools::deny(),
         "semver" => tools::semver(argument.as_deref()),
         "msrv" => tools::msrv(),
@@ -51,7 +57,7 @@ fn main() -> ExitCode {
         "picture" => picture::all(),
         "effects" => site::effects(),
         "gallery" => site::write_gallery(argument.as_deref()),
-        "site" => site::build(),
+        "site" => site::build(argument.as_deref()),
         "" | "help" | "-h" | "--help" => {
             shell::say(HELP);
             Ok(())

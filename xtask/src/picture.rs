@@ -13,7 +13,7 @@ pub(crate) fn all() -> Result<(), String> {
     pendulum()
 }
 
-/// `docs/hare_lynx.svg`: counts beside the rollout of the equations that `identify` finds in them.
+/// `docs/hare_lynx.svg`: counts and the rollout of the equations that `identify` finds in them.
 fn hare_lynx() -> Result<(), String> {
     gpsindy("identify data/hare_lynx.csv --state hare,lynx --degree 2 --refine --out target/hare_lynx.toml")?;
     gpsindy(
@@ -32,7 +32,7 @@ fn hare_lynx() -> Result<(), String> {
     let plot = Plot {
         title: "Hare and lynx pelts, 1900 to 1920: counts and the rollout of the identified equations",
         y_label: "thousand pelts",
-        note: "dots: counts; lines: rollout from the first year",
+        note: "dots: counts; lines: rollout",
         x_label: "",
         x: Axis { from: 0.0, to: last, step: 5.0, offset: 1900.0 },
         y: Axis { from: 0.0, to: (highest / 20.0).ceil() * 20.0, step: 20.0, offset: 0.0 },
@@ -66,7 +66,7 @@ fn pendulum() -> Result<(), String> {
     let plot = Plot {
         title: "Angle of a pendulum in a run that nothing was fitted to: log, simulator, corrected simulator",
         y_label: "angle, rad",
-        note: "held-out run",
+        note: "held out",
         x_label: "time, s",
         x: Axis { from: 0.0, to: last.ceil(), step: 2.0, offset: 0.0 },
         y: Axis { from: (low / 20.0).floor() * 20.0, to: (high / 20.0).ceil() * 20.0, step: 20.0, offset: 0.0 },

@@ -4,26 +4,16 @@
 
 use crate::files::{copy, files, read, write};
 use crate::shell::{complain, root, run};
-use crate::snippets::{Tools, run_page};
-use crate::{gallery, python};
+use crate::snippets::Tools;
+use crate::tools::needs;
+use crate::{gallery, pages, python};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
-/// What builds the site, beside what tests the Python package.
+/// What builds the site, besides what tests the Python package.
 const BUILDERS: [&str; 3] = ["zensical==0.0.*", "latex2mathml>=3.77", "griffe2md>=1.2"];
-
-/// Pages and folders of pages whose blocks are run, from the root of the repository. The gallery is run apart.
-const RUN: [&str; 8] = [
-    "README.md",
-    "crates/gpsindy-cli/README.md",
-    "crates/gpsindy-py/README.md",
-    "docs/formats.md",
-    "docs/effects/README.md",
-    "docs/start",
-    "docs/logs",
-    "docs/simulators.md",
-];
 
 /// Writes `docs/effects` from the catalogue.
 pub(crate) fn effects() -> Result<(), String> {
@@ -42,44 +32,64 @@ pub(crate) fn write_gallery(only: Option<&str>) -> Result<(), String> {
     gallery::write_all(only, &tools()?)
 }
 
-/// Builds `target/site/public` and checks its links. The blocks of the pages are run first.
-pub(crate) fn build() -> Result<(), String> {
-    let site = root().join("target/site");
-    let pages = site.join("docs");
-    if pages.exists() {
-        std::fs::remove_dir_all(&pages).map_err(|e| format!("{}: {e}", pages.display()))?;
-    }
-    copy(&root().join("docs"), &pages)?;
+/// Builds `target/site/public` and checks its links, then runs the blocks of the pages and builds it once more with what the gallery printed.
+///
+/// What takes seconds comes first: a link that leads nowhere ends it before a block is run. With `only` the blocks of that page are run and
+/// nothing is built.
+pub(crate) fn build(only: Option<&str>) -> Result<(), String> {
+    let start = Instant::now();
+    // One block of the pages builds an FMU.
+    needs("cc", &["--version"], "apt-get install gcc, xcode-select --install, or another C compiler called cc")?;
     let tools = tools()?;
-    let python = &tools.python;
-    write(&pages.join("reference/cli.md"), &commands(&tools.gpsindy)?)?;
-    let reference = pages.join("reference/python.md");
-    let source = "crates/gpsindy-py/python";
-    run(python, ["xtask/site/reference.py", source, &reference.to_string_lossy()], &[])?;
-    run_blocks(&tools)?;
-    gallery::run(&pages.join("gallery"), None, &tools, true)?;
-    write(&pages.join("llms.txt"), &overview(&pages)?)?;
-    let settings = pages.join("zensical.toml");
-    std::fs::rename(&settings, site.join("zensical.toml")).map_err(|e| format!("{}: {e}", settings.display()))?;
-    let plain = site.join("plain");
-    if plain.exists() {
-        std::fs::remove_dir_all(&plain).map_err(|e| format!("{}: {e}", plain.display()))?;
+    if only.is_some() {
+        return pages::run_all(only, &tools);
     }
-    copy(&pages, &plain)?;
-    run(python, ["xtask/site/formulas.py", &pages.to_string_lossy()], &[])?;
-    let built = Command::new(python).args(["-m", "zensical", "build", "--clean"]).current_dir(&site).status();
+    let own = root().join("target/site/pages");
+    anew(&root().join("docs"), &own)?;
+    write(&own.join("reference/cli.md"), &commands(&tools.gpsindy)?)?;
+    let reference = own.join("reference/python.md");
+    let source = "crates/gpsindy-py/python";
+    run(&tools.python, ["xtask/site/reference.py", source, &reference.to_string_lossy()], &[])?;
+    publish(&own, &tools)?;
+    complain("the links are good; now every block of every page");
+    pages::run_all(None, &tools)?;
+    gallery::run(&own.join("gallery"), None, &tools, true)?;
+    let public = publish(&own, &tools)?;
+    let minutes = start.elapsed().as_secs_f64() / 60.0;
+    complain(&format!("site: {}, in {minutes:.0} minutes", public.join("index.html").display()));
+    Ok(())
+}
+
+/// The site of the pages in `own`: drawn by Zensical, its links checked, each page also as it was written.
+fn publish(own: &Path, tools: &Tools) -> Result<PathBuf, String> {
+    let site = root().join("target/site");
+    write(&own.join("llms.txt"), &overview(own)?)?;
+    // Formulas are replaced in a copy: `own` stays as it was written.
+    let drawn = site.join("docs");
+    anew(own, &drawn)?;
+    let settings = drawn.join("zensical.toml");
+    std::fs::rename(&settings, site.join("zensical.toml")).map_err(|e| format!("{}: {e}", settings.display()))?;
+    run(&tools.python, ["xtask/site/formulas.py", &drawn.to_string_lossy()], &[])?;
+    let built = Command::new(&tools.python).args(["-m", "zensical", "build", "--clean"]).current_dir(&site).status();
     if !built.map_err(|e| format!("zensical: {e}"))?.success() {
         return Err("zensical did not build the site".into());
     }
     let public = site.join("public");
     check_links(&public)?;
     // Readers that are programs take the pages as they were written; llms.txt lists them.
-    for page in files(&plain, "md")? {
-        let name = page.strip_prefix(&plain).unwrap_or(&page);
+    for page in files(own, "md")? {
+        let name = page.strip_prefix(own).unwrap_or(&page);
         copy(&page, &public.join(name))?;
     }
-    complain(&format!("site: {}", public.join("index.html").display()));
-    Ok(())
+    Ok(public)
+}
+
+/// A copy of a folder in place of what was there.
+fn anew(from: &Path, to: &Path) -> Result<(), String> {
+    if to.exists() {
+        std::fs::remove_dir_all(to).map_err(|e| format!("{}: {e}", to.display()))?;
+    }
+    copy(from, to)
 }
 
 /// The program, the libraries that Rust blocks link, and a Python with the wheel of this tree.
@@ -90,44 +100,31 @@ fn tools() -> Result<Tools, String> {
     Ok(Tools { gpsindy, python: python::environment(&BUILDERS)? })
 }
 
-/// Runs the blocks of the pages in folders that have the files they name; see `xtask/site/given.py`.
-fn run_blocks(tools: &Tools) -> Result<(), String> {
-    let given = root().join("target/site/given");
-    if given.exists() {
-        std::fs::remove_dir_all(&given).map_err(|e| format!("{}: {e}", given.display()))?;
-    }
-    std::fs::create_dir_all(&given).map_err(|e| format!("{}: {e}", given.display()))?;
-    run(&tools.python, ["xtask/site/given.py", &given.to_string_lossy()], &[])?;
-    for path in RUN.map(|path| root().join(path)) {
-        let pages = if path.is_dir() { files(&path, "md")? } else { vec![path] };
-        for page in pages {
-            let name = page.strip_prefix(root()).unwrap_or(&page).with_extension("");
-            run_page(&page, &name.to_string_lossy(), Some(&given), tools)?;
-        }
-    }
-    Ok(())
-}
-
 /// One page with the help of every command.
 fn commands(program: &Path) -> Result<String, String> {
-    let help = |arguments: &[&str]| {
-        let ran = Command::new(program).args(arguments).arg("--help").output();
-        ran.map(|r| String::from_utf8_lossy(&r.stdout).into_owned()).map_err(|e| format!("{}: {e}", program.display()))
-    };
-    let all = help(&[])?;
+    let all = help(program, &[])?;
     let mut page = format!("# Commands\n\nMade from the program itself.\n\n```text\n{all}```\n");
-    // The list of commands stands between its heading and the next empty line.
-    let list = all.split("Commands:").nth(1).unwrap_or_default();
-    for line in list.lines().skip(1).take_while(|line| !line.trim().is_empty()) {
-        let Some(name) = line.strip_prefix("  ").filter(|l| !l.starts_with(' ')).and_then(|l| l.split(' ').next())
-        else {
-            continue;
-        };
-        if name != "help" {
-            let _ = write!(page, "\n## gpsindy {name}\n\n```text\n{}```\n", help(&[name])?);
+    for name in listed(&all) {
+        let own = help(program, &[name])?;
+        let _ = write!(page, "\n## gpsindy {name}\n\n```text\n{own}```\n");
+        for second in listed(&own) {
+            let _ = write!(page, "\n### gpsindy {name} {second}\n\n```text\n{}```\n", help(program, &[name, second])?);
         }
     }
     Ok(page)
+}
+
+fn help(program: &Path, arguments: &[&str]) -> Result<String, String> {
+    let ran = Command::new(program).args(arguments).arg("--help").output();
+    ran.map(|r| String::from_utf8_lossy(&r.stdout).into_owned()).map_err(|e| format!("{}: {e}", program.display()))
+}
+
+/// The commands of a help: the first words of the lines between `Commands:` and the next empty line.
+fn listed(help: &str) -> Vec<&str> {
+    let list = help.split("Commands:\n").nth(1).unwrap_or_default();
+    let lines = list.lines().take_while(|line| !line.trim().is_empty());
+    let names = lines.filter_map(|line| line.strip_prefix("  ").filter(|l| !l.starts_with(' '))?.split(' ').next());
+    names.filter(|name| *name != "help").collect()
 }
 
 /// `llms.txt`: the pages with their first sentences.
@@ -175,6 +172,13 @@ fn check_links(public: &Path) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_help_lists_its_commands_in_order() {
+        let help = "Usage\n\nCommands:\n  watch  Diagnose new logs\n         as they come\n  help   Print\n\nOptions:\n  -h  Print\n";
+        assert_eq!(listed(help), ["watch"]);
+        assert!(listed("Usage\n\nOptions:\n  -h\n").is_empty());
+    }
 
     #[test]
     fn a_link_without_a_target_is_told() {

@@ -4,6 +4,7 @@ use crate::files::{copy, read, write};
 use crate::shell::{complain, root};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 /// What Python prints between the blocks of one program, so that each has its own output.
 const BETWEEN: char = '\u{1f}';
@@ -21,9 +22,10 @@ pub(crate) struct Ran {
     pub(crate) printed: Vec<String>,
 }
 
-/// Runs the blocks of a page in the folder `name` below `target/site/snippets`, with `data/` and the files of `given`; one that fails is an
-/// error.
+/// Runs the blocks of a page in the folder `name` below `target/site/snippets`, with `data/` and the files of `given`. The first block that
+/// fails ends it with an error: page, block, what it wrote to stderr, where it ran.
 pub(crate) fn run_page(page: &Path, name: &str, given: Option<&Path>, tools: &Tools) -> Result<Ran, String> {
+    let start = Instant::now();
     let folder = root().join("target/site/snippets").join(name);
     if folder.exists() {
         std::fs::remove_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -33,17 +35,25 @@ pub(crate) fn run_page(page: &Path, name: &str, given: Option<&Path>, tools: &To
     let text = read(page)?;
     let mut printed = Vec::new();
     for (language, program) in &steps(&text) {
-        complain(&format!("\n$ {}", program.trim()));
-        let output = run_step(language, program, &folder, tools).map_err(|e| format!("{}: {e}", page.display()))?;
+        let output = run_step(language, program, &folder, tools).map_err(|e| {
+            let page = page.strip_prefix(root()).unwrap_or(page).display();
+            let program = program.replace(&format!("print('\\x{:02x}', flush=True)\n", BETWEEN as u32), "");
+            format!(
+                "{page}: a block of {language} failed, the pages after it were not run\n\n{program}\n{e}\nit ran in {}",
+                folder.display()
+            )
+        })?;
         // A program of several blocks printed a mark between them.
         printed.extend(output.split(BETWEEN).map(|part| part.trim_matches('\n').to_string()));
     }
+    complain(&format!("  {name}: {} blocks in {:.0} s", printed.len(), start.elapsed().as_secs_f64()));
     Ok(Ran { folder, printed })
 }
 
 fn run_step(language: &str, program: &str, folder: &Path, tools: &Tools) -> Result<String, String> {
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let own = [&tools.gpsindy, &tools.python].into_iter().filter_map(|tool| tool.parent()).map(Path::to_path_buf);
+    // The command of the Python package first, which also reads MuJoCo models and FMUs.
+    let own = [&tools.python, &tools.gpsindy].into_iter().filter_map(|tool| tool.parent()).map(Path::to_path_buf);
     let path = std::env::join_paths(own.chain(std::env::split_paths(&path))).map_err(|e| e.to_string())?;
     let mut command = match language {
         "sh" => Command::new("sh"),
@@ -54,7 +64,7 @@ fn run_step(language: &str, program: &str, folder: &Path, tools: &Tools) -> Resu
     let ran = command.current_dir(folder).env("PATH", &path).env("NO_COLOR", "1").output();
     let ran = ran.map_err(|e| format!("{language}: {e}"))?;
     if !ran.status.success() {
-        return Err(format!("{program}{}", String::from_utf8_lossy(&ran.stderr)));
+        return Err(format!("{}{}", String::from_utf8_lossy(&ran.stderr), ran.status));
     }
     Ok(String::from_utf8_lossy(&ran.stdout).into_owned())
 }
@@ -73,7 +83,7 @@ fn run_rust(program: &str, folder: &Path) -> Result<String, String> {
     let ran = command.current_dir(folder).output().map_err(|e| format!("rustdoc: {e}"))?;
     if !ran.status.success() {
         let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
-        return Err(format!("{program}{out}{err}"));
+        return Err(format!("{out}{err}"));
     }
     Ok(String::new())
 }
@@ -105,7 +115,7 @@ pub(crate) fn blocks(text: &str) -> impl Iterator<Item = (&str, &str)> {
         .filter(|(language, _)| ["sh", "python", "rust"].contains(language))
 }
 
-/// The page with what each block printed beneath it, in place of what stands there from an earlier run.
+/// The page with what each block printed below it, in place of what an earlier run left.
 pub(crate) fn with_outputs(text: &str, printed: &[String]) -> String {
     let mut page = String::new();
     let mut parts = without_outputs(text);
@@ -125,7 +135,7 @@ pub(crate) fn with_outputs(text: &str, printed: &[String]) -> String {
     page + &parts
 }
 
-/// What stands before an output that a run left on its page.
+/// The mark before an output that a run left on its page.
 const MARK: &str = "<!-- printed -->";
 
 fn without_outputs(text: &str) -> String {

@@ -80,7 +80,7 @@ fn promised() -> Result<String, String> {
 }
 
 /// Refuses where a tool does not start, with the command that gets it.
-fn needs(program: &str, arguments: &[&str], install: &str) -> Result<(), String> {
+pub(crate) fn needs(program: &str, arguments: &[&str], install: &str) -> Result<(), String> {
     let started = Command::new(program).args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).status();
     if started.is_ok_and(|status| status.success()) {
         return Ok(());

@@ -181,7 +181,7 @@ pub(crate) struct Output {
     pub(crate) out: Option<PathBuf>,
 }
 
-/// What a control does between its samples, where the logs may tell.
+/// What a control does between its samples, if the logs can show it.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum AutoHold {
     /// Whichever of zero and linear explains the logs better

@@ -54,7 +54,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(message) | Self::Work(message) | Self::Verdict(message) | Self::Partly(message) => {
-                // What a file holds may stand in a message, and must not command the terminal or fill it.
+                // What a file holds may be in a message, and must not command the terminal or fill it.
                 let words: Vec<_> = message.split(|c: char| c.is_whitespace() || c.is_control()).collect();
                 let line = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
                 write!(f, "{}", shortened(line))

@@ -66,7 +66,7 @@ impl Screen {
         }
     }
 
-    /// What was asked for beside the result, on stderr.
+    /// What was asked for besides the result, on stderr.
     pub(crate) fn say(&self, text: &str) {
         self.line(text);
     }
@@ -81,7 +81,7 @@ impl Screen {
         self.line(&format!("{} {text}", self.painted("1;31", "error:", std::io::stderr().is_terminal())));
     }
 
-    /// The last word before the process ends in the middle of its work: in place of a progress bar, which may stand there.
+    /// The last word before the process ends in the middle of its work: in place of a progress bar, which may be there.
     pub(crate) fn interrupted(&self, text: &str) {
         if std::io::stderr().is_terminal() {
             let _ = write!(std::io::stderr(), "\r\x1b[K");

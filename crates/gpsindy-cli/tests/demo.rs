@@ -23,7 +23,7 @@ fn the_demo_identifies_diagnoses_and_says_where_the_files_are() {
     let report: serde_json::Value = serde_json::from_str(&folder.read("gpsindy-demo/diagnosis/report.json")).unwrap();
     assert_eq!(report["verdict"], "explained");
     assert_eq!(report["causes"][0]["effect"], "coulomb_friction");
-    // What the demo says to try next works as it stands there.
+    // What the demo says to try next works as it is written.
     let next: Vec<&str> = ran.stdout.lines().skip_while(|l| *l != "Try next").skip(1).collect();
     assert_eq!(next.len(), 2);
     for line in next {

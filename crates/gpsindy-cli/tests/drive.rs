@@ -1,5 +1,5 @@
 //! A drive that a controller moves to and fro, positions only and nearly without noise: dry friction and a constant force
-//! that are worth little alone, beside a tolerated damping that would swallow the friction.
+//! that are worth little alone, with a tolerated damping that would absorb the friction.
 #![allow(clippy::unwrap_used)]
 
 mod common;
@@ -55,7 +55,7 @@ fn dry_friction_of_a_drive_is_named_first_and_not_a_doubled_damping() {
     let report: Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
     let first = &report["causes"][0];
     assert_eq!(first["effect"], "coulomb_friction", "{report}");
-    // The mass is known to a twentieth, and the friction is told per mass.
+    // The mass is known to a twentieth, and the friction is reported per mass.
     let size = first["parameters"][0]["value"].as_f64().unwrap();
     assert!((size * MASS / DRY - 1.0).abs() < 0.1, "{report}");
     let causes: Vec<&Value> = report["causes"].as_array().unwrap().iter().filter(|c| c["included"] == true).collect();

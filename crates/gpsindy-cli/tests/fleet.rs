@@ -67,7 +67,7 @@ fn parts_of_a_fleet_are_done_apart_and_the_last_one_compares() {
     assert!(second.stdout.contains("8 reports"), "{second:?}");
     let whole = folder.run(&format!("fleet fleet.toml --out whole {SUSPECTS}")).ended(4);
     assert!(whole.stdout.contains("8 reports"));
-    // A part does not see the other part's failures: they are told where they happen.
+    // A part does not see the other part's failures: they are reported where they happen.
     let odd = |folder_name: &str| {
         let report: serde_json::Value =
             serde_json::from_str(&folder.read(&format!("{folder_name}/fleet.json"))).unwrap();

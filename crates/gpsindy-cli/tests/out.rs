@@ -114,7 +114,7 @@ mod unix {
         assert_eq!(ran.stderr, "error: full: cannot be written: No space left on device\n");
     }
 
-    /// The limit stands between the sizes of the two files, as a disk does that has room for the first alone.
+    /// The limit is between the sizes of the two files, as a disk does that has room for the first alone.
     #[test]
     fn a_report_without_room_for_all_of_it_leaves_the_older_one() {
         let folder = lab();

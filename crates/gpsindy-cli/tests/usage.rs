@@ -110,7 +110,7 @@ fn with_server(folder: &Folder, name: &str, status: i32) -> std::path::PathBuf {
     place
 }
 
-/// As the command of a Python package is started: under the name of a script beside which the server stands, by another program.
+/// As the command of a Python package is started: under the name of a script in the folder of the server, by another program.
 #[cfg(unix)]
 #[test]
 fn the_server_is_looked_for_beside_the_program_and_then_on_the_path() {

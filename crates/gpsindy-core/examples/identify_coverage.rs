@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p gpsindy-core --example identify_coverage -- SEEDS NOISE...`
 //! NOISE: shares of each state's standard deviation. Known systems, each noise level, seeds 0 to SEEDS - 1. Only terms that
-//! are truly in the equation count, over all seeds in which they were found; beside it the share of exact supports, and the
+//! are truly in the equation count, over all seeds in which they were found; next to it the share of exact supports, and the
 //! median of the ratio of stated standard error to the spread of the estimates over the seeds.
 //! ENSEMBLE=N in the environment also asks for inclusion probabilities (N bootstraps) and shows how many of the terms of each
 //! probability are true, and how many of them the final equations hold.

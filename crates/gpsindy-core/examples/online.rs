@@ -1,4 +1,4 @@
-//! Online identification beside the batch: differences in standard errors over seeds, and the cost of a sample as the log grows.
+//! Online identification compared with the batch: differences in standard errors over seeds, and the cost of a sample as the log grows.
 //!
 //! `cargo run --release -p gpsindy-core --example online -- 12 100000` (seeds, longest log)
 #![allow(clippy::print_stdout, clippy::unwrap_used)]

@@ -109,7 +109,7 @@ impl Dataset {
     ///
     /// # Errors
     /// A run whose sizes differ, times that do not increase, an infinite value, a name that
-    /// stands twice, or no run at all.
+    /// occurs twice, or no run at all.
     pub fn new(channels: Vec<Channel>, runs: Vec<Run>) -> Result<Self> {
         let mut names = HashSet::with_capacity(channels.len());
         for channel in &channels {

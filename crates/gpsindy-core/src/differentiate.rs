@@ -37,7 +37,7 @@ pub enum Differentiation {
 /// | `given` | `None` | channels that carry noisy derivatives, one a state; `None` takes slopes of the raw samples |
 /// | `isotropic` | `false` | one length for all inputs instead of one each |
 /// | `covariance` | `false` | whether the joint covariance at the samples of a run is kept |
-/// | `dense_limit` | 2000 | samples of all runs together; of more, an even part of this many stands for all |
+/// | `dense_limit` | 2000 | samples of all runs together; of more, an even part of this many represents all |
 #[derive(Debug, Clone)]
 pub struct SecondStage {
     /// Kernels to try.
@@ -48,7 +48,7 @@ pub struct SecondStage {
     pub isotropic: bool,
     /// Whether covariances are kept.
     pub covariance: bool,
-    /// Samples of all runs together; of more, an even part of this many stands for all.
+    /// Samples of all runs together; of more, an even part of this many represents all.
     pub dense_limit: usize,
 }
 
@@ -236,7 +236,7 @@ fn complete(columns: &[Vec<f64>], targets: &[f64]) -> Result<Points> {
 }
 
 /// All runs as one, thinned evenly to `limit` points at most: the cost grows with their third power, and derivatives of
-/// neighbouring samples tell nearly the same.
+/// neighbouring samples say nearly the same.
 fn pool(runs: &[Points], limit: usize) -> Points {
     let total: usize = runs.iter().map(Points::len).sum();
     let kept = total.min(limit.max(1));

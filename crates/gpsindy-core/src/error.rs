@@ -101,7 +101,7 @@ pub enum Error {
         /// The schema that is read.
         supported: String,
     },
-    /// An expression that can be read but makes no sense where it stands.
+    /// An expression that can be read but makes no sense in its place.
     #[error("{place}, `{expression}`: {why}")]
     Equation {
         /// Where the expression appears.
@@ -183,7 +183,7 @@ pub enum Error {
     Cancelled,
 }
 
-/// What stands around a place of a text, all of it where it is short.
+/// What is around a place of a text, all of it where it is short.
 fn excerpt(text: &str, position: usize) -> String {
     const BEFORE: usize = 60;
     const SHOWN: usize = 120;

@@ -1,4 +1,4 @@
-//! Which windows of long logs tell most: those in which the columns move, and some of every part of the logs.
+//! Which windows of long logs hold most information: those in which the columns move, and some of every part of the logs.
 
 /// Root mean square of what the columns move within a window, each in units of its spread over all logs.
 ///

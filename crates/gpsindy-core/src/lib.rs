@@ -94,8 +94,8 @@
 //!
 //! # Where to go
 //!
-//! What the five verbs take and give stands at the root. A family of parts from which one is chosen, or that can be used
-//! by itself, is a module:
+//! What the five verbs take and give is at the root. A family of parts from which one is chosen, or that can be used
+//! on its own, is a module:
 //!
 //! - [`library`]: candidate terms, and what is known of equations beforehand
 //! - [`regress`]: sparse regressions, and how one place on their path is chosen

@@ -334,7 +334,7 @@ mod tests {
             let (state, unit) = ("x".to_string(), String::new());
             without_noise(&StateError { state, unit, rmse, normalised: 0.1, n_samples: 800 }, &data)
         };
-        // The median of 788 third differences tells the noise to some percent.
+        // The median of 788 third differences gives the noise to some percent.
         assert!(error(0.0103) < 0.006, "{}", error(0.0103));
         assert!((error(0.05) - 0.049).abs() < 1e-3, "{}", error(0.05));
     }

@@ -352,7 +352,7 @@ mod tests {
 
     #[test]
     fn a_column_that_rests_but_for_rounding_has_no_relative_error() {
-        // A joint at rest beside one that turns: what it logs is the rounding of the simulator.
+        // A joint at rest next to one that turns: what it logs is the rounding of the simulator.
         let mut two = model("u");
         two.states.push(State::new("rest", Expression::parse("1e-3*u").unwrap()));
         let time: Vec<f64> = (0..51).map(|i| 0.1 * i as f64).collect();

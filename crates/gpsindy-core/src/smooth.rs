@@ -99,7 +99,7 @@ pub struct SmoothedRun {
     /// (r x c), posterior mean of the time derivative, channel unit per second. A channel whose
     /// kernel has no derivative (`matern12`) carries the mean slope over the neighbouring samples.
     pub derivative: Mat<f64>,
-    /// (r x c), posterior standard deviation of what stands in `derivative`.
+    /// (r x c), posterior standard deviation of `derivative`.
     pub derivative_std: Mat<f64>,
     /// One (r x r) posterior covariance of the derivative a channel; empty unless asked for.
     pub derivative_covariance: Vec<Mat<f64>>,
@@ -240,7 +240,7 @@ fn halves(both: &Posterior) -> [Posterior; 2] {
     })
 }
 
-/// The samples whose difference stands for the slope at sample i of n: its neighbours, one-sided at the ends.
+/// The samples whose difference approximates the slope at sample i of n: its neighbours, one-sided at the ends.
 fn ends(i: usize, n: usize) -> (usize, usize) {
     (i.saturating_sub(1), (i + 1).min(n - 1))
 }
@@ -311,7 +311,7 @@ mod tests {
     fn smoothing_finds_the_noise_and_beats_it() {
         let data = data(200, 0.1, 0);
         let out = Smoother { covariance: true, ..Smoother::default() }.smooth(&data, &[0, 1], &Silent).unwrap();
-        // 200 samples tell a standard deviation within about 5 %; 20 % is four of them.
+        // 200 samples give a standard deviation within about 5 %; 20 % is four of them.
         assert!((out.fits[0].noise - 0.1).abs() < 0.02, "{}", out.fits[0].noise);
         assert!((out.fits[1].noise - 5.0).abs() < 1.0, "{}", out.fits[1].noise);
         let run = &out.runs[0];

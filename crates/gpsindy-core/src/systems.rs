@@ -269,7 +269,7 @@ pub fn pendulum() -> TestSystem {
     )
 }
 
-/// A pole (mass `m`, half length `l`) on a cart (mass `mc`); `th` is 0 where the pole stands upright.
+/// A pole (mass `m`, half length `l`) on a cart (mass `mc`); `th` is 0 where the pole is upright.
 ///
 /// Source: Florian 2007, Correct equations for the dynamics of the cart-pole system, without friction.
 pub fn cart_pole() -> TestSystem {

@@ -14,7 +14,7 @@ const PERIOD: f64 = 0.05;
 const LIMIT: f64 = 2.0;
 const NOISE: [f64; 2] = [0.01, 0.03];
 
-/// Effects that small or slow motions can't tell apart, and what each adds to the speed's row in place of `u`'s.
+/// Effects that small or slow motions cannot distinguish, and what each adds to the speed's row in place of `u`'s.
 const PAIRS: [[(&str, &str); 2]; 6] = [
     [("viscous_friction", "u - c*v"), ("quadratic_drag", "u - c*v*abs(v)")],
     [("linear_stiffness", "u - c*x"), ("cubic_stiffness", "u - c*x^3")],

@@ -119,7 +119,7 @@ fn marks(language: Language) -> Marks {
     }
 }
 
-/// The source without comments and without what stands in strings; nothing may be left open at its end.
+/// The source without comments and without the content of strings; nothing may be left open at its end.
 fn stripped(source: &str, marks: &Marks) -> Result<String, String> {
     let mut code = String::new();
     let mut rest = source;

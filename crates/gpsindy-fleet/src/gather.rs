@@ -29,7 +29,7 @@ struct Sizes {
     absent: BTreeMap<(String, String), Vec<Observation>>,
 }
 
-/// Reads the reports of a fleet, compares the units, and writes `fleet.json` and `fleet.html` beside them.
+/// Reads the reports of a fleet, compares the units, and writes `fleet.json` and `fleet.html` next to them.
 ///
 /// `attempts` says what became of every task of the manifest; those that are missing are left out.
 ///

@@ -3,7 +3,7 @@
 //! - [`Manifest`]: which logs belong to which unit and period, with which model and covariates
 //! - [`Store`]: where results go, a [`Folder`] or another place that keeps files by name
 //! - [`Fleet`]: computes the missing tasks, so that a second run resumes the first
-//! - [`compare`]: reads the reports and writes `fleet.json` and `fleet.html` beside them
+//! - [`compare`]: reads the reports and writes `fleet.json` and `fleet.html` next to them
 //! - [`Watched`]: a folder to which logs are added, as a manifest of what is whole
 //!
 //! A task is named by a hash of the model, the logs, the settings and the version. Its report is the same bytes whoever made it, so that any

@@ -34,7 +34,7 @@ impl Task {
     pub fn key(&self, settings: &Diagnose, options: &LogOptions) -> Result<String> {
         let mut hash = Sha256::new();
         let mut add = |part: &str, bytes: &[u8]| {
-            // Lengths keep two files from being told as one.
+            // Lengths keep two files from being taken for one.
             hash.update(part.as_bytes());
             hash.update((bytes.len() as u64).to_le_bytes());
             hash.update(bytes);
@@ -48,7 +48,7 @@ impl Task {
             for path in files(path)? {
                 let file = path.display().to_string();
                 add(part, &std::fs::read(&path).map_err(|source| Error::Read { file, source })?);
-                // The run's name stands in the report.
+                // The run's name is in the report.
                 add("name", path.file_name().unwrap_or_default().as_encoded_bytes());
             }
         }

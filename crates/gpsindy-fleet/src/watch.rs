@@ -56,7 +56,7 @@ pub struct Look {
 }
 
 impl Watched {
-    /// Logs below `folder`, of machines that `model` stands for; without one `model.toml` in the folder does. What is below `results` is
+    /// Logs below `folder`, of machines that `model` describes; without one `model.toml` in the folder does. What is below `results` is
     /// no log.
     pub fn new(folder: &Path, model: Option<PathBuf>, results: &Path) -> Self {
         let model = model.unwrap_or_else(|| folder.join("model.toml"));

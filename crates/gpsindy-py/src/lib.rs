@@ -1,4 +1,4 @@
-//! The compiled part of the Python package `gpsindy`, private to it: converts and names, nothing else.
+//! The compiled part of the Python package `gpsindy`, private to it: converts and names only.
 //!
 //! What a user sees, with types and documentation, is the Python package in `python/gpsindy`.
 

@@ -35,7 +35,7 @@ pub(crate) struct PyModel {
 
 #[pymethods]
 impl PyModel {
-    /// Reads text; `name` stands for the file in messages.
+    /// Reads text; messages call the file `name`.
     #[staticmethod]
     fn parse(name: &str, text: &str) -> PyResult<Self> {
         Ok(parse_model(name, text).map_err(file_error)?.into())

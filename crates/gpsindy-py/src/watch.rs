@@ -22,7 +22,7 @@ const PATIENCE: usize = 5;
 /// Stack of the working thread, as generous as that of a main thread.
 const STACK: usize = 8 << 20;
 
-/// What the working and the watching thread tell each other.
+/// What the working and the watching thread exchange.
 pub(crate) struct Watch {
     begun: Instant,
     stop: AtomicBool,

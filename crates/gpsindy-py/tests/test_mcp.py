@@ -144,6 +144,17 @@ def test_a_missing_extra_or_folder_is_one_line(tmp_path):
         assert (done.returncode, done.stdout, done.stderr) == (2, "", expected)
 
 
+@pytest.mark.parametrize("start", [["-m", "gpsindy"], [os.path.join(os.path.dirname(sys.executable), "gpsindy")]])
+def test_the_command_finds_the_server_in_its_own_folder(tmp_path, start):
+    # Nothing is on the PATH, and the interpreter may be a link out of its environment.
+    line = [sys.executable, *start, "mcp", str(tmp_path)]
+    ends = subprocess.run(line, input="", capture_output=True, text=True, env={**os.environ, "PATH": str(tmp_path)}, check=False)
+    assert ends.returncode == 0, ends.stderr
+    # The server of the package has its own words for a folder that is not there.
+    absent = subprocess.run([*line[:-1], str(tmp_path / "none")], input="", capture_output=True, text=True, env={"PATH": ""}, check=False)
+    assert absent.returncode == 2 and absent.stderr.endswith("none: no such folder; name folders that the server may use\n"), absent.stderr
+
+
 def test_every_verdict_is_explained():
     from gpsindy.mcp import VERDICTS, explain
 

@@ -2,7 +2,7 @@
 //!
 //! Colours are CSS classes, so that a chart follows light, dark and print; every chart carries a
 //! title and a description for readers who can't see it. The drawing area is narrow on purpose:
-//! a phone shows it at its full size, a wide screen puts two beside each other.
+//! a phone shows it at its full size, a wide screen puts two side by side.
 
 use crate::numbers::{fixed, number};
 use maud::{Markup, html};
@@ -187,7 +187,7 @@ impl Axis {
         }
         let size = self.low.abs().max(self.high.abs());
         if !(1e-3..1e6).contains(&size) {
-            // As many digits as tell two ticks apart.
+            // As many digits as distinguish two ticks.
             let digits = (tick.abs().log10().floor() - self.step.log10().floor()).clamp(0.0, 9.0) as usize;
             let text = format!("{tick:.digits$e}");
             let (mantissa, power) = text.split_once('e').unwrap_or((&text, "0"));

@@ -24,7 +24,7 @@ impl GalleryCase {
     }
 }
 
-/// The page of one effect, in Markdown; `caption` stands under its picture, `ID.svg` in the same folder.
+/// The page of one effect, in Markdown; `caption` goes under its picture, `ID.svg` in the same folder.
 ///
 /// Of `cases` it links to those that named the effect.
 pub fn effect_page(effect: Effect, caption: &str, cases: &[GalleryCase]) -> String {
@@ -46,7 +46,7 @@ pub fn effect_page(effect: Effect, caption: &str, cases: &[GalleryCase]) -> Stri
     let asked = if effect.is_only_if_asked() { "only if `--effects` names it" } else { "always" };
     row("tested", asked);
     row("in `augmented.toml`", &exported(effect));
-    row("in a MuJoCo model", in_mjcf(effect));
+    row("in a MuJoCo model", in_mjcf(effect).unwrap_or("a comment at the top"));
     if !effect.about().is_empty() {
         let _ = write!(page, "\n{}\n", effect.about());
     }
@@ -89,26 +89,26 @@ pub fn effects_index() -> String {
         "# What you see in the log\n\n\
          The effects that a diagnosis tests, by their symptoms. A diagnosis tests all of them at once:\n\n\
          ```sh\ngpsindy diagnose simulator.toml run_*.csv --out diagnosis\n```\n\n\
-         The third column restricts it to one effect, and asks for those that are tested on request only (marked *). The last two columns say \
-         what the corrected simulator then has, in `augmented.toml` and in the `augmented.xml` of a MuJoCo model. z and w are the \
-         variables that an effect depends on, u a control, p a term or a parameter. `cargo xtask effects` generates these pages from the \
-         catalogue.\n\n\
-         | what you see in the log | effect | add to the command | `augmented.toml` | MuJoCo |\n| --- | --- | --- | --- | --- |\n",
+         The third column restricts it to one effect. An effect marked * is tested only if `--effects` names it. The last column says what the \
+         corrected simulator then has: `augmented.toml`, and `augmented.xml` of a MuJoCo model where it has a field for the effect. Any other \
+         effect is a comment at the top of `augmented.xml`, or in an FMU's `augmented.ssv`. z and w are the variables that an effect depends \
+         on, u a control, p a term or a parameter. `cargo xtask effects` generates these pages from the catalogue.\n\n\
+         | what you see in the log | effect | add to the command | what is exported |\n| --- | --- | --- | --- |\n",
     );
     for effect in Effect::ALL {
         let mark = if effect.is_only_if_asked() { " *" } else { "" };
+        let field = in_mjcf(*effect).map_or(String::new(), |field| format!("; MuJoCo: {field}"));
         let _ = writeln!(
             page,
-            "| {} | [{}]({}.md){mark} | `--effects {}` | {} | {} |",
+            "| {} | [{}]({}.md){mark} | `--effects {}` | {}{field} |",
             cell(&capital(effect.signature())),
             effect.name(),
             effect.id(),
             effect.id(),
             cell(&exported(*effect)),
-            in_mjcf(*effect),
         );
     }
-    page + "\nFMUs: `augmented.ssv` holds the corrected parameters; any other effect stands in it as a comment.\n"
+    page
 }
 
 /// What the corrected equations have of an effect.
@@ -145,9 +145,9 @@ fn is_words(form: &str) -> bool {
     ["a ", "the ", "u becomes a "].into_iter().any(|start| form.starts_with(start))
 }
 
-/// The field of an MJCF file that carries an effect.
-fn in_mjcf(effect: Effect) -> &'static str {
-    match effect.id() {
+/// The field of an MJCF file that carries an effect, if it has one.
+fn in_mjcf(effect: Effect) -> Option<&'static str> {
+    Some(match effect.id() {
         "parameter_error" => "the field: `kp`, `kv`, `mass` ...",
         "coulomb_friction" => "`frictionloss` of the joint",
         "viscous_friction" => "`damping` of the joint",
@@ -155,8 +155,8 @@ fn in_mjcf(effect: Effect) -> &'static str {
         "inertia" => "`armature` of the joint",
         "input_delay" => "`delay` of the actuator, in whole steps",
         "input_saturation" => "`ctrlrange` of the actuator, if symmetric",
-        _ => "a comment at the top",
-    }
+        _ => return None,
+    })
 }
 
 fn cell(text: &str) -> String {

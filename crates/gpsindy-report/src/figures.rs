@@ -98,7 +98,7 @@ pub(crate) fn residual_trace(
     )
 }
 
-/// A held-out log beside both rollouts.
+/// A held-out log and both rollouts.
 pub(crate) fn rollout(figure: &RolloutFigure, charts: &mut Charts<'_>) -> Markup {
     // The log lies under the models as a broad line, so that it shows where they cover it.
     let mut marks = vec![

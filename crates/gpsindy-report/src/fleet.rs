@@ -16,13 +16,13 @@ const CHARTS: usize = 24;
 /// Reports that the page lists; a browser stays quick with so many rows.
 const LISTED: usize = 2000;
 
-/// What this page needs beside the style of all pages: the marks of odd units, and on a narrow screen no labels without a value.
+/// What this page needs in addition to the style of all pages: the marks of odd units, and on a narrow screen no labels without a value.
 const STYLE: &str = "svg .period { stroke: var(--measured); stroke-width: 5; stroke-linecap: round; opacity: .6; }
 svg .error { stroke: var(--measured); stroke-width: 1; }
 svg .odd { stroke: var(--bad); stroke-width: 6; stroke-linecap: round; }
 @media (max-width: 36rem) { .stack td:empty { display: none !important; } }";
 
-/// The whole page as text. Links lead to `tasks/KEY/report.html` beside it.
+/// The whole page as text. Links lead to `tasks/KEY/report.html` in its folder.
 ///
 /// ```
 /// let page = gpsindy_report::fleet::render(&gpsindy_core::fleet::FleetReport::new());

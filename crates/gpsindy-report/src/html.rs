@@ -18,13 +18,13 @@ use std::collections::BTreeSet;
 /// Probability below which a cause that is not included is left to the JSON.
 const WORTH: f64 = 0.001;
 
-/// Figures of one kind that stand open on the page; the others are folded.
+/// Figures of one kind that are open on the page; the others are folded.
 const OPEN_FIGURES: usize = 4;
 
-/// Excluded effects that stand open on the page; a longer list is folded.
+/// Excluded effects that are open on the page; a longer list is folded.
 const OPEN_EXCLUDED: usize = 6;
 
-/// The whole page as text: HTML, style and figures in one file that needs nothing else.
+/// The whole page as text: HTML, style and figures in one file that needs no other.
 ///
 /// ```
 /// # let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "cart", "runs": {"train": [], "holdout": []},
@@ -117,7 +117,7 @@ fn checks(report: &Diagnosis) -> Markup {
     }
 }
 
-/// A bar in a table cell; decoration, the number stands beside it.
+/// A bar in a table cell; decoration, the number is next to it.
 fn bar(share: f64, class: &str) -> Markup {
     let width = if share.is_finite() { (share * 100.0).clamp(0.0, 100.0) } else { 100.0 };
     html! { span.bar.(class) aria-hidden="true" style=(format!("width:{width:.1}%")) {} }

@@ -35,7 +35,7 @@ fn without_zeros(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
 
-/// A number that may be absent, for which `absent` stands then.
+/// A number that may be absent; `absent` is printed then.
 pub(crate) fn number_or(value: Option<f64>, absent: &str) -> String {
     value.map_or_else(|| absent.into(), number)
 }

@@ -9,7 +9,7 @@ use std::fmt::Write;
 /// Samples of a picture: a line of them looks smooth, and the file stays small.
 const SAMPLES: usize = 240;
 
-/// The style of a picture that stands alone: it lies on white, whatever the page's colours are.
+/// The style of a picture on its own: it is on white, whatever the page's colours are.
 const STYLE: &str = "text{fill:#1b1f24;font:12px system-ui,-apple-system,\"Segoe UI\",Roboto,\"DejaVu Sans\",sans-serif}\
     .label{fill:#57606a}.grid{stroke:#d0d7de;stroke-width:.6}.frame{fill:none;stroke:#57606a}.zero{stroke:#57606a}\
     path{fill:none;stroke-linejoin:round;stroke-width:2}.before{stroke:#c04a00;stroke-dasharray:6 3.5}.after{stroke:#0067a8}";

@@ -111,7 +111,7 @@ fn which(report: &Diagnosis, text: &mut Text) {
     if random > 0 {
         text.say("", "Random forcing is a statement about the row: no equation of the augmented model changes.");
     }
-    // Parameters of the nominal model that have another value now; what causes brought stands beside them.
+    // Parameters of the nominal model that have another value now; what the causes added is next to them.
     let moved = report.parameters.iter().filter(|p| p.nominal.is_some_and(|nominal| nominal != p.value));
     let rows: Vec<String> = moved
         .map(|p| {
@@ -277,7 +277,7 @@ impl Text {
     }
 }
 
-/// Lines of at most `width` characters, broken at spaces; a longer word stands alone. Spaces at the begin stay.
+/// Lines of at most `width` characters, broken at spaces; a longer word has a line of its own. Leading spaces stay.
 fn wrap(words: &str, width: usize) -> Vec<String> {
     let lead = words.len() - words.trim_start().len();
     let mut lines = vec![words[..lead].to_string()];

@@ -103,7 +103,7 @@ pub(crate) fn parameter_meaning(cause: &Cause, parameter: &Parameter) -> String 
     format!(" ({})", if parameter.value == 0.0 { at_zero } else { usual })
 }
 
-/// How sure it is that structure is left beside noise, how much of the gap it makes up and what it depends on.
+/// How sure it is that structure is left and not only noise, how much of the gap it makes up and what it depends on.
 pub(crate) fn left_sentence(report: &Diagnosis) -> String {
     let left = &report.unexplained;
     let probability = percent(left.probability);

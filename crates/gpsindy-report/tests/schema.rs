@@ -89,7 +89,7 @@ const LATER: [&str; 13] = [
     "disagree",
 ];
 
-/// Every property that the structs write stands in the schema as required, and no other does.
+/// Every property that the structs write is in the schema as required, and no other does.
 fn same_names(schema: &Value, value: &Value, path: &str) {
     if let Some(properties) = schema.get("properties").and_then(Value::as_object) {
         let required: Vec<&str> = schema["required"].as_array().unwrap().iter().map(|k| k.as_str().unwrap()).collect();
@@ -154,7 +154,7 @@ fn the_check_finds_what_is_wrong() {
     assert_eq!(faults(&bad).len(), 1);
 }
 
-/// The contract's example, where the contract lies beside the repository.
+/// The contract's example, if the contract is next to the repository.
 #[test]
 fn the_contract_s_example_keeps_the_schema_and_is_written_back_unchanged() {
     let Some(path) = gpsindy_beside::shared("CONTRACT.md") else { return };

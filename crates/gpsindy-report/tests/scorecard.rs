@@ -184,7 +184,7 @@ fn the_card_is_readable_as_text_and_as_json() {
     assert_eq!(json["cases"][1]["top_1"], true);
 }
 
-/// The practice suite, where it lies beside the repository: diagnoses that say the truth score full marks.
+/// The practice suite, if it is next to the repository: correct diagnoses score full marks.
 #[test]
 fn true_diagnoses_of_the_practice_suite_score_full_marks() {
     let Some(path) = gpsindy_beside::shared("practice/answers.toml") else { return };

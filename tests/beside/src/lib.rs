@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 /// Names the file that collects the skipped tests of a run, one a line.
 pub const SKIPPED: &str = "GPSINDY_SKIPPED";
 
-/// A file or folder of the data beside the repository (`../shared`), by its path there.
+/// A file or folder of the data next to the repository (`../shared`), by its path there.
 ///
 /// `None` where it is not there: the test is then skipped, and this says so.
 pub fn shared(path: &str) -> Option<PathBuf> {

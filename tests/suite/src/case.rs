@@ -22,7 +22,7 @@ pub enum Kind {
     Pair,
     /// An effect that the catalogue lacks.
     Outside,
-    /// One effect of the catalogue, and beside it a smaller one that the catalogue lacks.
+    /// One effect of the catalogue, and a smaller one that the catalogue lacks.
     Beside,
     /// Nothing.
     Null,
@@ -216,7 +216,7 @@ fn try_case(seed: u64, attempt: u64, kind: Kind, id: Option<&str>) -> Option<Cas
     }
     // What hardly shows in the given runs cannot be asked of anybody.
     let shown = |o: &Outcome| (o.gap / o.count as f64).sqrt() > 0.6f64.max(0.25 * gap.snr.min(12.0));
-    // A rest need not be told by itself.
+    // A rest need not be named separately.
     let asked = if kind == Kind::Beside { 1 } else { outcomes.len() };
     if !outcomes.iter().take(asked).all(|o| o.as_ref().is_some_and(shown)) {
         return None;

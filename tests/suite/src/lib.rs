@@ -1,7 +1,7 @@
 //! Random plants with known effects, to test the diagnosis.
 //!
 //! The generator shares no code with what it examines: its own integrator, true sticking, true play, exact delays and
-//! switch times, and the physics of every plant written a second time beside the text of the nominal model.
+//! switch times, and the physics of every plant written a second time, apart from the text of the nominal model.
 
 pub mod case;
 pub mod choose;

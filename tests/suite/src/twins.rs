@@ -2,7 +2,7 @@
 //!
 //! Two tests. On the right sides along the visited states: rivals whose footprint is a multiple of the truth's are exact
 //! twins (a wrong damping is a viscous friction is a coupling with the velocity). On the readings: every rival of one
-//! number is fitted to the clean runs, and stands as a twin where its BIC comes within 6 of the truth's.
+//! number is fitted to the clean runs, and counts as a twin where its BIC comes within 6 of the truth's.
 
 use crate::effect::{Act, Actuator, Effect, Friction, Sensor, Variable};
 use crate::fit::{Contest, Rival, scaled};
@@ -20,7 +20,7 @@ pub struct Accept {
     pub state: usize,
     /// Variables.
     pub variables: Vec<Variable>,
-    /// Index of the effect that it stands for.
+    /// Index of the effect that it represents.
     pub of: usize,
 }
 
@@ -108,7 +108,7 @@ fn rivals(plant: &Plant, survey: &Survey, interval: f64) -> Vec<Rival> {
                 }
                 term("quadratic_drag", vec![z], Act::Quadratic { z, c: 1.0 });
                 term("cubic_stiffness", vec![z], Act::Cubic { z, c: 1.0 });
-                // A phase of its own would be a second number; upright and sideways stand for it.
+                // A phase of its own would be a second number; upright and sideways represent it.
                 if matches!(plant.rows[row], Row::Force { position: Some(q), angle: true } if q == i) {
                     term("gravity_load", vec![z], Act::Sine { z, c: 1.0, n: 1.0, phase: 0.0 });
                 }
@@ -222,7 +222,7 @@ pub fn compete(
     Some(Outcome { near, gap: contest.gap, count: contest.count })
 }
 
-/// Does the effect act wherever its control or its parameter stands?
+/// Does the effect act wherever its control or its parameter occurs?
 fn wherever(id: &str) -> bool {
     let others = ["backlash", "parameter_error", "motor_limit", "saturating_rate", "thermal", "slip"];
     id.starts_with("input") || others.contains(&id)

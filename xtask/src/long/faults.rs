@@ -1,7 +1,7 @@
 //! Faults from outside: kills at random times, a disk without room, a reader that goes away, two runs into one folder.
 //!
 //! After each of them every file is whole, and the program has said in one line what happened. A report is replaced as a whole, except where
-//! a kill falls between the renames of its files: how many did is told.
+//! a kill falls between the renames of its files: how many did is reported.
 
 use crate::shell;
 use rand_chacha::ChaCha8Rng;
@@ -170,7 +170,7 @@ impl Lab {
             |out: &str, part: &str| format!("fleet fleet.toml --out {out} --effects quadratic_drag,bias --quiet{part}");
         let length = self.done(&line("fleet_whole", ""))?;
         for k in 0..KILLS {
-            // The whole fleet, and one of its two workers beside another.
+            // The whole fleet, and one of its two workers next to another.
             let part = ["", " --shard 1/2", " --shard 2/2"][k % 3];
             if k % 5 == 0 {
                 let _ = fs::remove_dir_all(self.folder.join("fleet_killed"));
@@ -205,7 +205,7 @@ impl Lab {
         Ok(())
     }
 
-    /// A disk that is full behind so many bytes: a limit of the size of a file stands for it, as it needs no disk of its own.
+    /// A disk that is full behind so many bytes: a limit of the size of a file replaces it, as it needs no disk of its own.
     fn lack_room(&self) -> Result<(), String> {
         if !cfg!(unix) {
             shell::say("faults: no limit of file sizes here, so none was tried\n");
@@ -245,7 +245,7 @@ impl Lab {
         Ok(())
     }
 
-    /// Two runs into one folder at a time: one of both reports stands there in the end, and each was whole while it stood.
+    /// Two runs into one folder at a time: one of both reports is there in the end, and each was whole while it was there.
     fn share_a_folder(&self) -> Result<(), String> {
         for _ in 0..10 {
             let start =
@@ -295,7 +295,7 @@ fn told(output: &Output) -> String {
     format!("{}, {:?}", output.status, String::from_utf8_lossy(&output.stderr))
 }
 
-/// Whether a failure was told in one line and with a status of its own.
+/// Whether a failure was reported in one line and with a status of its own.
 fn one_line(output: &Output) -> bool {
     let told = String::from_utf8_lossy(&output.stderr);
     output.status.code() == Some(1) && told.starts_with("error: ") && told.lines().count() == 1

@@ -119,7 +119,7 @@ fn leave_out(command: &Exam, suite: &Suite, screen: &Screen) -> Outcome<BTreeMap
     Ok(all(command, &jobs.collect::<Vec<_>>(), "diagnose without an effect", screen))
 }
 
-/// What came of the jobs; one that fails is told and left out.
+/// What came of the jobs; one that fails is reported and left out.
 fn all<K: Clone + Ord + Send + Sync>(
     command: &Exam,
     jobs: &[Job<'_, K>],

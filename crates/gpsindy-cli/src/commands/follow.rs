@@ -60,7 +60,7 @@ struct Following<'a> {
     controls: Vec<String>,
     /// Time of the newest sample, s.
     time: f64,
-    /// Terms when the model was last told, and the samples it had.
+    /// Terms when the model was last printed, and the samples it had.
     told: (Vec<Vec<String>>, usize),
     every: Option<NonZeroUsize>,
     /// Where the model goes.
@@ -288,13 +288,13 @@ fn lines_of(path: &Path, idle: f64) -> Outcome<Receiver<News>> {
     }
     let failed = |source| gpsindy_files::Error::Read { file: path.display().to_string(), source };
     let file = File::open(path).map_err(failed)?;
-    // Beyond a thousand years there is nothing to tell apart.
+    // Beyond a thousand years there is nothing to distinguish.
     let patience = Duration::from_secs_f64(idle.min(3e10));
     thread::spawn(move || read(file, Some(patience), &sender));
     Ok(receiver)
 }
 
-/// Sends whole lines until the end, or until nobody listens; what stands behind the last line end comes at the end.
+/// Sends whole lines until the end, or until nobody listens; what follows the last line end comes at the end.
 fn read(source: impl Read, patience: Option<Duration>, sender: &SyncSender<News>) {
     let mut reader = BufReader::new(source);
     let mut line = Vec::new();

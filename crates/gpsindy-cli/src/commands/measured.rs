@@ -1,4 +1,4 @@
-//! What of a simulator no log measures: told before the work begins, since a column that is named otherwise is missed in silence.
+//! What of a simulator no log measures: reported before the work begins, because a column with another name is missed silently.
 
 use crate::failure::Failure;
 use crate::screen::Screen;

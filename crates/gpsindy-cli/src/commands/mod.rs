@@ -90,7 +90,7 @@ fn chosen(logs: &Logs, options: &[String]) -> Outcome<Vec<String>> {
     chosen_with(logs, options, &[])
 }
 
-/// The same where some names stand for no column.
+/// The same where some names are no column.
 fn chosen_with(logs: &Logs, options: &[String], others: &[String]) -> Outcome<Vec<String>> {
     let mut names = Vec::new();
     for option in options {

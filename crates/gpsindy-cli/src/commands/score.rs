@@ -153,7 +153,7 @@ fn table(scored: &[Scored]) -> Table {
 fn summary(scored: &[Scored], data: &Dataset, window: Option<f64>) -> String {
     let windows = window.map_or("windows".into(), |s| format!("{} s windows", short(s)));
     let several = scored.len() > 1;
-    // The model stands in a column of its own where there are several.
+    // The model is in a column of its own where there are several.
     let row = |model: &str, cells: &[&str]| {
         let model = several.then(|| model.to_string());
         model.into_iter().chain(cells.iter().map(|c| (*c).to_string())).collect::<Vec<String>>()

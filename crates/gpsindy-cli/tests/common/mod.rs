@@ -17,7 +17,7 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// The one line that tells the cause; fails where stderr holds anything else or stdout anything at all.
+    /// The one line that names the cause; fails where stderr holds anything else or stdout anything at all.
     #[track_caller]
     pub fn refused(&self) -> &str {
         assert_eq!(self.status, 2, "{self:?}");

@@ -39,7 +39,7 @@ const BLOCKS: usize = 20;
 const SAME: f64 = 0.8;
 const DRIVEN: f64 = 0.4;
 
-/// By how many standard errors the best shift must fit better than any other that stands alone.
+/// By how many standard errors the best shift must fit better than any other isolated one.
 const CLEAR: f64 = 3.0;
 
 /// A column on the stamps of its topic.
@@ -66,7 +66,7 @@ pub struct ClockOffset {
     pub high: f64,
     /// Confidence of the interval.
     pub level: f64,
-    /// The column of the topic that told it.
+    /// The column of the topic that determined it.
     pub column: String,
     /// The column of another topic.
     pub other: String,

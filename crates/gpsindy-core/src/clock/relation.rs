@@ -12,7 +12,7 @@ const PAIRS: [(usize, usize); 5] = [(1, 1), (1, 0), (0, 1), (2, 0), (0, 2)];
 const MOST_STATES: usize = 6;
 const LARGEST: f64 = 0.1;
 
-/// Parts of a column that stay beside those before it, or it adds nothing.
+/// Parts of a column that remain after those before it, or it adds nothing.
 const NEW: f64 = 1e-6;
 
 /// Steps of the fine search: 0.618^30 of a coarse one is far below a nanosecond.

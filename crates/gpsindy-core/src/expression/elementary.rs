@@ -8,7 +8,7 @@
 
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, LN_2, LOG2_E};
 
-/// Added and taken away again, it rounds to an integer, which then stands in the last bits.
+/// Added and taken away again, it rounds to an integer, which is then in the last bits.
 const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 
 /// Angles beyond this are left to the standard library: the reduction keeps 20 bits for the number of quarter turns.

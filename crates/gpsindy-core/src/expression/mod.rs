@@ -142,7 +142,7 @@ impl Expression {
     /// returned; `sign` and `step` count as flat.
     ///
     /// It is not a number where the chain rule meets 0 times infinity: where a function of infinite slope (`sqrt` and powers below
-    /// 1 at 0, `asin` and `acos` at -1 and 1, `log` at 0) sees an argument that stands still there, as in `sqrt(x^2)` at 0 and
+    /// 1 at 0, `asin` and `acos` at -1 and 1, `log` at 0) sees an argument that does not change there, as in `sqrt(x^2)` at 0 and
     /// `acos(cos(x))` at 0. What is the same on both sides of `-` or `/` is known to cancel, so `acos(v/v)` has slope 0.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 const MAX_DEPTH: usize = 200;
 
 /// Most operations one above the other: a sum of n terms is a tree of that height. Whatever walks an expression goes down it by one call a
-/// step, and the largest walk, that of an export, stands 2000 of them on a thread of 2 MB; effects of a diagnosis come on top.
+/// step, and the largest walk, that of an export, survives 2000 of them on a thread of 2 MB; effects of a diagnosis come on top.
 const MAX_HEIGHT: usize = 1000;
 
 /// An expression and the height of its tree.
@@ -157,7 +157,7 @@ impl Parser<'_> {
         Ok((left, height))
     }
 
-    /// The height of what stands on a tree of this height.
+    /// The height of what is built on a tree of this height.
     fn above(&self, height: usize, place: usize) -> Result<usize> {
         if height >= MAX_HEIGHT {
             let message = format!(

@@ -46,7 +46,7 @@ impl fmt::Display for Expression {
                     Operator::Divide => (2, 4),
                     Operator::Power => (6, 5),
                 };
-                // A sign may lead a product, but not stand inside it.
+                // A sign may lead a product, but not be inside it.
                 write_at(f, left, for_left)?;
                 f.write_str(operator.symbol())?;
                 write_at(f, right, for_right)

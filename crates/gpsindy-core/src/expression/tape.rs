@@ -170,7 +170,7 @@ impl Tape {
         for step in &self.instructions {
             match step {
                 Step::Compute(instruction, out) => {
-                    // Results stand behind their operands.
+                    // Results come after their operands.
                     let (before, after) = registers.split_at_mut(*out as usize);
                     let operands = instruction.operands.map(|r| &before[r as usize]);
                     compute(simd, instruction.operation, operands, &mut after[0]);

@@ -1,7 +1,7 @@
 //! When a unit changed: tests a step or a drift of one unit, with the covariates held, against a constant.
 //!
 //! `r_j = level + delta g(t_j) + e_j`, with g a step at t0 or a straight rise from t0 on, `delta ~ N(0, size^2)`, and e with the covariance
-//! of `held.rs`, in which all stands that the covariates may explain of this unit. The level is
+//! of `held.rs`, which covers all that the covariates may explain of this unit. The level is
 //! integrated out, every day between two periods and both shapes weigh alike, and the share of series that change is learnt from the
 //! fleet (empirical Bayes). The listed changes keep the expected share of false ones below the rate that was asked for.
 //!
@@ -13,7 +13,7 @@ use super::limits::{PRIOR_CHANGE, SIZES};
 use super::report::{Change, Shape};
 use nalgebra::DVector;
 
-/// A possible change and its weight beside a constant.
+/// A possible change and its weight compared with a constant.
 struct Candidate {
     shape: Shape,
     day: f64,

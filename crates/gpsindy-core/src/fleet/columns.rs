@@ -1,11 +1,11 @@
-//! The columns of a design beside the level: a covariate as a line, and as a curve of it.
+//! The columns of a design besides the level: a covariate as a line, and as a curve of it.
 
 use super::Quantity;
 use super::limits::{BENDS, FEWEST_VALUES};
 use super::report::{Curve, Slope};
 use nalgebra::{DMatrix, DVector};
 
-/// A column of the design beside the level.
+/// A column of the design besides the level.
 #[derive(Debug, Clone)]
 pub(super) struct Column {
     covariate: usize,
@@ -40,7 +40,7 @@ pub(super) fn straight(quantity: &Quantity) -> Vec<Column> {
     (0..quantity.covariates.len()).filter(moves).map(line).collect()
 }
 
-/// The curves that may stand beside a line: both ends, every scale; none where the covariate has too few values.
+/// The curves that may be added to a line: both ends, every scale; none where the covariate has too few values.
 pub(super) fn curves(quantity: &Quantity, line: &Column) -> Vec<Column> {
     let mut values: Vec<f64> = quantity.observations.iter().map(|o| o.covariates[line.covariate]).collect();
     values.sort_by(f64::total_cmp);

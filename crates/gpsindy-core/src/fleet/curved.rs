@@ -1,4 +1,4 @@
-//! Which covariates bend: a curve stands beside the line of a covariate where the fleet shows one.
+//! Which covariates bend: a curve is added to the line of a covariate if the fleet shows one.
 //!
 //! A machine warms up as `1 - exp(-t/tau)` and an oil thins as `exp(-T/theta)`: a line through that leaves a rest which follows the season,
 //! as the use of the machine does, and looks like wear. A curve is one exponential, steep at either end of the covariate's range, of a
@@ -24,7 +24,7 @@ fn with(table: &Table, column: Column) -> Vec<Column> {
     table.columns().iter().cloned().chain([column]).collect()
 }
 
-/// The curve that the fleet shows most clearly beside the columns of `table`; none where no curve pays for itself.
+/// The curve that the fleet shows most clearly in addition to the columns of `table`; none where no curve pays for itself.
 fn next(quantity: &Quantity, table: &Table) -> Option<Column> {
     let bent: Vec<&Column> = table.columns().iter().filter(|c| c.is_curve()).collect();
     let is_free = |c: &&Column| !c.is_curve() && !bent.iter().any(|b| b.is_of_same_covariate(c));

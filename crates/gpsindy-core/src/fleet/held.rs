@@ -1,8 +1,8 @@
 //! Histories of the units with the covariates held: what the fleet says of a covariate is taken off, and what it leaves open stays open.
 //!
 //! `r_j = level + x_j' gamma + e_j`, `gamma ~ N(0, C)`. C is the covariance of the fleet's coefficients, and the spread of the units' own
-//! ones about them: one machine warms up more than another, and that rest follows the season as its use does. A change is told beside all
-//! that gamma could explain. The spread and the scatter of a period by restricted maximum likelihood over all units but the odd ones.
+//! ones about them: one machine warms up more than another, and that difference follows the season as its use does. A change is tested
+//! against all that gamma could explain. The spread and the scatter of a period by restricted maximum likelihood over all units but the odd ones.
 //!
 //! Source: Laird and Ware 1982, Random-effects models for longitudinal data, section 3.
 
@@ -17,7 +17,7 @@ pub(super) struct Series {
     pub(super) value: DVector<f64>,
     /// Errors of the estimates, and the scatter of a period once it is known.
     pub(super) variance: DVector<f64>,
-    /// The columns beside the level, each of mean square 1 over the fleet.
+    /// The columns besides the level, each of mean square 1 over the fleet.
     design: DMatrix<f64>,
     /// A root of C.
     root: DMatrix<f64>,
@@ -55,7 +55,7 @@ pub(super) fn series(table: &Table, odd: &[usize]) -> Vec<Series> {
     all
 }
 
-/// Root mean square of every column beside the level.
+/// Root mean square of every column besides the level.
 fn sizes(table: &Table) -> Vec<f64> {
     let rows = || table.groups.iter().flat_map(|g| &g.rows);
     let count = rows().count().max(1) as f64;
@@ -63,7 +63,7 @@ fn sizes(table: &Table) -> Vec<f64> {
     (0..table.columns().len()).map(of).map(|size| if size > 0.0 { size } else { 1.0 }).collect()
 }
 
-/// Spread of the units' own coefficients, and the scatter of a period beside it, as variances.
+/// Spread of the units' own coefficients, and the scatter of a period around it, as variances.
 fn spreads(series: &[&Series], within: f64, columns: usize) -> (DVector<f64>, f64) {
     let count: usize = series.iter().map(|s| s.value.len()).sum();
     let mean = |s: &Series| s.value.mean();

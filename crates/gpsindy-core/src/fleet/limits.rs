@@ -1,9 +1,9 @@
 //! Every threshold of the comparison, with its reason.
 
-/// Fewest units from which a spread can be told: with fewer, any unit is as odd as the others.
+/// Fewest units from which a spread can be estimated: with fewer, any unit is as odd as the others.
 pub(super) const FEWEST_UNITS: usize = 4;
 
-/// Fewest periods in which a change can be told from one odd period: two on either side, and one to see the scatter.
+/// Fewest periods in which a change can be distinguished from one odd period: two on either side, and one to see the scatter.
 pub(super) const FEWEST_PERIODS: usize = 5;
 
 /// Rounds in which odd units are taken out of the fleet that predicts the others. Each round adds units or ends.
@@ -14,7 +14,7 @@ pub(super) const ROUNDS: usize = 10;
 pub(super) const SIZES: [f64; 4] = [0.5, 1.5, 4.5, 13.5];
 
 /// Expected share of series with a change before any was seen, and how many series that belief is worth. A fleet of a few units then
-/// needs clear evidence, a large one says by itself how often its units change.
+/// needs clear evidence, a large one shows how often its units change.
 pub(super) const PRIOR_CHANGE: (f64, f64) = (0.02, 20.0);
 
 /// The lowest decade of a variance, of the values' own variance: below it a spread is nothing.
@@ -27,11 +27,11 @@ pub(super) const LADDER: [i32; 5] = [2401, 343, 49, 7, 1];
 /// Decades of the finest rung.
 pub(super) const FINEST: f64 = 0.5 / 2401.0;
 
-/// Fewest different values of a covariate that can show a curve: with fewer a line and a curve can't be parted from a scatter.
+/// Fewest different values of a covariate that can show a curve: with fewer a line and a curve cannot be distinguished from scatter.
 pub(super) const FEWEST_VALUES: usize = 6;
 
 /// Scales of a curve, of the range of its covariate: the first bends within a thirtieth of it, the last over all of it, nearly as a parabola.
-/// A curve between two of them is a few per cent of its size away from the nearer one, beside a line.
+/// A curve between two of them is a few per cent of its size away from the nearer one, in addition to a line.
 pub(super) const BENDS: [f64; 6] = [1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0, 1.0 / 2.0, 1.0];
 
 /// Rounds in which the spread of the units' own slopes is looked for, one column after the other. The columns hardly share anything.

@@ -37,7 +37,7 @@ pub(super) fn odd(table: &Table, rate: f64) -> Vec<usize> {
     found
 }
 
-/// Every unit beside the fit to the others, the odd ones left out of it.
+/// Every unit compared with the fit to the others, the odd ones left out of it.
 fn surprises(table: &Table, odd: &[usize]) -> Vec<Surprise> {
     let count = table.groups.len();
     if count < FEWEST_UNITS {

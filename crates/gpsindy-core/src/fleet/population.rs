@@ -63,7 +63,7 @@ pub(super) struct Level {
 }
 
 impl Table {
-    /// The table with these columns beside the level.
+    /// The table with these columns besides the level.
     pub(super) fn new(quantity: &Quantity, columns: Vec<Column>) -> Self {
         let all = &quantity.observations;
         let row = |o: &Observation| Row {
@@ -101,7 +101,7 @@ impl Table {
         Kept { table: self, kept, size, sums: RefCell::default() }
     }
 
-    /// What the columns beside the level are.
+    /// What the columns besides the level are.
     pub(super) fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -130,7 +130,7 @@ impl Table {
         sums
     }
 
-    /// The level of unit `i` beside `fit`.
+    /// The level of unit `i` in addition to `fit`.
     pub(super) fn level(&self, i: usize, fit: &Fit) -> Level {
         let (mut weight, mut x, mut residual) = (0.0, DVector::zeros(self.n_columns), 0.0);
         for row in &self.groups[i].rows {
@@ -238,7 +238,7 @@ pub(super) struct Kept<'a> {
 }
 
 impl Kept<'_> {
-    /// The population of these units, but the one at a place; none where there are too few to tell a spread.
+    /// The population of these units, but the one at a place; none where there are too few to estimate a spread.
     pub(super) fn fit(&self, but: Option<usize>) -> Option<Fit> {
         let but = but.filter(|&i| self.kept[i]);
         let count = self.kept.iter().filter(|k| **k).count() - usize::from(but.is_some());

@@ -24,7 +24,7 @@ pub struct FleetReport {
     pub changes: Vec<Change>,
     /// Tasks without a report.
     pub failed: Vec<Failed>,
-    /// What a reader must know beside the numbers.
+    /// What a reader must know besides the numbers.
     pub notes: Vec<String>,
 }
 
@@ -133,13 +133,13 @@ pub struct Slope {
     /// Mean of the covariate over the fleet.
     #[cfg_attr(feature = "serde", serde(default))]
     pub mean: f64,
-    /// What the effect has beside the straight line; absent where a line is enough.
+    /// What the effect has besides the straight line; absent where a line is enough.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub curve: Option<Curve>,
 }
 
 impl Slope {
-    /// What the covariate adds to the quantity at `x`, beside its mean.
+    /// What the covariate adds to the quantity at `x`, relative to its mean.
     pub fn effect(&self, x: f64) -> f64 {
         let bent = self.curve.as_ref().map_or(0.0, |curve| curve.size * curve.form(x, self.mean));
         self.value * (x - self.mean) + bent
@@ -229,7 +229,7 @@ pub struct Change {
     pub parameter: String,
     /// Step or drift.
     pub shape: Shape,
-    /// Since when, days; the surfaces write a date beside it where the manifest had dates.
+    /// Since when, days; the surfaces write a date next to it where the manifest had dates.
     pub since: f64,
     /// The same as the manifest writes days; empty where it had numbers.
     #[cfg_attr(feature = "serde", serde(default))]

@@ -101,7 +101,7 @@ fn a_warm_up_is_not_called_wear_and_wear_under_it_is_dated() {
 fn a_curve_is_named_where_there_is_one_and_a_line_stays_a_line() {
     let slopes = |quantity: Quantity| Compare::default().run(&[quantity]).unwrap().population.remove(0).covariates;
     let warm = slopes(warm_year(3, 30, no_wear, 0.0));
-    // From half an hour to six hours, beside the mean of about 2.7.
+    // From half an hour to six hours, with a mean of about 2.7.
     for hours in [0.5, 1.0, 2.0, 4.0, 6.0] {
         let drawn = 0.4 * ((-hours / 1.5_f64).exp() - (-warm[0].mean / 1.5).exp());
         assert!((warm[0].effect(hours) - drawn).abs() < 0.03, "{hours}: {warm:?}");

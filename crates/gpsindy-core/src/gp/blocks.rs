@@ -1,7 +1,7 @@
-//! Blocks of neighbouring points that stand for long runs whose times are not uniform, where an exact likelihood costs the cube
+//! Blocks of neighbouring points that represent long runs whose times are not uniform, where an exact likelihood costs the cube
 //! of their number.
 //!
-//! Kernels have three or four hyperparameters, which a thousand points tell to a few percent. The sum of the exact likelihoods of
+//! Kernels have three or four hyperparameters, which a thousand points determine to a few percent. The sum of the exact likelihoods of
 //! blocks errs by what the blocks share, that is where a block is not much longer than the process remembers: then every second
 //! point makes a block, twice as long and no dearer.
 //! Source: Varin, Reid and Firth 2011, An overview of composite likelihood methods, section 2.
@@ -139,7 +139,7 @@ mod tests {
             *value = (2.0 * t).sin().powi(3) + noise;
         }
         let found = fit(&[Kernel::Periodic], &[points], &FitSettings::default()).unwrap();
-        // A hundredth of a cycle over the 29 of the log: blocks alone tell a tenth.
+        // A hundredth of a cycle over the 29 of the log: blocks alone determine a tenth.
         let period = found.hyper[2].exp();
         assert!((period / std::f64::consts::PI - 1.0).abs() < 0.01 / 29.0, "{period}");
         assert!((found.noise / 0.05 - 1.0).abs() < 0.1, "{}", found.noise);

@@ -85,7 +85,7 @@ impl DenseWorkspace {
         a.col_as_slice(0).to_vec()
     }
 
-    /// The lower Cholesky factor of the last factorisation; what stands above the diagonal is rubbish.
+    /// The lower Cholesky factor of the last factorisation; what is above the diagonal has no meaning.
     pub(super) fn lower(&self) -> &Mat<f64> {
         &self.factor
     }
@@ -97,7 +97,7 @@ fn lags<'a>(points: &'a Points, j: usize, origin: &'a mut [f64]) -> Lags<'a> {
     Lags { inputs: &points.inputs, first: j, origin }
 }
 
-/// Kernel hyperparameters and the log noise, which stands last.
+/// Kernel hyperparameters and the log noise, which comes last.
 pub(super) fn split(hyper: &[f64]) -> (&[f64], f64) {
     match hyper {
         [kernel @ .., noise] => (kernel, *noise),
@@ -143,7 +143,7 @@ pub(crate) fn likelihood(
             *w = inverse - ai * aj;
         }
         trace += weights[0] * points.noise_weight(j);
-        // The lower triangle stands for both, the diagonal for itself: 1/2 (2 sum + diagonal).
+        // The lower triangle counts for both, the diagonal once: 1/2 (2 sum + diagonal).
         weights[0] *= 0.5;
         contract(kernel, kernel_hyper, lags(points, j, &mut origin), &weights[..n - j], kernel_gradient);
     }

@@ -62,7 +62,7 @@ impl<'a> Events<'a> {
         self.noise_weights.get(i).copied().unwrap_or(1.0)
     }
 
-    /// Where each of `at` stands; neighbours are looked for near each other.
+    /// Where each of `at` is; neighbours are looked for near each other.
     pub(super) fn places(&self, at: &[f64]) -> Vec<usize> {
         let mut last = 0;
         let find = |&t: &f64| {

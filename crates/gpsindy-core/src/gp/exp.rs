@@ -9,7 +9,7 @@
 /// Below this the result is 0: exp(-200) = 1e-87 adds nothing to a covariance, and products of
 /// such numbers would become denormal and slow.
 const LOWEST: f64 = -200.0;
-/// 1.5 * 2^52: adding it rounds to an integer that then stands in the low bits.
+/// 1.5 * 2^52: adding it rounds to an integer that is then in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 /// ln 2 in two parts; the first has enough trailing zeros for the product with an integer to be exact.
 const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;

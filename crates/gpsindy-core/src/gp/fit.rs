@@ -62,9 +62,9 @@ pub enum Weakness {
     NotConverged,
     /// The covariance needed jitter.
     Jitter,
-    /// There were more points than the wanted kernels can take; a Matern kernel stands in.
+    /// There were more points than the wanted kernels can take; a Matern kernel replaces them.
     KernelReplaced,
-    /// There were more points than the fit can take; an even part of them stands for all.
+    /// There were more points than the fit can take; an even part of them represents all.
     Thinned,
 }
 
@@ -117,7 +117,7 @@ pub struct Fit {
     pub noise_floor: f64,
     /// Standard deviation of the targets about the means of their runs.
     pub scale: f64,
-    /// Mean of all targets; stands in for a run without points.
+    /// Mean of all targets; used for a run without points.
     pub mean: f64,
     /// Negative log marginal likelihood of the standardised targets.
     pub nll: f64,
@@ -192,7 +192,7 @@ fn best_of(fits: &[Option<OneFit>]) -> Option<usize> {
     found.min_by(|(_, a), (_, b)| b.predicts.cmp(&a.predicts).then(a.nll.total_cmp(&b.nll))).map(|(k, _)| k)
 }
 
-/// Every kernel fitted to blocks of the runs that are long beside what the best one remembers, and the place of that one: it is
+/// Every kernel fitted to blocks of the runs that are long compared with what the best one remembers, and the place of that one: it is
 /// then fitted to all points where that is cheap, and led to the optimum of all points where it has a period, since a period
 /// that is a little off is out of step at the other end of a run.
 fn by_blocks(
@@ -247,7 +247,7 @@ fn check(runs: &[Points], settings: &FitSettings) -> Result<usize> {
     Ok(dimension)
 }
 
-/// The kernels without those that need a period, where there are too few points to tell one.
+/// The kernels without those that need a period, where there are too few points to find one.
 fn tellable(kernels: &[Kernel], runs: &[Points], dimension: usize) -> Vec<Kernel> {
     let plain = |k: &&Kernel| !k.roles(dimension).contains(&Role::Period);
     let kept: Vec<Kernel> = kernels.iter().filter(plain).cloned().collect();

@@ -61,7 +61,7 @@ impl Profile {
     }
 }
 
-/// A profile as a type: unlike a closure it can be told to stand inside the loop, where it vectorises.
+/// A profile as a type: unlike a closure it can be inlined into the loop, where it vectorises.
 trait Leaf {
     /// `[k, h, m q]` at one distance.
     fn at(s2: f64, alpha: f64, q: f64) -> [f64; 3];

@@ -62,14 +62,14 @@ pub(crate) fn standardise(runs: &[Points], scale: &Scale) -> Option<Vec<Points>>
     })
 }
 
-/// Step of targets that stand on a grid and repeat; `None` for others.
+/// Step of targets that are on a grid and repeat; `None` for others.
 fn quantisation(runs: &[Points]) -> Option<f64> {
     let mut values: Vec<f64> = runs.iter().flat_map(|r| &r.targets).copied().collect();
     let n = values.len();
     values.sort_by(f64::total_cmp);
     let largest = values.first()?.abs().max(values.last()?.abs());
     let steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-12 * largest).collect();
-    // A grid shows by values that stand several times.
+    // A grid shows in values that occur several times.
     if steps.len() + 1 > n - n / 8 {
         return None;
     }

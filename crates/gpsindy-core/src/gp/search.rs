@@ -1,12 +1,11 @@
 //! Minimises the cost from the best of several starts, first on a subset of the points if the likelihood of all is expensive
 //! and there are several inputs.
 //!
-//! The optimum of a part of the points lies near that of all, and its curvature is that of all
-//! nearly, by the point. So the part does the long way, and a few steps of nearly Newton's length
-//! remain for all points. In time alone nothing is left out: every fourth sample of a fast signal
-//! tells another story, while among points spread over two inputs a fourth is half as dense. It
-//! is no loss that neighbours in time part: differences of neighbouring samples share their noise,
-//! and a process over states takes what they share for structure.
+//! The optimum of a subset is near that of all points, with nearly the same curvature per point. So the subset covers most of the
+//! way, and all points need only a few steps of nearly Newton's length. If time is the only input nothing is left out: every fourth
+//! sample of a fast signal is another signal, while among points spread over two inputs a fourth is half as dense. It does no harm
+//! that neighbours in time are separated: differences of neighbouring samples share their noise, and a process over states would take
+//! the shared part for structure.
 
 use super::cost::Cost;
 use super::fit::FitSettings;
@@ -76,10 +75,10 @@ fn follow(cost: &Cost, optimiser: &Optimiser, workspace: &mut Workspace) -> Vec<
     chosen.iter().filter_map(|z| free.descend(cost, z, &sharpness(cost, z), workspace)).collect()
 }
 
-/// How much finer than a factor of e each coordinate is told, as a diagonal factor of the curvature.
+/// How much finer than a factor of e each coordinate is known, as a diagonal factor of the curvature.
 ///
 /// A period that is off by a share of itself is off by that share of every cycle in the log: of all hyperparameters it
-/// alone is told to a fraction of a percent, and a descent in plain logarithms would zigzag.
+/// alone is known to a fraction of a percent, and a descent in plain logarithms would zigzag.
 fn sharpness(cost: &Cost, z: &[f64]) -> Vec<Vec<f64>> {
     let mut factor = identity(z.len());
     for (role, &c) in cost.roles.iter().zip(&cost.coordinate) {
@@ -128,7 +127,7 @@ fn refine(cost: &Cost, coarse: &Cost, workspace: &mut Workspace) -> Option<Minim
     lowest.map(|m| Minimum { evaluations, ..m })
 }
 
-/// A part of the points that stands for all, where the inputs are several and the points many.
+/// A part of the points that represents all, where the inputs are several and the points many.
 fn part(cost: &Cost) -> Option<Vec<Points>> {
     if cost.runs.iter().all(|run| run.dimension() < 2 || run.len() < DEAR) {
         return None;

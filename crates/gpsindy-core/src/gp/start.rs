@@ -155,7 +155,7 @@ pub(crate) fn starts(kernel: &Kernel, runs: &[Points], bounds: &Bounds) -> Vec<V
 const FINEST: f64 = 10.0;
 
 /// Lengths to start from, in spans: down to a hundredth, and on to a few spacings of a long log. A likelihood is flat where
-/// the length is far too long (the noise explains everything), so a start must stand near the length of the signal.
+/// the length is far too long (the noise explains everything), so a start must be near the length of the signal.
 fn ladder(bounds: &Bounds) -> Vec<f64> {
     let mut lengths = vec![1.0, 0.3, 0.1, 0.03, 0.01];
     let finest = bounds.spans.iter().zip(&bounds.spacings).map(|(span, spacing)| FINEST * spacing / span);

@@ -273,7 +273,7 @@ impl<const M: usize, S: Form<M>, N: Lanes> Filter<'_, M, S, N> {
             }
             if clock.is_some() && i > 0 && i % LOOK == 0 {
                 if self.change(&bundle, &before) <= STEADY {
-                    // The covariances stand; only the means still move.
+                    // The covariances have settled; only the means still change.
                     let (transition, noise, a) = steps.at(0);
                     let stretch = stretched(a);
                     self.advance_covariance(&mut bundle, &transition, &noise, stretch);

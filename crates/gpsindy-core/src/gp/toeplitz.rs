@@ -38,7 +38,7 @@ pub(crate) struct ToeplitzWorkspace {
     schur: Schur,
 }
 
-/// What a pass over the matrix gives beside the vectors of the workspace.
+/// What a pass over the matrix gives besides the vectors of the workspace.
 struct Pass {
     /// `ln|T|`
     log_determinant: f64,

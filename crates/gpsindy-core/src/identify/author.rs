@@ -39,7 +39,7 @@ pub struct Author {
     /// Share of the samples that is learnt from; the rest, from the last of them on, is the test. Default 0.7.
     pub train_fraction: f64,
     /// `None`: SINDy. Else GPSINDy: for each state the inputs of the Gaussian process of its derivative; an empty list
-    /// stands for all smoothed states. For the car: none, none, the throttle, the steering.
+    /// means all smoothed states. For the car: none, none, the throttle, the steering.
     pub inputs: Option<Vec<Vec<String>>>,
     /// Kernels that compete by likelihood, in both stages.
     pub kernels: Vec<Kernel>,

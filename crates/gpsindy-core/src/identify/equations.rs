@@ -138,7 +138,7 @@ impl Equations {
         self.library.n_terms()
     }
 
-    /// Number of terms that might stand in an equation.
+    /// Number of terms that an equation might have.
     pub(crate) fn n_candidates(&self) -> usize {
         self.allowed.iter().map(Vec::len).sum()
     }

@@ -19,7 +19,7 @@ pub(crate) fn price(equations: &Equations, j: usize, n: f64) -> f64 {
 
 /// `(1 - rho) / (1 + rho)` with rho the lag-one autocorrelation of the residuals, between 0.02 and 1.
 ///
-/// Where the model is not the truth its residuals are slow, and n of them tell less than n.
+/// Where the model is not the truth its residuals are slow, and n of them are worth fewer than n.
 pub(crate) fn independent_share(residuals: &[Vec<f64>], columns: usize) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
     for window in residuals {

@@ -1,13 +1,13 @@
 //! Every threshold of an identification: what it is, its value, and why this value.
 //!
-//! Evidence is twice the natural logarithm of odds everywhere in this folder: 2 ln 20 = 6 stands for odds of 20 to 1.
+//! Evidence is twice the natural logarithm of odds everywhere in this folder: 2 ln 20 = 6 means odds of 20 to 1.
 //!
-//! "Argument" means that the value follows from what is written beside it. "Convention" means that any value near it would do,
+//! "Argument" means that the value follows from what is written next to it. "Convention" means that any value near it would do,
 //! and that no data set was looked at to find it. Where data were looked at, they are named.
 
 use crate::refine::Refine;
 
-/// Most samples that an identification learns from. Coefficients then stand at hundreds of their standard errors at a noise as large as
+/// Most samples that an identification learns from. Coefficients are then hundreds of their standard errors at a noise as large as
 /// the motion; more samples change no term, only the time and the memory. Convention.
 pub(crate) const MOST_SAMPLES: usize = 50_000;
 
@@ -76,7 +76,7 @@ pub(crate) const ON_COURSE: f64 = 1.3;
 pub(crate) const UNCHANGED: f64 = 1.01;
 
 /// Largest growth of a small difference along a rollout. Derivatives are taken over a millionth of a state's size: what grows
-/// by more leaves the straight part, and the fit stands still far from the optimum, sure of itself. Argument.
+/// by more leaves the straight part, and the fit stops far from the optimum, with small standard errors. Argument.
 pub(crate) const GROWTH: f64 = 1e6;
 
 /// Change of the noise, as a share, below which a fit and its noise agree: 0.15 changes no weight by more than a third. Argument.
@@ -98,7 +98,7 @@ pub(crate) const LEAST_SHARE: f64 = 0.02;
 /// Shortest rollouts, in paces (times in which the fastest state changes by its spread). Three of them show a turn. Convention.
 pub(crate) const WINDOW_PACES: f64 = 3.0;
 
-/// Shortest rollouts in samples: fewer leave little beside the free start. Convention.
+/// Shortest rollouts in samples: fewer leave little besides the free start. Convention.
 pub(crate) const WINDOW_SAMPLES: f64 = 10.0;
 
 /// Runge-Kutta steps in a pace: one of a twelfth of the pace errs by about (1/12)^5 / 120 * 2 pi, 1e-6 of the state. Argument.
@@ -143,7 +143,7 @@ pub(crate) const DELAYS_TRIED: (usize, usize) = (4, 40);
 /// Smallest share of a column that is left after the others were taken out of it: less is rounding. Argument.
 pub(crate) const DEPENDENT: f64 = 1e-10;
 
-/// Smallest noise that second differences may tell, as a share of the spread: see [`EXACT`].
+/// Smallest noise that second differences may show, as a share of the spread: see [`EXACT`].
 pub(crate) const LEAST_NOISE: f64 = EXACT;
 
 /// Budget of one fit through the integrator. The search makes many; the last digits of none decide, since [`LEAST_LEAD`] is

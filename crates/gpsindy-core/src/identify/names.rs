@@ -35,7 +35,7 @@ pub enum Regression {
 }
 
 impl Regression {
-    /// Every name with what it stands for.
+    /// Every name with its meaning.
     pub const NAMES: &'static [(&'static str, &'static str)] = &[
         ("subset", "Best subset with exchanges"),
         ("lasso", "LASSO by ADMM"),
@@ -78,7 +78,7 @@ impl FromStr for Regression {
 }
 
 impl Target {
-    /// Every name with what it stands for.
+    /// Every name with its meaning.
     pub const NAMES: &'static [(&'static str, &'static str)] = &[
         ("weak", "Weak form: integrals of the terms, no derivatives"),
         ("gp-state", "Derivative of a Gaussian process over the smoothed states (the paper's second stage)"),
@@ -106,7 +106,7 @@ impl FromStr for Target {
 }
 
 impl Choice {
-    /// Every name with what it stands for.
+    /// Every name with its meaning.
     pub const NAMES: &'static [(&'static str, &'static str)] = &[
         ("cv", "Cross-validation with the one-standard-error rule"),
         ("cv-best", "Cross-validation, smallest error"),

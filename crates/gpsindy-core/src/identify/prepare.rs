@@ -116,7 +116,7 @@ fn delays(settings: &Identify, period: f64, longest: f64) -> Result<Vec<DelayVal
     Ok(delays)
 }
 
-/// The columns in use, under the names of the model, of the first part of every run; and where logged derivatives stand.
+/// The columns in use, under the names of the model, of the first part of every run; and where logged derivatives are.
 fn training(settings: &Identify, data: &Dataset) -> Result<(Dataset, Vec<Option<usize>>)> {
     if settings.states.is_empty() {
         return Err(Error::settings("no state named; say which columns are states"));

@@ -29,7 +29,7 @@ impl Fixed {
     }
 }
 
-/// A term that the equation of a state must not hold, `STATE:TERM`; the state `*` stands for every state.
+/// A term that the equation of a state must not hold, `STATE:TERM`; the state `*` means every state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Forbidden {
     /// The state, or `*`.

@@ -140,7 +140,7 @@ impl Library {
         self.terms.iter().map(Term::name).collect()
     }
 
-    /// Column of the term written as `text`; factors may stand in any order.
+    /// Column of the term written as `text`; factors may be in any order.
     ///
     /// # Errors
     /// Text that can't be read, or a term that the library lacks.

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Operator};
 
-/// A term: an expression whose factors stand in the order of the variables, named by how it prints.
+/// A term: an expression whose factors are in the order of the variables, named by how it prints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Term {
     expression: Expression,
@@ -110,7 +110,7 @@ fn push(factors: &mut Vec<(Expression, f64)>, base: &Expression, power: f64) {
     }
 }
 
-/// The same product with equal factors joined: numbers, variables in their order, then the rest as it stood.
+/// The same product with equal factors joined: numbers, variables in their order, then the rest as it was.
 fn canonical(expression: &Expression, variables: &[String]) -> Expression {
     let mut factors = Vec::new();
     collect(expression, 1.0, &mut factors);

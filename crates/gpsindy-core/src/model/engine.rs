@@ -9,7 +9,7 @@ use crate::expression::{Expression, Tape};
 /// every step: four thousand of a log at 50 Hz and steps of 5 ms.
 const MOST_STEPS_A_SAMPLE: f64 = 2000.0;
 
-/// A simulator that steps by itself, for many rows at once: `x' = F(x, u, f, p, dt)`.
+/// A simulator that makes its own steps, for many rows at once: `x' = F(x, u, f, p, dt)`.
 ///
 /// Rows are independent copies of the machine: states `x` (n), commands `u` (m), generalised forces `f` and the
 /// simulator's own parameters `p`, each row after row. An effect acts at its command, as a force, on a parameter or
@@ -53,7 +53,7 @@ pub struct Rows<'a> {
 pub(crate) struct Drive {
     /// Commands, forces, parameters of the simulator.
     pub(crate) arguments: Tape,
-    /// Rates beside the simulator: terms added to its rows, and whole rows of added states.
+    /// Rates outside the simulator: terms added to its rows, and whole rows of added states.
     pub(crate) beside: Tape,
     /// Which rows have such a rate; most have none.
     pub(crate) rows: Vec<usize>,
@@ -75,7 +75,7 @@ impl Model {
         }
     }
 
-    /// What goes into a simulator of `n` states that steps, beside them: name and expression of every command, force and
+    /// What goes into a simulator of `n` states that steps, besides the states: name and expression of every command, force and
     /// parameter of its own, ports at zero and values in the place of the parameters that are not its own.
     pub fn simulator_inputs(&self, n: usize) -> Vec<(String, Expression)> {
         let closed = self.closed();
@@ -113,7 +113,7 @@ pub(super) fn call(expression: &Expression) -> Option<Vec<Expression>> {
     found
 }
 
-/// What stands beside the call of a simulator: the expression with the call at zero.
+/// What is added to the call of a simulator: the expression with the call at zero.
 fn beside(expression: &Expression) -> Expression {
     use crate::expression::Operator::{Add, Subtract};
     match expression {

@@ -81,7 +81,7 @@ impl LateState {
     }
 }
 
-/// Replaces functions with a memory by new variables, and remembers what they stand for.
+/// Replaces functions with a memory by new variables, and remembers what they replace.
 pub(super) struct Extraction<'a> {
     pub(super) model: &'a Model,
     /// The kind, the signal and then its amounts.

@@ -160,7 +160,7 @@ pub fn rate_unit_in(unit: &str, time_unit: &str) -> String {
     match (time_unit, unit::has_seconds(unit)) {
         ("s", _) => rate_unit(unit),
         (_, false) => unit::in_time_unit(&rate_unit(unit), time_unit),
-        // Speeds in a log of minutes: both units stand there.
+        // Speeds in a log of minutes: both units are there.
         (_, true) => unit::product(&[(unit, 1), (time_unit, -1)]),
     }
 }
@@ -210,7 +210,7 @@ pub struct Parameter {
     /// Lowest and highest value that the user's own simulator takes; absent where it says nothing.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub range: Option<(f64, f64)>,
-    /// A change that matters to the user's own simulator, where the value itself tells none.
+    /// A change that matters to the user's own simulator, if the value itself does not give one.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub scale: Option<f64>,
 }
@@ -251,7 +251,7 @@ pub struct IdentificationRecord {
     /// The weight of the 1-norm, one a state.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub lambda: Vec<f64>,
-    /// What the controls were taken to do between samples, where there are controls: simulations do the same unless told
+    /// What the controls were taken to do between samples, where there are controls: simulations do the same unless asked
     /// otherwise.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub hold: Option<Hold>,

@@ -101,7 +101,7 @@ impl System {
         model.check()?;
         let n_outputs = simulator.as_ref().map_or(0, |s| s.n_states());
         let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
-        // A port is zero until an effect is written in its place.
+        // A port is zero until an effect replaces it.
         let closed = model.closed();
         let rates: Vec<Expression> = closed.states.iter().map(|s| extraction.extract(&s.equation)).collect();
         let outputs: Vec<Expression> = closed

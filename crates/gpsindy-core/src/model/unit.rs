@@ -50,7 +50,7 @@ fn factors(unit: &str) -> Option<Vec<(String, i32)>> {
     Some(found)
 }
 
-/// Factors beside each other, by `*`, a dot or a space.
+/// Factors in a row, separated by `*`, a dot or a space.
 fn several(text: &str) -> Option<Vec<(String, i32)>> {
     let words: Vec<&str> = text.split(['*', '\u{b7}', '\u{22c5}', ' ']).filter(|word| !word.is_empty()).collect();
     if words.is_empty() {
@@ -77,7 +77,7 @@ fn factor(word: &str) -> Option<Option<(String, i32)>> {
         .then(|| Some((symbol.to_string(), power)))
 }
 
-/// A unit in which the second stands for another unit of time: `kpelts/s` counted in `year` gives `kpelts/year`.
+/// A unit in which the second means another unit of time: `kpelts/s` counted in `year` gives `kpelts/year`.
 pub(crate) fn in_time_unit(unit: &str, time_unit: &str) -> String {
     let mut found = String::with_capacity(unit.len());
     for piece in unit.split_inclusive(|c: char| !is_letter(c)) {

@@ -117,7 +117,7 @@ impl Optimiser {
                     point[c] += side * f64::from(distance);
                     objective.evaluate(&point);
                     let value = objective.0.borrow().value;
-                    // Negated, so that what is not a number ends the look; beyond a first flat step a hill may stand.
+                    // Negated, so that what is not a number ends the look; beyond a first flat step there may be a hill.
                     if distance == 1 && !((value - cost).abs() < FLAT) {
                         break;
                     }

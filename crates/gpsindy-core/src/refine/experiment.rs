@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// What a sensor that answers late shows until its delay has passed since the log began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Past {
-    /// The first state: the machine stood still, or the simulator fills its buffer with it.
+    /// The first state: the machine did not move, or the simulator fills its buffer with it.
     #[default]
     Still,
     /// The state on its tangent: the machine was moving already.
@@ -42,7 +42,7 @@ pub struct Window {
 
 /// By how much the first samples of every window count more than the others.
 ///
-/// Where rollouts leave the logs by more than the noise, the first samples tell far better than all that follow where a
+/// Where rollouts leave the logs by more than the noise, the first samples show far better than all that follow where a
 /// window starts; a start that is free would take up a part of what the equations should explain.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Starts {

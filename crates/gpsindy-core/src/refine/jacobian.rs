@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 /// rounding error, a compromise between truncation and cancellation.
 const DIFFERENCE: f64 = 1e-6;
 
-/// Where a search stands: all parameters, and every window's initial state.
+/// Where a search is: all parameters, and every window's initial state.
 #[derive(Debug, Clone)]
 pub(crate) struct Point {
     pub(crate) parameters: Vec<f64>,

@@ -276,7 +276,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
     }
 }
 
-/// Cubic Hermite value of a state at time `t`; before the first node its value where it stood still, else its tangent.
+/// Cubic Hermite value of a state at time `t`; before the first node its value where it did not move, otherwise its tangent.
 fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64, is_still: bool) -> f64 {
     let after = nodes.partition_point(|node| node.t < t).max(1);
     let a = &nodes[after - 1];

@@ -83,7 +83,7 @@ pub struct Refined {
     pub initial: Vec<Vec<f64>>,
     /// Sum of the squared, noise-scaled residuals and of the beliefs' terms.
     pub cost: f64,
-    /// (measured - model)/noise: one list a window, sample by sample, columns beside each other; NaN is missing.
+    /// (measured - model)/noise: one list a window, sample by sample, columns side by side; NaN is missing.
     pub residuals: Vec<Vec<f64>>,
     /// Covariance of the free parameters for residuals of unit variance, initial states being free.
     pub covariance: Vec<Vec<f64>>,
@@ -118,7 +118,7 @@ impl Refine {
         Ok(refined)
     }
 
-    /// As [`Refine::fit`], from where an earlier fit stands, of the same windows where it can be.
+    /// As [`Refine::fit`], from where an earlier fit ended, of the same windows where it can be.
     pub(crate) fn fit_on(
         &self,
         system: &System,
@@ -131,7 +131,7 @@ impl Refine {
         Ok(refined)
     }
 
-    /// As [`Refine::fit`], and the Jacobian at the end; `watch` is told how many steps are done, and may end the fit with an error.
+    /// As [`Refine::fit`], and the Jacobian at the end; `watch` gets how many steps are done, and may end the fit with an error.
     pub(crate) fn fit_watched(
         &self,
         system: &System,

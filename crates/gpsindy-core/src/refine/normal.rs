@@ -4,7 +4,7 @@ use super::{Experiment, Free, Jacobian, Point, Starts};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// How far an initial state may sit from its guess, in typical sizes (1 sigma): only holds what the
-/// logs do not tell.
+/// logs do not determine.
 const INITIAL_BELIEF: f64 = 30.0;
 
 /// The normal equations with every window's initial state kept apart.
@@ -90,7 +90,7 @@ impl Normal {
         next.parameters.iter().chain(next.initial.iter().flatten()).all(|v| v.is_finite()).then_some(next)
     }
 
-    /// The same equations solved for residuals other than their own; nothing where they don't tell a value.
+    /// The same equations solved for residuals other than their own; nothing where they do not determine a value.
     pub(crate) fn solved(&self) -> Option<Solved> {
         let mut reduced = self.parameters.clone();
         let mut windows = Vec::with_capacity(self.windows.len());
@@ -102,7 +102,7 @@ impl Normal {
         Some(Solved { windows, parameters: reduced.cholesky()? })
     }
 
-    /// Covariance of the free parameters with the initial states free, infinite where they are not told; and the windows
+    /// Covariance of the free parameters with the initial states free, infinite where they are not determined; and the windows
     /// whose equations for the initial state are not positive definite to rounding, which carry no information.
     pub(crate) fn covariance(&self) -> (DMatrix<f64>, Vec<usize>) {
         let q = self.gradient.len();

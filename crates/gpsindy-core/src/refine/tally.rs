@@ -61,7 +61,7 @@ impl Tally {
         Self { end: Some(end), ..Self::default() }
     }
 
-    /// Whether time is up: a fit then ends where it stands.
+    /// Whether time is up: a fit then ends where it is.
     pub(crate) fn is_over(&self) -> bool {
         self.end.is_some_and(|end| Instant::now() >= end)
     }

@@ -123,7 +123,7 @@ impl Regressor for Lasso {
         let mut fits: Vec<Fit> = Vec::with_capacity(levels.len());
         let mut refitted: Option<(Vec<usize>, Fit)> = None;
         for &lambda in levels {
-            // Once rounding decides, it does so for every smaller lambda, too: what was found last stands for them.
+            // Once rounding decides, it does so for every smaller lambda, too: what was found last is used for them.
             if let (true, [.., before, last]) = (warm, &fits[..])
                 && !before.converged
                 && !last.converged

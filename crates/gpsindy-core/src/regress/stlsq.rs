@@ -7,7 +7,7 @@ use super::{Fit, Reduced, Regressor};
 use crate::error::{Error, Result};
 use faer::Mat;
 
-/// Ridge regression, terms below the threshold out, again until the support stands.
+/// Ridge regression, terms below the threshold out, again until the support stays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stlsq {
     /// Smallest coefficient that stays, in the coefficient's unit, at least 0. Default 0.1.

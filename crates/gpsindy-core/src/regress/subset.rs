@@ -138,7 +138,7 @@ fn largest(gains: &[f64]) -> Option<usize> {
     (0..gains.len()).filter(|&j| gains[j] > 0.0).max_by(|&x, &y| gains[x].total_cmp(&gains[y]).then(y.cmp(&x)))
 }
 
-/// What each term would bring beside any support; from the Gram matrix of unit columns, made once for all supports.
+/// What each term would add to any support; from the Gram matrix of unit columns, made once for all supports.
 #[derive(Debug)]
 pub(crate) struct Gains {
     gram: Mat<f64>,

@@ -64,7 +64,7 @@ pub(super) fn rollout(
     Ok(Rollout { time: time.into(), states, outputs, n_steps: 0, n_coarse: 0, stiff_from: None })
 }
 
-/// The simulator's own error, where it has one to tell.
+/// The simulator's own error, if it has one.
 fn failure(system: &System, excitation: &Excitation, initial: &[f64]) -> Option<Error> {
     let simulator = system.simulator()?;
     let n = simulator.n_states();

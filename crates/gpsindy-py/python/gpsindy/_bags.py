@@ -54,7 +54,7 @@ def as_mcap(paths: Sequence[str], places: Iterable[str] | None = None) -> Iterat
             if not _is_bag(path):
                 found.append(path)
                 continue
-            # Formats are told by content, so the bag's name can stay, and with it that of the run.
+            # Formats are recognised by content, so the bag's name can stay, and with it that of the run.
             target = pathlib.Path(folder, str(i), pathlib.Path(path).resolve().name)
             target.parent.mkdir()
             _convert(path, target, wanted)
@@ -96,7 +96,7 @@ def _convert(path: str, target: pathlib.Path, places: list[str] | None) -> None:
             wanted = wanted or list(reader.connections)
             store = reader.typestore
             if not reader.is2:
-                # Headers have no count in ROS 2; the conversion leaves it out by itself.
+                # Headers have no count in ROS 2; the conversion leaves it out.
                 types = dict(store.fielddefs)
                 if header := types.get(_HEADER):
                     types[_HEADER] = (header[0], [field for field in header[1] if field[0] != "seq"])

@@ -7,7 +7,7 @@ _MJLAB_JOINTS = {"frictionloss": "joint_friction", "damping": "joint_damping", "
 
 
 def ranges():
-    """All ranges by name: those that the logs tell, those that they bound, and the prior ones."""
+    """All ranges by name: those that the logs identify, those that they bound, and the prior ones."""
     return {**PRIOR, **BOUNDED, **IDENTIFIED}
 
 

@@ -203,7 +203,7 @@ def _table(entry: Any, what: str, time: str | None) -> Table:
         clock = next((name for name in TIME_NAMES if name in columns.headers), None)
     names = [name for name in columns.headers if name != clock and columns.is_numeric(name)]
     if not names:
-        raise ValueError(f"{what}: no column of numbers beside the time")
+        raise ValueError(f"{what}: no column of numbers besides the time")
     found = [columns.numbers(name) for name in names]
     for name, column in zip(names, found):
         if column.ndim != 1 or len(column) != len(found[0]):

@@ -28,7 +28,7 @@ class Effect:
     meaning : str
         What it does, for a reader who meets it first.
     twins : tuple of (str, str)
-        Ids of the effects that logs may not tell from it, each with the experiment that parts the two.
+        Ids of the effects that logs may not distinguish from it, each with the experiment that would.
     """
 
     id: str

@@ -142,7 +142,7 @@ class Diagnosis:
         """Which effects these logs could reveal, where ``diagnose(..., power=True)`` asked for it.
 
         ``effects`` lists every planted effect with ``named_from`` and ``detected_from`` (the smallest sizes tried that were named,
-        or seen as a gap, in every copy; None: at none), ``group`` (what it could not be told from) and ``confused_with``;
+        or seen as a gap, in every copy; None: at none), ``group`` (what it could not be distinguished from) and ``confused_with``;
         ``null`` counts the alarms in copies without any effect.
         """
         found: dict[str, Any] | None = self._report.get("power")
@@ -155,7 +155,7 @@ class Diagnosis:
 
     @property
     def open(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of accounts, each by its effects, that these logs can't tell apart; :meth:`design` parts them."""
+        """Pairs of accounts, each by its effects, that these logs cannot distinguish; :meth:`design` makes the run that does."""
         return () if self._open is None else tuple(self._open.pairs)
 
     def design(
@@ -171,10 +171,10 @@ class Diagnosis:
         seed: int = 0,
         progress: Progress | None = None,
     ) -> Experiment:
-        """The control signal that best tells apart what the logs left open.
+        """The control signal that best distinguishes what the logs left open.
 
-        Maximises the separation of the pair that it parts least, each simulator being free to bend towards the other as far
-        as the logs let it (T-optimality, Atkinson and Fedorov 1975). Tries multisines, chirps, steps and free forms within
+        Maximises the separation of the pair that is hardest to distinguish, while each simulator may adjust its parameters as
+        far as the logs allow (T-optimality, Atkinson and Fedorov 1975). Tries multisines, chirps, steps and free forms within
         the limits, and refines the best one.
 
         Parameters
@@ -192,7 +192,7 @@ class Diagnosis:
         start : mapping of str to float, optional
             Where the run begins. Default: where the logs began.
         separate : (str, str), optional
-            Tell these two effects apart instead. Default: every pair of :attr:`open`; where there is none, all accounts.
+            Distinguish these two effects instead. Default: every pair of :attr:`open`; where there is none, all accounts.
         seed : int
             Of the signals that are tried.
         progress : callable, optional

@@ -1,4 +1,4 @@
-"""Exceptions and warnings beside those of the compiled part."""
+"""Exceptions and warnings, in addition to those of the compiled part."""
 
 from __future__ import annotations
 

@@ -341,7 +341,7 @@ class GPSINDy(Settings):
     def predict(self, x: Any, u: Any = None) -> Any:
         """Rates of the states at every sample; a list for a list of runs.
 
-        A delayed control is read as it stands in its row.
+        A delayed control is read as it is in its row.
         """
         self._check_fitted("predict")
         states, controls = self._features(x, u)
@@ -380,7 +380,7 @@ class GPSINDy(Settings):
         return 1.0 - float(getattr(found, kind).pooled) ** 2
 
     def plot(self, x: Any, t: Any = None, u: Any = None, **options: Any) -> Figure:
-        """Rollouts beside logs; see :func:`gpsindy.plot.rollouts`. Needs matplotlib."""
+        """Rollouts and logs; see :func:`gpsindy.plot.rollouts`. Needs matplotlib."""
         self._check_fitted("plot")
         return self.model_.plot(self._logs(x, t, u), **{"hold": self.hold_, **options})
 

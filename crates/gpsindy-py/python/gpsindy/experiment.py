@@ -1,4 +1,4 @@
-"""The next experiment: a control signal that tells apart what a diagnosis left open."""
+"""The next experiment: a control signal that distinguishes what a diagnosis left open."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Experiment:
     form : str
         What it began as: ``multisine``, ``chirp``, ``steps`` or ``free form``.
     pairs : tuple of Parting
-        What it parts, the least parted pair first.
+        The pairs that it distinguishes, the hardest first.
     """
 
     t: Array

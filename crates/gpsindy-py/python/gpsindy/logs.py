@@ -101,7 +101,7 @@ def read_log(
     Parameters
     ----------
     paths : path or sequence of paths
-        The logs; formats are told by content. A folder is a LeRobot data set or a ROS 2 bag. ROS 1 ``.bag`` and ROS 2
+        The logs; formats are recognised by content. A folder is a LeRobot data set or a ROS 2 bag. ROS 1 ``.bag`` and ROS 2
         ``.db3`` files (or their folders) need the extra ``gpsindy[rosbags]``.
     map : mapping of str to str, optional
         Where a column comes from: ``{"q": "/joint_states.position[elbow]", "u": "/command.data[0]"}``.
@@ -117,7 +117,7 @@ def read_log(
         The clock of messages. Default: their header's stamp where there is one, else the time of recording.
     offset : mapping of str to float, optional
         Seconds that are added to the stamps of a topic; ``'auto'``: what makes its columns agree with those of the other
-        topics best, estimated with an interval, which a warning tells. Between a command and a state a delay counts in it.
+        topics best, estimated with an interval, which a warning states. Between a command and a state a delay counts in it.
     units : mapping of str to str, optional
         Units of mapped columns.
     time, run : str, optional

@@ -2,7 +2,7 @@
 
 Started by an assistant's program as ``gpsindy-mcp FOLDER...``, ``gpsindy mcp FOLDER...`` or ``python -m gpsindy.mcp FOLDER...``; it
 talks over standard input and output. Needs ``pip install 'gpsindy[mcp]'``. It reads and writes in the folders that its start names,
-else in the one it is started in, and nowhere else; its errors show nothing of what stands in a file.
+else in the one it is started in, and nowhere else. Its errors do not show what a file holds.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 #: What the verdicts mean, in one sentence each; the documentation has a page on it.
 VERDICTS = {
-    "no_gap": "The model and noise explain the logs; random disturbances count as noise. Nothing to correct.",
-    "explained": "With the included causes every logged column is predicted on held-out runs as well as its noise allows, and their "
-    "sizes agree between runs. The augmented model can be used.",
-    "partly_explained": "Causes are named, but structure is left or their sizes disagree between parts of the logs. What is named may "
-    "stand in for something else: run the experiment that the report asks for.",
+    "no_gap": "The model and the noise of the sensors explain the logs, on held-out runs as well. Nothing to correct.",
+    "explained": "With the included causes every logged column is predicted on held-out runs as well as its noise allows, and every "
+    "check passes. The augmented model can be used.",
+    "partly_explained": "Causes are named, but a check fails, none is believed enough, or the time limit ended the search. Another effect "
+    "may be the true cause: run the experiment that the report asks for.",
     "unexplained": "No effect of the catalogue explains a material part of the gap. Look at where it lies, or add an effect of your own.",
 }
 
 INSTRUCTIONS = (
     "gpsindy says where a simulator differs from the logs of the real machine, which physical effect causes it, and how sure that is. "
-    "Inspect the logs first: the findings say what would spoil a diagnosis. Then diagnose, and tell the verdict with its probabilities "
+    "Inspect the logs first: the findings say what would spoil a diagnosis. Then diagnose, and report the verdict with its probabilities "
     "and its notes as they are; a cause that has equivalents is not settled before the experiment that the report names. "
     "Explain looks up an effect, a verdict, or a report.json on disk."
 )
@@ -44,7 +44,7 @@ INSTRUCTIONS = (
 def inspect(log: str, time: str | None = None, run: str | None = None) -> dict[str, Any]:
     """What a log holds (CSV, MCAP, Parquet, ULog, LeRobot or ROS 2 bag folder), and what in it would spoil an identification.
 
-    ``time`` and ``run`` name the time column of a table and the column that tells its runs apart. Returns topics with their columns,
+    ``time`` and ``run`` name the time column of a table and the column that identifies its runs. Returns topics with their columns,
     units and rates, and the findings.
     """
     found = gpsindy.inspect(log, time=time, run=run)
@@ -64,7 +64,7 @@ def diagnose(
 ) -> dict[str, Any]:
     """Where a simulator (a model file) differs from logs of the machine, and which physical effect causes it.
 
-    ``run`` is the column that tells runs apart; ``map`` says where a column comes from in a log of topics, such as
+    ``run`` is the column that identifies the runs; ``map`` says where a column comes from in a log of topics, such as
     {"q": "/joint_states.position[elbow]"}; ``effects`` limits the suspects to these ids; ``time_limit`` is in seconds. With ``out``, a
     folder, report.json, report.html and augmented.toml are written there. Returns the summary for people, the report, and the
     corrected model.
@@ -93,7 +93,7 @@ def explain(what: str) -> str:
     for effect in gpsindy.effects():
         if effect.id == what:
             twins = "".join(f"\n- {twin}: {experiment}" for twin, experiment in effect.twins)
-            apart = f"\nWhat logs may not tell from it, and the experiment that parts the two:{twins}" if twins else ""
+            apart = f"\nWhat logs may not distinguish from it, and the experiment that would:{twins}" if twins else ""
             return (
                 f"{effect.name} ({effect.id}): {effect.meaning}\nForm: {effect.form}\nIts numbers: {effect.parameters}\n"
                 f"In a log: {effect.signature}{apart}"
@@ -178,7 +178,7 @@ def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
                 return tool(*values, **named)
             except (OSError, ValueError, gpsindy.NumericalError) as failure:
                 message = without_content(str(failure), _words([values, named]))
-                # What a call read is said, too, where the error is of what stands in it.
+                # The warning of what a call read is shown, too, if the error is about its content.
                 is_named = any(path in message for path in confinement) or not confinement
                 raise ToolError(message if is_named else f"{', '.join(confinement)}: {message}") from None
 

@@ -17,7 +17,7 @@ _ACTUATORS = frozenset(
 
 @dataclass
 class Element:
-    """A start tag in the text: where it stands and what it says."""
+    """A start tag in the text: where it is and what it says."""
 
     tag: str
     start: int

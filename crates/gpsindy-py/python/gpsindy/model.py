@@ -232,7 +232,7 @@ class Model:
         return self._inner.export(to, full_digits)
 
     def derivative(self, x: Any, u: Any = None, t: Any = 0.0) -> Array:
-        """Rates of the states, row by row; ``delay`` and ``play`` read the control as it stands.
+        """Rates of the states, row by row; ``delay`` and ``play`` read the control as it is in that row.
 
         Parameters
         ----------
@@ -296,7 +296,7 @@ class Model:
         return score(self, logs, window=window, hold=hold, progress=progress)
 
     def plot(self, logs: Any, **options: Any) -> Figure:
-        """Rollouts beside logs; see :func:`gpsindy.plot.rollouts`. Needs matplotlib."""
+        """Rollouts and logs; see :func:`gpsindy.plot.rollouts`. Needs matplotlib."""
         from gpsindy import plot
 
         return plot.rollouts(self, logs, **options)

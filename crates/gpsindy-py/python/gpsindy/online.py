@@ -164,7 +164,7 @@ class Online:
 
     @property
     def model(self) -> Model:
-        """The model of all samples so far; standard errors stand in ``model.identification``."""
+        """The model of all samples so far; standard errors are in ``model.identification``."""
         self._check("model")
         return Model._of(self._core.identification()[0])
 
@@ -195,7 +195,7 @@ class Online:
 
 
 def _rows(values: Any, count: int | None, columns: int, what: str) -> Array:
-    """One row a sample; one number stands for one column."""
+    """One row a sample; one number is one column."""
     array = floats(values, what)
     expected = f"({columns},)" if count is None else f"({count}, {columns})"
     if count is None and columns == 1 and array.ndim == 0:

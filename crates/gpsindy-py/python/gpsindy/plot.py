@@ -52,7 +52,7 @@ def _shown(figure: Figure) -> Figure:
 def rollouts(
     model: Model, logs: Any, *, hold: Hold | None = None, max_runs: int = 4, figsize: tuple[float, float] | None = None
 ) -> Figure:
-    """Rollouts of a model from the first sample of each run, beside the samples.
+    """Rollouts of a model from the first sample of each run, and the samples.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def smoothed(
     ----------
     found : Smoothed
     logs : Dataset, paths of CSV files, frame or list of frames, optional
-        What was smoothed, to be drawn beside it.
+        What was smoothed, to be drawn with it.
     max_runs : int
         Runs shown, at most.
     figsize : (float, float), optional
@@ -128,7 +128,7 @@ def diagnosis(
     ----------
     found : Diagnosis
     kind : {"rollouts", "residuals", "gap"}
-        ``rollouts``: held-out logs beside the rollouts of the nominal and of the augmented model. ``residuals``: measured minus
+        ``rollouts``: held-out logs and the rollouts of the nominal and of the augmented model. ``residuals``: measured minus
         predicted. ``gap``: the residual of each equation, with its 95 % band, against the variable that it depends on most, and what
         the included causes add there.
     max_runs : int

@@ -1,6 +1,6 @@
 """Ranges for domain randomisation out of a diagnosis: as numbers, and as a Python file for mjlab and Isaac Lab.
 
-What the logs tell keeps their error, widened where the runs disagree. Of what they do not tell, an error that they would have shown is
+What the logs identify keeps their error, widened where the runs disagree. Of the rest, an error that they would have shown is
 left out of its range, and the rest keeps its prior range.
 """
 
@@ -45,9 +45,9 @@ class Range:
     nominal : float
         In the nominal simulator.
     identified : bool
-        The logs tell it; else it keeps its prior range.
+        The logs identify it; otherwise it keeps its prior range.
     bounded : bool
-        The logs do not tell it and yet narrow its prior range: a larger error would have shown in them.
+        The logs do not identify it, but they narrow its prior range: a larger error would have shown in them.
     """
 
     name: str
@@ -121,8 +121,8 @@ class Randomization:
         bounded = [one for one in self.ranges if one.bounded]
         kept = [one for one in self.ranges if not one.identified and not one.bounded]
         told = [one for one in self.ranges if one.identified]
-        table("IDENTIFIED", told, "What the logs tell: the estimate with its error, widened where runs disagree.")
-        table("BOUNDED", bounded, "What the logs do not tell, but bound: an error beyond this range would have shown in them.")
+        table("IDENTIFIED", told, "What the logs identify: the estimate with its error, widened where runs disagree.")
+        table("BOUNDED", bounded, "What the logs only bound: an error beyond this range would have shown in them.")
         table("PRIOR", kept, "What the logs do not identify: the prior range, unchanged.")
         steps = {one.name: self.steps(one) for one in self.delays} if self.step else {}
         period = f" of {self.step:g} s" if self.step else ""
@@ -231,7 +231,7 @@ def randomization(
 def _untold(
     name: str, parameter: Parameter, given: tuple[float, float] | None, share: float, excluded: float | None
 ) -> Range | None:
-    """The range of a number that the logs do not tell: its prior one, up to where they exclude an error. None where nothing says it."""
+    """The range of a number that the logs do not identify: the prior one, up to where they exclude an error. None if nothing says it."""
     value, unit = parameter.value, parameter.unit
     wide = share * abs(value)
     low, high = given or (value - wide, value + wide)
@@ -241,7 +241,7 @@ def _untold(
         low, high = -math.inf, math.inf
     bounded = excluded is not None and (low < value - excluded or value + excluded < high)
     if bounded and excluded is not None:
-        # A prior range beside the nominal value stays, where all of it is excluded: the user knows more than these logs.
+        # A prior range without the nominal value stays if all of it is excluded: the user knows more than these logs.
         narrow = max(low, value - excluded), min(high, value + excluded)
         bounded = narrow[0] < narrow[1]
         low, high = narrow if bounded else (low, high)
@@ -340,7 +340,7 @@ def _forces(diagnosis: Diagnosis) -> tuple[Range, ...]:
 def _notes(diagnosis: Diagnosis) -> list[str]:
     """Corrections that are neither a number of the simulator nor a delay."""
     augmented = diagnosis.augmented
-    # A force that stands in a number of the simulator, as friction does in its joint, does not act at its port.
+    # A force that is a number of the simulator, such as friction in a joint, does not act at its port.
     inputs = augmented._inner.simulator_inputs() if augmented._inner.calls_simulator else []
     idle = {name for kind, name, expression, _ in inputs if kind == "force" and expression == "0"}
     notes = []

@@ -17,7 +17,7 @@ Step = Callable[..., Any]
 
 
 class Stepper:
-    """A simulator that steps by itself, in place of a model.
+    """A simulator that makes its own steps, in place of a model.
 
     ``x' = step(x, u, force, parameters, dt)``. Effects act in four places: on the command before it, as a force, on a
     parameter, and at the sensors after it; the function itself is never looked into.

@@ -1,4 +1,4 @@
-//! Mechanical plants that stand in one place.
+//! Mechanical plants that stay in one place.
 
 use super::Family;
 use crate::plant::Plant;

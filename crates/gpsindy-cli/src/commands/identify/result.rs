@@ -79,7 +79,7 @@ pub(crate) fn summary(data: &Dataset, found: &Identification, fit: Option<&Fit>)
     summary_of(&runs, found, fit)
 }
 
-/// The same of `logs`, told in words.
+/// The same of `logs`, in words.
 pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Fit>) -> String {
     let mut text = poor(found).map_or_else(String::new, |how| format!("POOR: {how}\n\n"));
     text += &format!("equations from {logs}:\n\n");

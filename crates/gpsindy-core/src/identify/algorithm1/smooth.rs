@@ -28,7 +28,7 @@ pub(crate) struct Motion {
     pub(crate) kernels: Vec<String>,
     /// Typical size of each coefficient (n x p): what would make its term as large as the state's rate.
     pub(crate) scales: Vec<Vec<f64>>,
-    /// Standard deviation of every smoothed state over all runs, in its unit; 0 for one that stands still.
+    /// Standard deviation of every smoothed state over all runs, in its unit; 0 for one that does not move.
     pub(crate) spread: Vec<f64>,
     /// Time in which the fastest state changes by its own spread, s.
     pub(crate) pace: f64,

@@ -126,7 +126,7 @@ impl Track {
     }
 
     /// States and controls at the samples (r x (n + m)); a held control enters by its mean over the half
-    /// steps beside a sample.
+    /// steps next to a sample.
     pub(crate) fn samples(&self, hold: Hold, delays: &[f64]) -> Mat<f64> {
         let (n, r) = (self.mean.ncols(), self.n_samples());
         let half = |i: usize, k: usize| {

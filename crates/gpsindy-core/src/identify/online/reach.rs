@@ -41,7 +41,7 @@ const CUBIC: f64 = 0.267_949_192_431_122_7;
 /// The same for a quintic one.
 const QUINTIC: f64 = 0.430_575_347_099_973_8;
 
-/// Samples beyond which no other tells anything about a smoothed value, at most `most`.
+/// Samples beyond which no other affects a smoothed value, at most `most`.
 pub(super) fn reach(fits: &[Fit], period: f64, most: usize) -> usize {
     let longest = fits.iter().filter_map(|fit| samples(fit, period)).fold(1.0, f64::max);
     ((-NOTHING.ln() * longest).ceil() as usize).min(most)

@@ -59,7 +59,7 @@ impl Smoothing {
         }
         let length = |fit: &Fit| fit.parameters().iter().find(|(r, _)| matches!(r, Role::Length(_))).map(|(_, v)| *v);
         let shortest = fits.iter().filter_map(length).fold(f64::INFINITY, f64::min);
-        // Where nothing bounds it, all samples of a run tell about each.
+        // Where nothing bounds it, every sample of a run depends on all others.
         let lag = if most_lag == usize::MAX { usize::MAX } else { reach(&fits, period, most_lag) };
         let mut found = Self { fits, lag, stretch: 0.0, longest_step: LONGEST_STEP * shortest };
         let pace = found.pace(recent)?;
@@ -139,7 +139,7 @@ impl Smoothing {
         (0..self.fits.len()).map(one).collect()
     }
 
-    /// The samples `from..to` of one run, smoothed by what stands within the lag, with the integral of every term over the
+    /// The samples `from..to` of one run, smoothed by what is within the lag, with the integral of every term over the
     /// step to each.
     pub(super) fn block_of(
         &self,
@@ -187,7 +187,7 @@ impl Smoothing {
     ) -> Result<Mat<f64>> {
         let delays = settings.delay_values();
         let latest = delays.iter().copied().fold(0.0, f64::max);
-        // Late controls stand in earlier samples, whose states nobody reads.
+        // Late controls are in earlier samples, whose states nobody reads.
         let oldest = recent.at_or_before(recent.get(begin).time - latest, start.max(recent.first()));
         let before = begin - oldest;
         let state = |values: &Mat<f64>, i: usize, s: usize| if i < before { 0.0 } else { values[(i - before, s)] };

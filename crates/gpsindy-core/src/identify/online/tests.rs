@@ -115,7 +115,7 @@ fn the_equations_are_the_true_ones_within_their_standard_errors() {
         }
     }
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    // 1 where errors are told well; the forty are not independent, and the smoothing has a bias of half an error.
+    // 1 where errors are estimated well; the forty are not independent, and the smoothing has a bias of half an error.
     assert!((0.3..2.5).contains(&mean), "{mean}");
 }
 

@@ -112,7 +112,7 @@ impl Vote<'_> {
         Ok(if scores[best] < LEAD * scores[0] { best } else { 0 })
     }
 
-    /// Spread of every state; of one that stands still the smallest there is, so that whatever moves it is apart.
+    /// Spread of every state; of one that does not move the smallest there is, so that whatever moves it is apart.
     fn spreads(&self) -> Vec<f64> {
         self.0.spread.iter().map(|spread| spread.max(f64::MIN_POSITIVE)).collect()
     }

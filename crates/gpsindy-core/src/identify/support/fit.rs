@@ -28,7 +28,7 @@ pub(crate) struct Fitter<'a> {
     pub(crate) scales: &'a [Vec<f64>],
     /// States that no sensor measured.
     pub(crate) unmeasured: &'a [usize],
-    /// Standard deviation of every smoothed state, 0 for one that stands still.
+    /// Standard deviation of every smoothed state, 0 for one that does not move.
     pub(crate) spread: &'a [f64],
 }
 
@@ -63,7 +63,7 @@ pub(crate) struct Trial {
 }
 
 impl Trial {
-    /// Lets the errors allow for `rival`, the same equations under another assumption, of weight `weight` beside 1.
+    /// Lets the errors allow for `rival`, the same equations under another assumption, of weight `weight` compared with 1.
     pub(crate) fn allow_for(&mut self, rival: &Self, weight: f64) {
         for s in 0..self.errors.len() {
             for j in 0..self.errors[s].len() {
@@ -97,7 +97,7 @@ impl<'a> Fitter<'a> {
         let mut experiment = Experiment::new(system, self.data, Some(noise))?.with_windows_of(window);
         experiment.substeps = self.substeps;
         experiment.hold = self.hold;
-        // What no sensor measured has no column to tell its size.
+        // What no sensor measured has no column that gives its size.
         for &s in self.unmeasured.iter().filter(|s| self.spread[**s] > 0.0) {
             experiment.scale[s] = self.spread[s];
         }
@@ -130,7 +130,7 @@ impl<'a> Fitter<'a> {
         let sizes: Vec<f64> = experiment.columns.iter().map(|&column| experiment.scale[column]).collect();
         let least: Vec<f64> = sizes.iter().map(|size| FLOOR * size).collect();
         let mut floor = least.clone();
-        // Once with the noise assumed, and again where the residuals tell another.
+        // Once with the noise assumed, and again if the residuals show another.
         for round in 0..NOISE_ROUNDS {
             let refined = USUAL.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
             parameters.clone_from(&refined.parameters);
@@ -189,7 +189,7 @@ impl<'a> Fitter<'a> {
         Err(Error::NotConverged { what: "refinement".into(), why: "the noise does not settle; give it".into() })
     }
 
-    /// Smoothed states at the start of a window; 0 for what stands for a logged derivative.
+    /// Smoothed states at the start of a window; 0 for what represents a logged derivative.
     fn start(&self, system: &System, window: &Window) -> Vec<f64> {
         let track = &self.tracks[window.log];
         let value = |s: usize| if s < track.mean.ncols() { track.mean[(window.first, s)] } else { 0.0 };

@@ -7,7 +7,7 @@ use crate::identify::support::fit::{Fitter, Trial};
 use crate::identify::support::scope::{Member, Rollouts, Scope};
 
 impl Scope<'_> {
-    /// The equations with rollouts that grow while they stay on course, the terms looked at again wherever they tell something
+    /// The equations with rollouts that grow while they stay on course, the terms looked at again wherever they show something
     /// new; and the length of the last ones, s.
     pub(crate) fn lengthen(&self, fitter: &Fitter<'_>, trial: Trial, rollouts: Rollouts) -> Result<(Trial, f64)> {
         let (mut best, mut window) = match rollouts {

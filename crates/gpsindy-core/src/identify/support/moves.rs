@@ -32,7 +32,7 @@ impl Fitter<'_> {
     }
 
     /// The full fit of `support`, from where the linear problem has its optimum; where no term leaves also from where
-    /// `best` stands, since the linear optimum may lie too far away to be one.
+    /// `best` remains, since the linear optimum may lie too far away to be one.
     pub(crate) fn attempt(&self, best: &Trial, linear: &Linear, support: &[usize], window: f64) -> Option<Trial> {
         let (solution, initial) = linear.solution(support, &best.initial);
         let mut equations = best.equations.clone();

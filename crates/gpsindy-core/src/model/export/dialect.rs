@@ -33,7 +33,7 @@ impl Dialect<'_> {
         Ok(if binding >= needed { text } else { format!("({text})") })
     }
 
-    /// A sign may lead a product, but not stand inside it.
+    /// A sign may lead a product, but not be inside it.
     fn product(&self, a: &Expression, sign: &str, b: &Expression) -> Result<Piece> {
         let left = self.at(a, 2)?;
         let binding = if left.starts_with('-') { 2 } else { 3 };

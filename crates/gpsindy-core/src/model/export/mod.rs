@@ -105,7 +105,7 @@ impl Export {
     ///
     /// A delay or a play becomes a function of the log's samples (C, Julia, Python, Rust), a shifted time
     /// (LaTeX, SymPy) or the language's own `delay` (Modelica). Names and units are free text of whoever wrote the
-    /// model; they stand in comments and strings, and nothing of them leaves those.
+    /// model; they are in comments and strings, and nothing of them leaves those.
     ///
     /// # Errors
     /// As [`Model::check`]; [`Error::NotFinite`] for a number in an equation; [`Error::NotExportable`] for a play of

@@ -152,7 +152,7 @@ impl<'a> Program<'a> {
         self.identifiers.get(name).cloned().unwrap_or_default()
     }
 
-    /// Indices of the states, controls and parameters that stand in `expressions`.
+    /// Indices of the states, controls and parameters that occur in `expressions`.
     pub(super) fn used(&self, expressions: &[&Expression]) -> [Vec<usize>; 3] {
         let used = |name: &str| expressions.iter().any(|e| e.contains(name));
         let model = self.model;

@@ -46,7 +46,7 @@ pub(super) fn write(model: &Model) -> Result<String> {
     }
     text += "\nWith SciPy: solve_ivp(lambda t, x: rates(t, x, control_at(t)), (0.0, 10.0), INITIAL_STATE)\n\"\"\"\n\n";
     let body = body(model, &program)?;
-    // Units stand in comments behind two spaces, and are no use of a module.
+    // Units are in comments after two spaces, and are no use of a module.
     let uses = |module: &str| body.lines().any(|l| l.split("  # ").next().is_some_and(|code| code.contains(module)));
     for module in ["bisect", "math"].into_iter().filter(|module| uses(&format!("{module}."))) {
         text += &format!("import {module}\n");

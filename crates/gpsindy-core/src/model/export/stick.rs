@@ -12,7 +12,7 @@ const NOTE: [&str; 3] = [
     "z crosses zero, or short steps.",
 ];
 
-/// The model without `stick` and `breakaway`, and whether a sign stands for a force that holds.
+/// The model without `stick` and `breakaway`, and whether a sign means a force that holds.
 pub(super) fn without_stick(model: &Model) -> Result<(Model, bool)> {
     let names: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
     let values: Vec<f64> = model.parameters.iter().map(|p| p.value).collect();

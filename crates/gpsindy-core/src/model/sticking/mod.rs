@@ -17,7 +17,7 @@ use crate::model::Model;
 pub(crate) struct Sticks {
     /// The state that each slot holds.
     states: Vec<usize>,
-    /// Corner width and reach of every slot, beside each other, of the parameters.
+    /// Corner width and reach of every slot, side by side, of the parameters.
     bounds: Tape,
     /// The rates as a tape of the variables of [`crate::model::System::rates`] and then the slots' values.
     rates: Tape,

@@ -42,7 +42,7 @@ pub(crate) struct Slots<'a, const L: usize> {
     first: usize,
     /// Rates with every held slot at its lowest, then with one of them at its highest.
     table: Vec<Vec<[f64; L]>>,
-    /// What each slot was when the table was made, and how far it stands between its lowest and its highest.
+    /// What each slot was when the table was made, and how far it is between its lowest and its highest.
     was_held: Vec<[bool; L]>,
     share: Vec<[f64; L]>,
     /// Value of every held slot that keeps its state at rest.
@@ -313,7 +313,7 @@ impl<'a, const L: usize> Slots<'a, L> {
         }
     }
 
-    /// The rates of a lane out of the table; what is held stands exactly still.
+    /// The rates of a lane out of the table; what is held does not move at all.
     fn combine(&self, lane: usize, dx: &mut [[f64; L]]) {
         for slot in (0..self.count()).filter(|&k| self.was_held[k][lane]) {
             for (j, rate) in dx.iter_mut().enumerate() {

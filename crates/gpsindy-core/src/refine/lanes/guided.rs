@@ -1,6 +1,6 @@
 //! Derivatives of a simulator that steps along paths that the logs guide, and not its own rollouts.
 //!
-//! A rollout of a model that is wrong leaves the log, and a straight line from there tells little of the machine. A filter's path
+//! A rollout of a model that is wrong leaves the log, and a straight line from there says little about the machine. A filter's path
 //! stays: at every sample the readings move the predicted states by their innovations times a gain, and a suspect that moves the
 //! prediction is moved back by the same gains.
 

@@ -354,7 +354,7 @@ impl<'a> Group<'a> {
         self.count * n
     }
 
-    /// By how much terms beside the simulator move their states in a step: exactly where such a rate is a straight line in
+    /// By how much terms outside the simulator move their states in a step: exactly where such a rate is a straight line in
     /// its own state.
     fn rates_beside(&mut self, system: &System, dt: f64) -> Vec<(usize, [f64; L])> {
         let Some(drive) = system.drive() else { return Vec::new() };

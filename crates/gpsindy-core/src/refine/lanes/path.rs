@@ -102,7 +102,7 @@ impl Path {
     }
 
     /// The responses of the logged readings, in their units, to a change of the model with each of several sets of `parameters` (those
-    /// of the change's tapes): by set and window, sample by sample, columns beside each other.
+    /// of the change's tapes): by set and window, sample by sample, columns side by side.
     pub(crate) fn responses(
         &self,
         system: &System,
@@ -188,7 +188,7 @@ impl Path {
     }
 
     /// The responses of the logged readings, in their units, to pushes on the rates of some `rows`: by window, sample by sample.
-    /// `push` gives the values of each row in the middles of a window's steps, of which it is told the times, s.
+    /// `push` gives the values of each row in the middles of a window's steps, whose times it is given, s.
     pub(crate) fn pushed(
         &self,
         system: &System,
@@ -283,7 +283,7 @@ mod tests {
         Experiment { substeps: 4, ..Experiment::new(system, &data, Some(&[1.0, 1.0])).unwrap() }
     }
 
-    /// Rollouts of a model of the cart, columns beside each other.
+    /// Rollouts of a model of the cart, columns side by side.
     fn rolled(model: &Model, parameters: [f64; 2]) -> Vec<f64> {
         let system = System::new(model).unwrap();
         let experiment = experiment(&system);

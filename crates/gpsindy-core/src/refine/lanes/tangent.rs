@@ -17,7 +17,7 @@ const DIFFERENCE: f64 = 1e-5;
 /// Steps whose rows go to the simulator together.
 const TOGETHER: usize = 64;
 
-/// A step of the rollout: states, arguments, terms beside, and the derivatives of the next states.
+/// A step of the rollout: states, arguments, terms outside, and the derivatives of the next states.
 pub(super) struct Step {
     pub(super) x: Vec<f64>,
     arguments: Vec<f64>,

@@ -8,20 +8,20 @@ use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::{Experiment, Refine, Window, guess_initial};
 
-/// Samples of the first beginning: three tell a place, a rate and what drives it.
+/// Samples of the first beginning: three determine a place, a rate and what drives it.
 const FIRST: usize = 3;
 
 /// By how much each beginning is longer than the last. A six-joint arm with saturating servos, windows of 24 and of 96 samples:
 /// 1.4 left none of 62 windows above 1.4 times the noise's variance, 2 left 6, and the whole window at once 27.
 const LONGER: f64 = 1.4;
 
-/// Samples beyond which no beginning is followed: what comes later tells of the machine, and little of the start.
+/// Samples beyond which no beginning is followed: what comes later depends on the machine, and little on the start.
 const LONGEST: usize = 128;
 
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
 const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3 };
 
-/// Initial states of all windows at these parameters (all of the system's): what the first samples tell, and where the system
+/// Initial states of all windows at these parameters (all of the system's): what the first samples determine, and where the system
 /// steps on its own also what its rollouts do.
 ///
 /// # Errors

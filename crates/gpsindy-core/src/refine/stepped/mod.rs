@@ -68,7 +68,7 @@ pub(super) fn fit(
     Ok((Refined { kept, ..refined }, jacobian))
 }
 
-/// Where a fit stands.
+/// Where a fit is.
 struct Search<'a> {
     scene: Scene<'a>,
     point: Point,

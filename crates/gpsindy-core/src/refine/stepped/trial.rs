@@ -114,7 +114,7 @@ impl Search<'_> {
         }
     }
 
-    /// Makes the derivatives of these windows anew, where they stand.
+    /// Makes the derivatives of these windows anew, where they are.
     pub(super) fn renew(&mut self, windows: &[(usize, Slopes)]) {
         for slopes in [Slopes::Coarse, Slopes::Fine] {
             let of: Vec<usize> = windows.iter().filter(|(_, wanted)| *wanted == slopes).map(|(w, _)| *w).collect();
@@ -136,7 +136,7 @@ fn moved(scene: Scene<'_>, from: &Point, (window, start): (usize, &[f64]), to: &
     DVector::from_vec(starts.chain(parameters).collect())
 }
 
-/// Broyden's update: the derivative that tells what this step did and is otherwise nearest to the old one, where every column
+/// Broyden's update: the derivative that reproduces what this step did and is otherwise nearest to the old one, where every column
 /// counts by its own size.
 fn update(block: &mut Block, residual: &DVector<f64>, moved: &DVector<f64>) {
     let Block { residual: old, derivative, .. } = block;

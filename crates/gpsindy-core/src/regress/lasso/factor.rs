@@ -17,7 +17,7 @@ impl Factor {
         for i in 0..shifted.nrows() {
             shifted[(i, i)] += rho;
         }
-        // Either is positive semidefinite, so rho = 1e-6 or more fails only by rounding; a larger shift then stands in.
+        // Either is positive semidefinite, so rho = 1e-6 or more fails only by rounding; a larger shift is then used.
         let mut extra = rho;
         let factor = loop {
             if let Some(factor) = Cholesky::new(shifted.clone()) {

@@ -178,7 +178,7 @@ class Simulator:
     def corrected(self, model: Model) -> str:
         """The corrected parameters as an SSP parameter set, which importers of FMUs read.
 
-        What parameters can't say stands in a comment.
+        What parameters cannot express is in a comment.
         """
         lines = [f"  <!-- gpsindy: parameters of {self._path.name} as a diagnosis corrected them -->"]
         for kind, name, expression, value in model._inner.simulator_inputs():

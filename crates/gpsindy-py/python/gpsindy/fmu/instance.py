@@ -129,7 +129,7 @@ class Instance:
     def through_events(self, x: Array, inputs: Sequence[float], dt: float) -> Array:
         """A step of model exchange from event to event.
 
-        What an FMU keeps beside its states, such as the side of a contact, follows from the state at the step's beginning.
+        What an FMU keeps in addition to its states, such as the side of a contact, follows from the state at the step's beginning.
         """
         self.fmu.reset()
         self.begin()

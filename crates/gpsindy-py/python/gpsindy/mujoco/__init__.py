@@ -172,7 +172,7 @@ class Simulator:
             ]
             carried = [(effect, name) for effect, name in carried if name in known]
             port = f"{position}_torque" if hinge else f"{position}_force"
-            # An inertia is told as a share of the row's own.
+            # An inertia is reported as a share of the row's own.
             self._carried.update({(effect, port): name for effect, name in carried if effect != "inertia"})
             ports.append((port, velocity, "N m" if hinge else "N", position, carried))
         top = (0.0, float("inf"))
@@ -211,8 +211,8 @@ class Simulator:
     def corrected(self, model: Model) -> str:
         """The MJCF text with the corrections of an augmented model in it.
 
-        Numbers of joints, actuators and bodies are set where they stand, a delay of a command in whole physics steps. The
-        text is compiled, and what its model has otherwise, like what MJCF can't say, stands in a comment at the top.
+        Numbers of joints, actuators and bodies are set in place, a delay of a command in whole physics steps. The
+        text is compiled, and what its model has otherwise, like what MJCF cannot express, is in a comment at the top.
 
         Raises
         ------

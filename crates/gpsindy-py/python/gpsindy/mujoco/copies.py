@@ -31,8 +31,8 @@ def seconds_a_step(model: Any) -> float:
 
 
 def quiet(copies: Any) -> None:
-    """The engine prints a warning when it is the first of its kind and leaves a file beside it. Trial parameters that diverge are
-    part of a search, and the rows tell of them."""
+    """The engine prints a warning when it is the first of its kind and leaves a file. Trial parameters that diverge are
+    part of a search, and the rows show them."""
     copies.warning[:, :, 1] = 1
 
 

@@ -43,7 +43,7 @@ class Corrections:
         self._settings = settings
 
     def numbers(self, values: Mapping[str, float]) -> None:
-        """Sets numbers of joints, actuators and bodies where they stand, and checks that a model made from the text has them."""
+        """Sets numbers of joints, actuators and bodies in place, and checks that a model made from the text has them."""
         wanted = {setting.name: values.get(setting.name, setting.value) for setting in self._settings}
         for setting in self._settings:
             value = wanted[setting.name]

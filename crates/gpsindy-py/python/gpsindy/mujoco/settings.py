@@ -31,7 +31,7 @@ class Setting:
     index : int
         Of the element in the engine's arrays.
     scale : float or None
-        A change that matters, where the value itself tells none.
+        A change that matters, if the value itself does not give one.
     driver : bool
         It belongs to the driver around the engine, which no MJCF describes.
     """
@@ -57,7 +57,7 @@ def first(field: Any) -> Any:
     return field if field.ndim == 2 else field[..., 0]
 
 
-#: Numbers that stand at a degree of freedom.
+#: Numbers of a degree of freedom.
 OF_A_DOF = ("frictionloss", "damping", "armature")
 
 
@@ -88,7 +88,7 @@ def settings_of(m: Any, joints: Sequence[str], actuators: Sequence[str]) -> list
         if servo:
             found.append(Setting(f"{actuator}.kp", float(gain[0]), "", actuator, "kp", a, None))
         if affine and bias[2] != 0:
-            # A velocity servo's gain is its damping; a position servo's damping stands by itself.
+            # A velocity servo's gain is its damping; a position servo's damping is separate.
             own = None if bias[1] == 0 and bias[2] == -gain[0] else abs(float(bias[2]))
             found.append(Setting(f"{actuator}.kv", float(-bias[2]), "", actuator, "kv", a, own))
     for b in range(1, m.nbody):

@@ -62,7 +62,7 @@ impl Along {
     }
 
     /// A state at a time within the window, on straight lines between samples and middles of steps; before the window its value where
-    /// the machine stood still, else its tangent.
+    /// the machine did not move, otherwise its tangent.
     fn state_at(&self, state: usize, t: f64, substeps: usize, is_still: bool) -> f64 {
         let (samples, middles) = (&self.sample[state], &self.middle[state]);
         let last = self.sample_time.len() - 1;
