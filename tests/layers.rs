@@ -288,13 +288,14 @@ fn inside_a_method_arrows_point_to_lower_floors_and_never_in_a_circle() {
 
 #[test]
 fn steps_know_no_others_but_the_stated_ones() {
-    let step = |file: &str| file.strip_prefix("steps/").map(str::to_string);
+    // The files of a step's own folder are that step.
+    let step = |file: &str| file.strip_prefix("steps/")?.split('/').next().map(str::to_string);
     let mut wrong = Vec::new();
     for (file, imports) in arrows("diagnose") {
         let Some(own) = step(&file) else { continue };
         for other in imports.iter().filter_map(|import| step(import)) {
             let is_part = PARTS.iter().any(|(whole, parts)| *whole == own && parts.contains(&other.as_str()));
-            if !is_part && !SHARED_STEPS.contains(&other.as_str()) {
+            if other != own && !is_part && !SHARED_STEPS.contains(&other.as_str()) {
                 wrong.push(format!("step {own} knows step {other}"));
             }
         }
