@@ -15,7 +15,7 @@ pub(crate) const REST: f64 = 0.01;
 /// random, and takes the place of any function of the motion.
 pub(crate) const LONGEST: f64 = 0.2;
 
-/// Readings that are filtered: a function that explains a hundredth of what is left gains 60 in twice the log likelihood by
+/// Readings after which no further stretch is filtered: a function that explains a hundredth of what is left gains 60 in twice the log likelihood by
 /// then. A count like [`super::SWAPPED`].
 pub(crate) const MOST_READINGS: usize = 6000;
 

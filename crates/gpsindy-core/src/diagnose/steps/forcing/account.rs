@@ -14,6 +14,7 @@ use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::error::Result;
 use crate::optimise::Optimiser;
 use crate::parallel::*;
+use crate::refine::Window;
 use nalgebra::Matrix2;
 
 /// A contestant beside random processes, and how well the logs speak of both.
@@ -29,7 +30,7 @@ pub(super) struct Account {
 impl Account {
     /// `fit` with `processes` as they are; nothing where it can't be filtered.
     pub(super) fn of(contest: &Contest<'_>, fit: &Contestant, processes: &[Process]) -> Result<Option<Self>> {
-        let bare = Self::bare(contest, fit, processes.iter().map(|p| p.acts), most(fit, MOST_READINGS))?;
+        let bare = Self::bare(contest, fit, processes.iter().map(|p| p.acts), whole_stretches(fit))?;
         Ok(bare.and_then(|bare| Self { processes: processes.to_vec(), ..bare }.charged()))
     }
 
@@ -62,8 +63,7 @@ impl Account {
         if part.functions(contest)? < LAWFUL {
             return Ok(None);
         }
-        let most = most(fit, MOST_READINGS);
-        let whole = Self { most, ..part };
+        let whole = Self { most: whole_stretches(fit), ..part };
         let whole = match whole.linear(&whole.processes) {
             Some(linear) if !whole.processes.is_empty() => {
                 let ranges = whole.processes.iter().map(|p| range(contest, fit, p.acts)).collect();
@@ -206,6 +206,21 @@ impl Account {
 /// How many samples hold so many readings.
 fn most(fit: &Contestant, readings: usize) -> usize {
     readings.div_ceil(fit.experiment.columns.len().max(1))
+}
+
+/// How many samples the stretches have that hold [`MOST_READINGS`]: what a function does late in a log shows only there.
+fn whole_stretches(fit: &Contestant) -> usize {
+    let most = most(fit, MOST_READINGS);
+    let (mut count, mut before): (usize, Option<Window>) = (0, None);
+    for window in &fit.experiment.windows {
+        let goes_on = before.is_some_and(|last| last.log == window.log && last.last + 1 == window.first);
+        if count > most && !goes_on {
+            break;
+        }
+        count += window.last + 1 - window.first;
+        before = Some(*window);
+    }
+    count
 }
 
 /// The columns that may have coloured noise.
