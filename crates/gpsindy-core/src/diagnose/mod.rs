@@ -14,6 +14,7 @@ mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod fixture;
+mod handed;
 mod limits;
 mod notes;
 mod power;
@@ -26,6 +27,7 @@ pub use catalogue::list::Effect;
 pub use catalogue::place::Family;
 pub use design::open::{Candidate, Open};
 pub use design::settings::{Design, Designed, Parting};
+pub use handed::{Handed, Member};
 pub use notes::Note;
 pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
@@ -46,7 +48,7 @@ use steps::contest::Contest;
 use steps::detect::detect;
 use steps::findings::Judged;
 use steps::forcing::forced;
-use steps::hold::reconsider_hold;
+use steps::hold::{begun, reconsider_hold};
 use steps::prepare::{Known, Prepared, prepare};
 use steps::suspects::{Choice, suspects};
 use steps::verify::Verification;
@@ -132,6 +134,8 @@ pub struct Diagnosed {
     pub without: Vec<Model>,
     /// Seconds of every stage of the report's `work`, by the listener's clock; zeros where nobody keeps the time.
     pub seconds: Vec<f64>,
+    /// The sets of effects that were fitted, round by round.
+    pub handed: Vec<Handed>,
 }
 
 impl Diagnosed {
@@ -246,6 +250,7 @@ impl Diagnose {
         let suspects = suspects(&prepared.nominal, &self.choice(), &run.notes)?;
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
+        let suspected = begun(&contest, &prepared, suspected)?;
         let judged = attribute(&contest, suspected)?;
         let judged = forced(&contest, judged)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
@@ -275,7 +280,8 @@ impl Diagnose {
         let without = ablated(&contest, &judged, &diagnosis)?;
         let (work, seconds) = contest.run.work();
         diagnosis.work = work;
-        let diagnosed = Diagnosed { diagnosis, augmented, notes: contest.run.notes.all(), open, without, seconds };
+        let (notes, handed) = (contest.run.notes.all(), contest.run.handed.take());
+        let diagnosed = Diagnosed { diagnosis, augmented, notes, open, without, seconds, handed };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;
