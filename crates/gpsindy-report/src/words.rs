@@ -246,6 +246,13 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         Verdict::PartlyExplained => {
             format!("Part of the gap between {model} and the logs is explained by {causes}. {rest}")
         }
+        // Nothing was asked of a gap yet: what the closure shows is all that is known.
+        Verdict::Unexplained if !report.gap.detected && report.is_cut() => {
+            let missed = report.closure.before.map_or(String::new(), |before| {
+                format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
+            });
+            format!("The time limit ended the search before it could tell whether there is a gap.{missed}")
+        }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and {none}.")
         }
@@ -331,6 +338,19 @@ mod tests {
         assert_eq!(meaning(&cause, "w", 0.1), " (speed within which the sign is smoothed)");
         assert_eq!(meaning(&cause, "w", 0.0), " (holds at rest)");
         assert_eq!(meaning(&Cause { effect: "tyre_slip".into(), ..cause }, "w", 0.1), "");
+    }
+
+    #[test]
+    fn a_search_that_ended_before_it_looked_for_a_gap_claims_none() {
+        let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "arm", "runs": {"train": [], "holdout": []}, "verdict": "unexplained",
+            "gap": {"detected": false, "p_value": 1, "by_state": [], "by_region": [], "by_window": []}, "causes": [], "excluded": [],
+            "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "notes": ["the time limit of 120 s ended the search early"],
+            "closure": {"metric": "rollout_rmse", "before": 80.2, "floor_source": "sensor noise", "by_state": []}}"#;
+        let told = verdict_sentence(&serde_json::from_str(json).unwrap());
+        assert!(
+            told.starts_with("The time limit ended the search before") && told.contains("80.2 times the noise"),
+            "{told}"
+        );
     }
 
     #[test]

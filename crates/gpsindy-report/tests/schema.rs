@@ -73,7 +73,7 @@ fn faults(value: &Value) -> Vec<String> {
 }
 
 /// Keys that reports of this schema written earlier lack.
-const LATER: [&str; 13] = [
+const LATER: [&str; 16] = [
     "checks",
     "work",
     "spread",

@@ -82,11 +82,10 @@ fn says(found: &PartFound, model: &Model, diagnosis: &Diagnosis) -> String {
             found.causes.iter().map(|&i| cause(&diagnosis.causes[i], &found.part, model)).collect();
         return causes.join(", ") + unseen;
     }
-    if found.share > COUNTS && diagnosis.verdict != Verdict::NoGap {
-        // Of a gap that a cause in another joint makes, it has its part.
-        if diagnosis.included().next().is_none() {
-            return format!("{:.0} % of the gap, no cause named{unseen}", 100.0 * found.share);
-        }
+    // Of a gap that a cause in another joint makes, it has its part.
+    let is_unnamed = diagnosis.verdict != Verdict::NoGap && diagnosis.included().next().is_none();
+    if is_unnamed && found.share > COUNTS {
+        return format!("{:.0} % of the gap, no cause named{unseen}", 100.0 * found.share);
     }
     match bounds.is_empty() {
         true if !found.measured => "not measured".into(),
