@@ -22,7 +22,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
     (
         "diagnose",
         &[
-            &["limits", "notes", "report"],
+            &["limits", "notes", "parts", "report"],
             &["run"],
             &["catalogue"],
             &["fit"],
@@ -63,6 +63,7 @@ const PARTS: &[(&str, &[&str])] = &[
     ("spread", &["start"]),
     ("floor", &["start", "verify"]),
     ("causes", &["stability"]),
+    ("stability", &["between"]),
     ("checks", &["stability", "typicality", "verify"]),
     ("weigh", &["augment", "causes", "checks", "curves", "localise", "stability", "typicality", "verify"]),
 ];

@@ -1,6 +1,6 @@
 //! Simulators that are files of an engine and no equations: who opens them, and what is asked of them.
 
-use gpsindy_core::diagnose::Diagnosed;
+use gpsindy_core::diagnose::{Diagnosed, Part};
 use gpsindy_core::{Dynamics, Model};
 use std::path::Path;
 use std::sync::Arc;
@@ -36,19 +36,76 @@ impl FileKind {
     }
 }
 
+/// What a simulator's file does not say: the driver's loops around motors, and what holds a free base.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Setup {
+    /// PD loops, by actuator.
+    pub drivers: Vec<Driver>,
+    /// How a free base moves; none where the file has no free base.
+    pub base: Option<Base>,
+}
+
+impl Setup {
+    /// Whether nothing is said.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// A driver's PD loop around a motor: `kp (u - q) - kd dq/dt`, on a command that arrives late.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Driver {
+    /// The actuator; `*` and `?` stand for any characters and any one.
+    pub actuator: String,
+    /// kp, kd and the delay in s.
+    pub values: [f64; 3],
+    /// Which of these are guesses that the logs correct.
+    pub guessed: [bool; 3],
+}
+
+/// How a free base moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Base {
+    /// Not at all: it is on a stand, as the file places it.
+    Fixed,
+    /// As logged: orientation, rates and their derivatives.
+    Imu,
+    /// As logged: position, velocity and acceleration, too.
+    Pose,
+}
+
+impl Base {
+    /// The word for it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fixed => "fixed",
+            Self::Imu => "imu",
+            Self::Pose => "pose",
+        }
+    }
+}
+
 /// Opens simulators.
 pub trait Engines: Sync {
     /// Opens the file at `path`.
     ///
     /// # Errors
     /// What is wrong and what to do, in one line without the file's name.
-    fn open(&self, kind: FileKind, path: &Path) -> Result<Box<dyn Engine>, String>;
+    fn open(&self, kind: FileKind, path: &Path, setup: &Setup) -> Result<Box<dyn Engine>, String>;
 }
 
 /// A simulator that was opened.
 pub trait Engine: Sync {
     /// Names of its states, controls, ports and parameters.
     fn model(&self) -> &Model;
+
+    /// Its joints and actuators; empty where it does not name them.
+    ///
+    /// # Errors
+    /// What the engine raised.
+    fn parts(&self) -> Result<Vec<Part>, String>;
 
     /// Its steps.
     fn dynamics(&self) -> Arc<dyn Dynamics>;
@@ -88,7 +145,7 @@ pub struct Corrected {
 pub struct NoEngines;
 
 impl Engines for NoEngines {
-    fn open(&self, kind: FileKind, _path: &Path) -> Result<Box<dyn Engine>, String> {
+    fn open(&self, kind: FileKind, _path: &Path, _setup: &Setup) -> Result<Box<dyn Engine>, String> {
         let (what, extra) = kind.words();
         Err(format!("{what}, which only the command of the Python package steps; pip install 'gpsindy[{extra}]'"))
     }

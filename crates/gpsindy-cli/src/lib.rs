@@ -9,7 +9,7 @@ mod screen;
 mod stop;
 mod text;
 
-pub use engine::{Corrected, Engine, Engines, FileKind, NoEngines};
+pub use engine::{Base, Corrected, Driver, Engine, Engines, FileKind, NoEngines, Setup};
 
 use args::Arguments;
 use clap::Parser;

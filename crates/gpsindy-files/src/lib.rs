@@ -43,6 +43,7 @@ pub use inspect::{ClockReport, ColumnReport, Finding, Inspection, TopicReport, i
 pub use log::{Log, LogOptions, Offset, Stamp};
 pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
+pub use near::hint;
 pub use output::{finish_writing, write_together, write_whole};
 pub use stream::{Sample, Stream};
 pub use table::Table;

@@ -1,13 +1,15 @@
 //! The command line, with the simulators of the Python package as its engines.
 
 use crate::diagnose::findings;
+use crate::diagnose::{PartParts, part};
 use crate::model::PyModel;
 use crate::simulator::Kind;
 use crate::watch::{Watch, calling_pool};
-use gpsindy_cli::{Corrected, Engine, Engines, FileKind};
-use gpsindy_core::diagnose::Diagnosed;
+use gpsindy_cli::{Corrected, Driver, Engine, Engines, FileKind, Setup};
+use gpsindy_core::diagnose::{Diagnosed, Part};
 use gpsindy_core::{Dynamics, Model};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::ffi::OsString;
 use std::path::Path;
 use std::sync::Arc;
@@ -22,10 +24,24 @@ pub(crate) fn command(py: Python<'_>, line: Vec<OsString>) -> u8 {
 struct InPython;
 
 impl Engines for InPython {
-    fn open(&self, kind: FileKind, path: &Path) -> Result<Box<dyn Engine>, String> {
+    fn open(&self, kind: FileKind, path: &Path, setup: &Setup) -> Result<Box<dyn Engine>, String> {
         let (what, module) = kind.words();
         let open = |py: Python<'_>| -> PyResult<Simulator> {
-            let simulator = py.import(format!("gpsindy.{module}"))?.getattr("Simulator")?.call1((path,))?;
+            let module = py.import(format!("gpsindy.{module}"))?;
+            let given = PyDict::new(py);
+            if !setup.drivers.is_empty() {
+                let drivers = PyDict::new(py);
+                for Driver { actuator, values: [kp, kd, delay], guessed } in &setup.drivers {
+                    let names = ["kp", "kd", "delay"].into_iter().zip(guessed);
+                    let find: Vec<&str> = names.filter(|(_, guessed)| **guessed).map(|(name, _)| name).collect();
+                    drivers.set_item(actuator, module.getattr("Driver")?.call1((kp, kd, delay, find))?)?;
+                }
+                given.set_item("drivers", drivers)?;
+            }
+            if let Some(base) = setup.base {
+                given.set_item("base", base.as_str())?;
+            }
+            let simulator = module.getattr("Simulator")?.call((path,), Some(&given))?;
             let nominal = simulator.getattr("model")?.getattr("_inner")?.cast_into::<PyModel>()?.unbind();
             let watch = Arc::new(Watch::default());
             let dynamics = nominal.get().dynamics(py, &watch);
@@ -49,6 +65,14 @@ struct Simulator {
 impl Engine for Simulator {
     fn model(&self) -> &Model {
         &self.nominal.get().model
+    }
+
+    fn parts(&self) -> Result<Vec<Part>, String> {
+        let read = |py: Python<'_>| -> PyResult<Vec<Part>> {
+            let Some(parts) = self.source.bind(py).getattr_opt("_parts")? else { return Ok(Vec::new()) };
+            parts.call0()?.extract::<Vec<PartParts>>()?.into_iter().map(part).collect()
+        };
+        Python::attach(|py| read(py).map_err(|error| told(py, &error)))
     }
 
     fn dynamics(&self) -> Arc<dyn Dynamics> {

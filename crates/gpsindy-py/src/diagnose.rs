@@ -7,7 +7,9 @@ use crate::model::PyModel;
 use crate::rollout::hold_of;
 use crate::watch::Watch;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_core::diagnose::{CustomEffect, CustomParameter, Diagnose, Diagnosed, Effect, Power, hold_out};
+use gpsindy_core::diagnose::{
+    CustomEffect, CustomParameter, Diagnose, Diagnosed, Effect, Part, PartKind, Power, hold_out,
+};
 use gpsindy_core::{Dataset, Expression, Model, Paired};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -17,6 +19,17 @@ use std::sync::Arc;
 /// (id, state, form, [(parameter, low, high, unit)])
 type Custom = (String, String, String, Vec<(String, f64, f64, String)>);
 
+/// (kind, name, states, controls, ports, parameters)
+pub(crate) type PartParts = (String, String, Vec<String>, Vec<String>, Vec<String>, Vec<String>);
+
+/// A joint or an actuator.
+pub(crate) fn part((kind, name, states, controls, ports, parameters): PartParts) -> PyResult<Part> {
+    let kinds = [PartKind::Joint, PartKind::Actuator];
+    let found = kinds.into_iter().find(|known| known.as_str() == kind);
+    let kind = found.ok_or_else(|| PyValueError::new_err(format!("part {name:?}: unknown kind {kind:?}")))?;
+    Ok(Part { kind, name, states, controls, ports, parameters })
+}
+
 /// How a diagnosis is made, handed over by name.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -24,6 +37,11 @@ pub(crate) struct Options {
     effects: Vec<String>,
     without: Vec<String>,
     custom: Vec<Custom>,
+    /// Joints and actuators of the simulator.
+    parts: Vec<PartParts>,
+    /// Names of the joints and the actuators whose effects are suspects.
+    joints: Vec<String>,
+    actuators: Vec<String>,
     allow_place: bool,
     all_suspects: bool,
     confidence: f64,
@@ -38,7 +56,13 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn settings(self) -> PyResult<Diagnose> {
+        let parts = self.parts.into_iter().map(part).collect::<PyResult<Vec<Part>>>()?;
+        let joints = self.joints.iter().map(|name| Part::find(&parts, PartKind::Joint, name));
+        let actuators = self.actuators.iter().map(|name| Part::find(&parts, PartKind::Actuator, name));
+        let only = joints.chain(actuators).map(|found| found.cloned().map_err(error)).collect::<PyResult<_>>()?;
         Ok(Diagnose {
+            parts,
+            only,
             effects: self.effects,
             without: self.without,
             custom: self.custom.into_iter().map(custom_effect).collect::<PyResult<_>>()?,

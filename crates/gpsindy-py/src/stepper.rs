@@ -20,8 +20,8 @@ pub(crate) struct Stepper {
     kinematic: Vec<(String, String)>,
     ports: Vec<PortParts>,
     parameters: Vec<ParameterParts>,
-    /// (control, name, s, scale): a control that reaches the simulator late by a parameter that is not the simulator's.
-    delays: Vec<(String, String, f64, f64)>,
+    /// (control, name, s, scale, tolerance): a control that reaches the simulator late by a parameter that is not the simulator's.
+    delays: Vec<(String, String, f64, f64, Option<f64>)>,
     initial: Vec<(String, f64)>,
     /// State, and what its column reads as an expression.
     measured: Vec<(String, String)>,
@@ -74,14 +74,20 @@ impl Stepper {
             model.states[index(state)?].measured = Some(Expression::parse(reads).map_err(error)?);
         }
         model.call_simulator(&kinematic);
-        for (control, name, late, scale) in delays {
+        for (control, name, late, scale, tolerance) in delays {
             let amounts = vec![Expression::variable(&control), Expression::variable(&name)];
             let late_control = Expression::Call(Function::Delay, amounts);
             for state in &mut model.states {
                 state.equation = state.equation.substitute(&control, &late_control);
             }
             let (range, scale) = (Some((0.0, f64::INFINITY)), Some(scale));
-            model.parameters.push(Parameter { unit: "s".into(), range, scale, ..Parameter::new(name, late) });
+            model.parameters.push(Parameter {
+                unit: "s".into(),
+                range,
+                scale,
+                tolerance,
+                ..Parameter::new(name, late)
+            });
         }
         model.check().map_err(error)?;
         Ok(model)

@@ -166,7 +166,7 @@ def test_a_late_command_that_the_engine_interpolates_is_refused():
 @pytest.mark.parametrize("late", [0.0199975, 0.0212, 0.0184, 0.005])
 def test_a_delay_in_the_file_is_that_of_the_report_in_every_step(late):
     found = gm.Simulator(HINGE)
-    said = Corrections(HINGE, None, found._mj, found.settings)
+    said = Corrections(HINGE, None, found._mj, found.settings, found._ids)
     said.command("drive", "drive", 0, f"delay(drive, {late})")
     text = said.commented("corrected")
     assert said.missing == [] and "buffer holds 0" in text and "not in this file" not in text
@@ -247,12 +247,43 @@ def test_a_driver_turns_a_wanted_position_into_torque_at_every_step():
     assert "not in this file: drive.kp is 3.0, of the driver" in found.corrected(softer)
 
 
+def test_a_driver_has_a_delay_and_guesses_and_stands_for_all_motors_of_a_pattern():
+    found = gm.Simulator(HINGE, drivers={"*": gm.Driver(4.0, 0.3, 0.02, find=("kp", "delay"))})
+    log = real_log(5)
+    wanted = stepped(HINGE, log, late=4, command=lambda u, data: 4.0 * (u - data.qpos[0]) - 0.3 * data.qvel[0])
+    assert np.abs(rolled(found, log)[:, :1] - wanted).max() < 1e-9
+    tolerances = {p.name: p.tolerance for p in found.model.parameters if p.name.startswith("drive.")}
+    assert tolerances == {"drive.kp": 0.5, "drive.kd": None, "drive.delay": 0.5}
+    later = found.model.with_parameters(**{"drive.delay": 0.03})
+    text = found.corrected(later)
+    assert "not in this file: the wanted position drive, of the driver" in text and "nsample" not in text
+    with pytest.raises(ValueError, match="find: expected names among kp, kd and delay"):
+        gm.Driver(1.0, 0.1, find=("kv",))
+    with pytest.raises(ValueError, match="give the delay to the driver"):
+        gm.Simulator(LATE, drivers={"drive": (4.0, 0.3)})
+
+
+def test_a_guessed_gain_is_found_and_no_cause():
+    """Dry friction is planted; the gain of the driver is a guess a fifth too low."""
+    truth = gm.Simulator(HINGE.replace('damping="0.05"', 'damping="0.05" frictionloss="0.15"'), drivers={"drive": (5.0, 0.4)})
+    logs = []
+    for seed in range(3):
+        log = real_log(seed)
+        x = rolled(truth, log) + np.random.default_rng(seed).standard_normal((len(log["t"]), 2)) * [1e-3, 1e-2]
+        logs.append({**log, "hinge": x[:, 0], "hinge_vel": x[:, 1]})
+    nominal = gm.Simulator(HINGE, drivers={"drive": gm.Driver(4.0, 0.4, find=("kp",))})
+    found = gpsindy.diagnose(nominal, logs, effects=["coulomb_friction", "bias"], most_effects=1, hold="zero")
+    assert [cause.effect for cause in found.included] == ["coulomb_friction"], found
+    kp = next(p for p in found.parameters if p["name"] == "drive.kp")
+    assert kp["nominal"] == 4.0 and abs(kp["value"] - 5.0) < 0.1
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"drve": (1.0, 0.1)}, "drivers: the model has no actuator 'drve'; found drive"),
-        ({"drive": (1.0, -0.1)}, "gains must be finite and at least 0"),
-        ({"drive": 1.0}, r"expected its gains \(kp, kd\), found 1.0"),
+        ({"drve": (1.0, 0.1)}, "drivers: the model has no actuator 'drve'; did you mean 'drive'\\? found drive"),
+        ({"drive": (1.0, -0.1)}, "kd must be finite and at least 0"),
+        ({"drive": 1.0}, r"expected its gains \(kp, kd\) or \(kp, kd, delay\), found 1.0"),
     ],
 )
 def test_a_driver_without_its_motor_or_gains_is_refused(given, words):

@@ -7,11 +7,11 @@ use crate::metadata::metadata;
 use crate::numbers::{number, p_value, percent, percent_closed, span, with_deviation, with_unit};
 use crate::provenance::{self, Provenance};
 use crate::words::{
-    cause_name, cause_place, effect_meaning, effect_name, excluded_name, interval, left_sentence, listed,
-    parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
+    between_sentence, cause_name, cause_place, effect_meaning, equivalents, excluded_name, interval, left_sentence,
+    listed, parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
 };
 use closure::closure;
-use gpsindy_core::diagnose::report::{Cause, Diagnosis, Figures, Verdict};
+use gpsindy_core::diagnose::report::{BetweenRuns, Cause, Diagnosis, Figures, Parameter, Verdict};
 use maud::{DOCTYPE, Markup, html};
 use std::collections::BTreeSet;
 
@@ -201,8 +201,45 @@ fn causes(report: &Diagnosis) -> Markup {
             } @else {
                 ol.causes { @for cause in report.causes.iter().filter(|c| c.included || c.probability >= WORTH) { (one_cause(report, cause)) } }
             }
+            (by_joint(report))
             (parameters(report))
             (excluded(report))
+        }
+    }
+}
+
+/// A size by run, and pooled.
+fn by_run(report: &Diagnosis, between: &BetweenRuns) -> Markup {
+    let row = |value, low, high| {
+        let (name, unit) = (between.parameter.clone(), between.unit.clone());
+        let (value, range) = interval(&Parameter { name, value, low: Some(low), high: Some(high), unit });
+        (with_unit(&value, &between.unit), range.unwrap_or_default())
+    };
+    html! {
+        p { (between_sentence(between)) }
+        div.wide { table {
+            thead { tr { th scope="col" { "run" } th.n scope="col" { code { (between.parameter) } }
+                th.n scope="col" { (percent(report.level())) " interval" } } }
+            tbody {
+                @for run in &between.runs {
+                    @let (value, range) = row(run.value, run.low, run.high);
+                    tr { th scope="row" { (run.run) } td.n { (value) } td.n { (range) } }
+                }
+                @let (value, range) = row(between.pooled, between.low, between.high);
+                tr { th scope="row" { strong { "pooled" } } td.n { strong { (value) } } td.n { (range) } }
+            }
+        } }
+    }
+}
+
+/// What was found, joint by joint.
+fn by_joint(report: &Diagnosis) -> Markup {
+    html! {
+        @if !report.by_part.is_empty() {
+            h3 { "By joint" }
+            div.wide { table {
+                tbody { @for row in &report.by_part { tr { th scope="row" { (row.part) } td { (row.says) } } } }
+            } }
         }
     }
 }
@@ -245,7 +282,7 @@ fn excluded(report: &Diagnosis) -> Markup {
 
 fn one_cause(report: &Diagnosis, cause: &Cause) -> Markup {
     let class = if cause.included { "included" } else { "" };
-    let equivalent: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
+    let equivalent = equivalents(cause);
     html! {
         li class=(class) {
             h3 {
@@ -263,6 +300,7 @@ fn one_cause(report: &Diagnosis, cause: &Cause) -> Markup {
                 } }
             }
             @if let Some(stability) = &cause.stability { p { (stability_sentence(stability)) } }
+            @for between in &cause.between_runs { (by_run(report, between)) }
             @if !equivalent.is_empty() {
                 p { "These logs cannot distinguish it from " (listed(&equivalent, "or")) "." }
             }
@@ -309,8 +347,7 @@ fn next(report: &Diagnosis) -> Markup {
             @if !experiments.is_empty() {
                 h3 { "Experiments that would distinguish the causes" }
                 ul { @for cause in experiments { li {
-                    (cause_name(cause)) @if !cause.equivalent.is_empty() { " or "
-                        (listed(&cause.equivalent.iter().map(|id| effect_name(id)).collect::<Vec<_>>(), "or")) }
+                    (cause_name(cause)) @if !cause.equivalent.is_empty() { " or " (listed(&equivalents(cause), "or")) }
                     ": " strong { (cause.next_experiment.as_deref().unwrap_or_default()) }
                 } } }
             }

@@ -3,8 +3,8 @@
 use crate::numbers::{number, number_or, p_value, percent, span, with_deviation, with_unit};
 use crate::provenance::Provenance;
 use crate::words::{
-    cause_name, cause_place, closure_sentence, effect_name, excluded_name, interval, is_random, left_sentence, listed,
-    parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
+    between_sentence, cause_name, cause_place, closure_sentence, equivalents, excluded_name, interval, is_random,
+    left_sentence, listed, parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
 };
 use gpsindy_core::diagnose::report::{Cause, Diagnosis, Verdict};
 
@@ -27,6 +27,7 @@ pub fn summary_with(report: &Diagnosis, provenance: &Provenance, width: usize, c
     verdict(report, &mut text);
     place(report, time_unit, &mut text);
     which(report, &mut text);
+    text.list("By joint", &report.by_part.iter().map(|row| format!("{}: {}", row.part, row.says)).collect::<Vec<_>>());
     excluded(report, &mut text);
     closure(report, time_unit, &mut text);
     checks(report, &mut text);
@@ -146,8 +147,9 @@ fn details(cause: &Cause) -> Vec<String> {
     if let Some(stability) = cause.stability.as_ref().filter(|s| !s.disagree.is_empty()) {
         lines.push(stability_sentence(stability));
     }
-    if !cause.equivalent.is_empty() {
-        let names: Vec<String> = cause.equivalent.iter().map(|id| effect_name(id)).collect();
+    lines.extend(cause.between_runs.iter().map(between_sentence));
+    let names = equivalents(cause);
+    if !names.is_empty() {
         lines.push(format!("these logs cannot distinguish it from {}", listed(&names, "or")));
     }
     lines.retain(|line| !line.is_empty());

@@ -2,7 +2,7 @@
 
 use crate::numbers::{fixed, number, p_value, percent, percent_closed, with_unit};
 use gpsindy_core::diagnose::Effect;
-use gpsindy_core::diagnose::report::{Cause, Diagnosis, Excluded, Parameter, Stability, Verdict};
+use gpsindy_core::diagnose::report::{BetweenRuns, Cause, Diagnosis, Excluded, Parameter, Stability, Twin, Verdict};
 
 /// Value and interval of a parameter with the digits that the interval's width supports.
 pub(crate) fn interval(parameter: &Parameter) -> (String, Option<String>) {
@@ -88,6 +88,53 @@ pub(crate) fn stability_sentence(stability: &Stability) -> String {
     } else {
         format!("{agree} ({chance}), not in {}.", listed(&stability.disagree, "and"))
     }
+}
+
+/// What else explains as much as a cause, by name; other places of its own effect with place and size.
+pub(crate) fn equivalents(cause: &Cause) -> Vec<String> {
+    let elsewhere = cause.twins.iter().filter(|twin| twin.effect == cause.effect).map(twin_name);
+    let others = cause.equivalent.iter().filter(|id| **id != cause.effect).map(|id| effect_name(id));
+    elsewhere.chain(others).collect()
+}
+
+/// A twin with its size: `wrong parameter elbow.damping (0.5 N m s)`.
+fn twin_name(twin: &Twin) -> String {
+    let name = effect_name(&twin.effect);
+    let variables = twin.variables.join(", ");
+    let is_parameter = Effect::from_id(&twin.effect) == Some(Effect::ParameterError);
+    let name = if variables.is_empty() { name } else { with_variables(&twin.effect, &name, &variables) };
+    let size = twin.parameters.first().map(|p| format!(" ({})", with_unit(&interval(p).0, &p.unit)));
+    let place = if is_parameter { String::new() } else { format!(" {}", place_of(&twin.effect, &twin.state)) };
+    name + &place + &size.unwrap_or_default()
+}
+
+/// A size by run and pooled: `By run: c = 0.2, 0.3; pooled 0.25 (0.1 to 0.4). 92 % of that spread is the machine's.`
+pub(crate) fn between_sentence(between: &BetweenRuns) -> String {
+    let with = |value, low, high| Parameter {
+        name: between.parameter.clone(),
+        value,
+        low: Some(low),
+        high: Some(high),
+        unit: between.unit.clone(),
+    };
+    let runs: Vec<String> = between.runs.iter().map(|run| interval(&with(run.value, run.low, run.high)).0).collect();
+    let (pooled, range) = interval(&with(between.pooled, between.low, between.high));
+    let range = range.map(|range| format!(" ({range})")).unwrap_or_default();
+    let spread = if between.spread > 0.0 {
+        let size = with_unit(&number(between.spread), &between.unit);
+        format!(
+            "{} of the spread is the machine's own ({size} from run to run, {})",
+            percent(between.share),
+            p_value(between.p_value)
+        )
+    } else {
+        format!("the runs differ by no more than the fit's own error ({})", p_value(between.p_value))
+    };
+    format!(
+        "By run: {} = {}; pooled {pooled}{range}; {spread}.",
+        between.parameter,
+        with_unit(&runs.join(", "), &between.unit)
+    )
 }
 
 /// What a parameter means at its value, where the form that is shown does not hold it: ` (speed within which the sign is smoothed)`.
@@ -199,6 +246,13 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         Verdict::PartlyExplained => {
             format!("Part of the gap between {model} and the logs is explained by {causes}. {rest}")
         }
+        // Nothing was asked of a gap yet: what the closure shows is all that is known.
+        Verdict::Unexplained if !report.gap.detected && report.is_cut() => {
+            let missed = report.closure.before.map_or(String::new(), |before| {
+                format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
+            });
+            format!("The time limit ended the search before it could tell whether there is a gap.{missed}")
+        }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and {none}.")
         }
@@ -284,6 +338,19 @@ mod tests {
         assert_eq!(meaning(&cause, "w", 0.1), " (speed within which the sign is smoothed)");
         assert_eq!(meaning(&cause, "w", 0.0), " (holds at rest)");
         assert_eq!(meaning(&Cause { effect: "tyre_slip".into(), ..cause }, "w", 0.1), "");
+    }
+
+    #[test]
+    fn a_search_that_ended_before_it_looked_for_a_gap_claims_none() {
+        let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "arm", "runs": {"train": [], "holdout": []}, "verdict": "unexplained",
+            "gap": {"detected": false, "p_value": 1, "by_state": [], "by_region": [], "by_window": []}, "causes": [], "excluded": [],
+            "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "notes": ["the time limit of 120 s ended the search early"],
+            "closure": {"metric": "rollout_rmse", "before": 80.2, "floor_source": "sensor noise", "by_state": []}}"#;
+        let told = verdict_sentence(&serde_json::from_str(json).unwrap());
+        assert!(
+            told.starts_with("The time limit ended the search before") && told.contains("80.2 times the noise"),
+            "{told}"
+        );
     }
 
     #[test]

@@ -73,7 +73,7 @@ fn faults(value: &Value) -> Vec<String> {
 }
 
 /// Keys that reports of this schema written earlier lack.
-const LATER: [&str; 13] = [
+const LATER: [&str; 16] = [
     "checks",
     "work",
     "spread",
@@ -87,6 +87,9 @@ const LATER: [&str; 13] = [
     "stability",
     "place",
     "disagree",
+    "twins",
+    "between_runs",
+    "by_part",
 ];
 
 /// Every property that the structs write is in the schema as required, and no other does.
@@ -103,7 +106,7 @@ fn same_names(schema: &Value, value: &Value, path: &str) {
         }
         // Only what acts at a port or a control has a place, only a cause with parts to compare a stability, only a random force a
         // spread.
-        let may_lack = |key: &str| ["place", "stability", "disagree", "spread"].contains(&key);
+        let may_lack = |key: &str| ["place", "stability", "disagree", "spread", "twins", "between_runs"].contains(&key);
         for key in properties.keys().filter(|key| !may_lack(key)) {
             assert!(value.get(key).is_some(), "{path}/{key} stands in the schema and is not written");
         }

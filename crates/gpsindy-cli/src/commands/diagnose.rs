@@ -9,6 +9,7 @@ pub(crate) use files::{report_json, write};
 
 use crate::args::{AutoHold, Columns};
 use crate::commands::nominal::Nominal;
+use crate::commands::setup::{PartOptions, SetupOptions};
 use crate::commands::{Session, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -62,6 +63,10 @@ pub(crate) struct Diagnose {
     options: Options,
     #[command(flatten)]
     columns: Columns,
+    #[command(flatten)]
+    parts: PartOptions,
+    #[command(flatten)]
+    setup: SetupOptions,
     #[command(flatten)]
     simulator: SimulatorOptions,
 }
@@ -139,6 +144,8 @@ impl Options {
             effects: effects.into_iter().cloned().collect(),
             without: without.into_iter().map(|e| e.trim_start_matches('!').to_string()).collect(),
             custom,
+            parts: Vec::new(),
+            only: Vec::new(),
             allow_place: self.allow_place,
             all_suspects: self.all_suspects,
             confidence: self.confidence,
@@ -181,7 +188,8 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
     let settings = Settings { power, ..command.options.settings()? };
     let mut provenance = provenance(session.line);
     if simulated.is_empty() {
-        let nominal = Nominal::open(&command.model, session)?;
+        let nominal = Nominal::open(&command.model, &command.setup.setup(), session)?;
+        let settings = command.parts.among(nominal.parts()?, settings)?;
         let (model, holdout) = (&nominal.model, &command.holdout);
         let Parts { train, holdout, offsets, time_unit } =
             logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
@@ -209,6 +217,12 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         };
         deliver(command, diagnosed, augmented, beside, &provenance, screen)
     } else {
+        let settings = command.parts.among(Vec::new(), settings)?;
+        if !command.setup.setup().is_empty() {
+            return Err(Failure::input(
+                "--driver and --base: with --simulated there is no MuJoCo model; remove the option",
+            ));
+        }
         let (diagnosed, model) = paired(command, settings, &train, session.seed, screen)?;
         let simulator = ("simulator.toml".to_string(), gpsindy_report::simulator(&model_to_toml(&model)?));
         deliver(command, diagnosed, Augmented::Equations, vec![simulator], &provenance, screen)

@@ -17,6 +17,7 @@ mod measured;
 mod nominal;
 mod output;
 pub(crate) mod score;
+pub(crate) mod setup;
 pub(crate) mod simulate;
 pub(crate) mod smooth;
 

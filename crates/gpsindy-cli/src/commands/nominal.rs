@@ -1,9 +1,9 @@
 //! The simulator that a command is given: equations, or the file of an engine.
 
 use crate::commands::Session;
-use crate::engine::{Corrected, Engine, FileKind};
+use crate::engine::{Corrected, Engine, FileKind, Setup};
 use crate::failure::{Failure, Outcome};
-use gpsindy_core::diagnose::Diagnosed;
+use gpsindy_core::diagnose::{Diagnosed, Part};
 use gpsindy_core::{Dynamics, Model, System};
 use gpsindy_files::read_model;
 use std::io::Read;
@@ -17,11 +17,23 @@ pub(crate) struct Nominal {
 }
 
 impl Nominal {
-    pub(crate) fn open(path: &Path, session: &Session<'_>) -> Outcome<Self> {
-        let Some(kind) = kind(path) else { return Ok(Self { model: read_model(path)?, engine: None }) };
-        let engine = session.engines.open(kind, path);
+    pub(crate) fn open(path: &Path, setup: &Setup, session: &Session<'_>) -> Outcome<Self> {
+        let kind = kind(path);
+        if !setup.is_empty() && kind != Some(FileKind::MuJoCo) {
+            return Err(Failure::input(format!(
+                "{}: --driver and --base are for MuJoCo models; write a driver's loop into the equations",
+                path.display()
+            )));
+        }
+        let Some(kind) = kind else { return Ok(Self { model: read_model(path)?, engine: None }) };
+        let engine = session.engines.open(kind, path, setup);
         let engine = engine.map_err(|why| Failure::input(format!("{}: {why}", path.display())))?;
         Ok(Self { model: engine.model().clone(), engine: Some(engine) })
+    }
+
+    /// Its joints and actuators, where it is an engine's.
+    pub(crate) fn parts(&self) -> Outcome<Vec<Part>> {
+        self.engine.as_ref().map_or(Ok(Vec::new()), |engine| engine.parts().map_err(Failure::Work))
     }
 
     /// Its steps, where it is an engine's.

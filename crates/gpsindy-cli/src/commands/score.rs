@@ -2,6 +2,7 @@
 
 use crate::args::{Columns, Output};
 use crate::commands::nominal::Nominal;
+use crate::commands::setup::SetupOptions;
 use crate::commands::simulate::Between;
 use crate::commands::{Session, check_out, deliver, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
@@ -35,6 +36,8 @@ pub(crate) struct Score {
     #[command(flatten)]
     columns: Columns,
     #[command(flatten)]
+    setup: SetupOptions,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -42,7 +45,9 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
     let inputs = command.models.iter().chain(&command.data).chain(command.columns.files());
     check_out(command.output.out.as_deref(), inputs)?;
     let screen = &session.screen;
-    let nominals = command.models.iter().map(|file| Nominal::open(file, session)).collect::<Outcome<Vec<Nominal>>>()?;
+    let setup = command.setup.setup();
+    let open = |file: &PathBuf| Nominal::open(file, &setup, session);
+    let nominals = command.models.iter().map(open).collect::<Outcome<Vec<Nominal>>>()?;
     let models: Vec<Model> = nominals.iter().map(|nominal| nominal.model.clone()).collect();
     let logs = opened(&command.data, &command.columns, screen)?;
     let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();

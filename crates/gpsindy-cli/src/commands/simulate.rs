@@ -2,6 +2,7 @@
 
 use crate::args::{Columns, Output, values};
 use crate::commands::nominal::Nominal;
+use crate::commands::setup::SetupOptions;
 use crate::commands::{Session, check_out, check_states, columns_of, dataset, deliver, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -50,6 +51,8 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     columns: Columns,
     #[command(flatten)]
+    setup: SetupOptions,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -74,7 +77,7 @@ impl From<Between> for Hold {
 pub(crate) fn run(command: &Simulate, session: &Session<'_>) -> Outcome {
     let inputs = std::iter::once(&command.model).chain(&command.data).chain(command.columns.files());
     check_out(command.output.out.as_deref(), inputs)?;
-    let nominal = Nominal::open(&command.model, session)?;
+    let nominal = Nominal::open(&command.model, &command.setup.setup(), session)?;
     nominal.run(|| simulate(command, &nominal, &session.screen))
 }
 

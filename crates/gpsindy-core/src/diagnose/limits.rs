@@ -114,6 +114,10 @@ pub(crate) const OFF_COURSE: f64 = 0.5;
 /// The same in noise deviations, where noise is most of a column.
 pub(crate) const OFF_COURSE_NOISE: f64 = 3.0;
 
+/// Residual in noise deviations up to which a simulator that steps follows the logs, so that longer rollouts pile nothing up: estimates
+/// of the noise itself are right to a tenth or two.
+pub(crate) const FOLLOWS: f64 = 1.3;
+
 /// Growth of an initial error over a window beyond which the window is halved: two digits of a fitted start are then lost.
 pub(crate) const EXPLOSION: f64 = 100.0;
 

@@ -4,6 +4,7 @@
 //! or that there is no gap, or that no effect explains it. Effects are compared in output space: each is written into the
 //! model and fitted by rollouts to the raw measurements, with initial states and uncertain parameters free.
 
+mod by_part;
 mod catalogue;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::panic)]
@@ -17,6 +18,7 @@ mod fixture;
 mod handed;
 mod limits;
 mod notes;
+mod parts;
 mod power;
 pub mod report;
 mod run;
@@ -29,6 +31,7 @@ pub use design::open::{Candidate, Open};
 pub use design::settings::{Design, Designed, Parting};
 pub use handed::{Handed, Member};
 pub use notes::Note;
+pub use parts::{Part, PartKind};
 pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
 
@@ -61,6 +64,8 @@ use steps::{localise, nameless, typicality, verify, weigh};
 /// | `effects` | none | ids | only these effects are suspects; empty: all |
 /// | `without` | none | ids | these effects are no suspects |
 /// | `custom` | none | | effects of the user's own |
+/// | `parts` | none | | joints and actuators, by which the report sums up |
+/// | `only` | none | | only effects in these parts are suspects; empty: all |
 /// | `allow_place` | false | | an effect may depend on where the machine is although no rate of the model does |
 /// | `all_suspects` | false | | effects are suspects also where they make no sense by units or place |
 /// | `confidence` | 0.95 | 0.5 to 0.999 | of intervals; no verdict, probability or cause depends on it |
@@ -78,6 +83,10 @@ pub struct Diagnose {
     pub without: Vec<String>,
     /// Effects of the user's own.
     pub custom: Vec<CustomEffect>,
+    /// Joints and actuators of the machine, by which the report sums up.
+    pub parts: Vec<Part>,
+    /// The parts whose effects are suspects; empty: everything. Random forces and effects outside of all parts are then none.
+    pub only: Vec<Part>,
     /// Whether an effect may depend on where the machine is, or which way it faces, although no rate of the model does.
     pub allow_place: bool,
     /// Whether effects are suspects also where they make no sense: by units, by what the logs show, by place.
@@ -106,6 +115,8 @@ impl Default for Diagnose {
             effects: Vec::new(),
             without: Vec::new(),
             custom: Vec::new(),
+            parts: Vec::new(),
+            only: Vec::new(),
             allow_place: false,
             all_suspects: false,
             confidence: 0.95,
@@ -276,6 +287,10 @@ impl Diagnose {
         let (mut diagnosis, augmented) = weigh::report(self.confidence, &contest, found, logs, augmented);
         let resting: Vec<&str> = resting.iter().map(String::as_str).collect();
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
+        let model = judged.nominal.system.model();
+        let columns = judged.nominal.experiment.columns.iter().map(|&j| model.states[j].name.clone());
+        let measured: Vec<String> = columns.collect();
+        diagnosis.by_part = by_part::by_part(&self.parts, &self.only, model, &measured, &diagnosis);
         let open = left_open(&judged);
         let without = ablated(&contest, &judged, &diagnosis)?;
         let (work, seconds) = contest.run.work();
@@ -301,6 +316,8 @@ impl Diagnose {
             chosen: &self.effects,
             without: &self.without,
             custom: &self.custom,
+            parts: &self.parts,
+            only: &self.only,
             places: self.allow_place,
             senseless: self.all_suspects,
         }

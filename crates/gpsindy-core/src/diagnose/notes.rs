@@ -49,6 +49,11 @@ pub enum Note {
         /// Their ids.
         effects: Vec<String>,
     },
+    /// Only effects in these parts of the machine were suspects.
+    OnlyParts {
+        /// Their names.
+        parts: Vec<String>,
+    },
     /// Rollouts of the fits are shorter than the runs.
     Restarted {
         /// Their length, s.
@@ -139,6 +144,9 @@ impl std::fmt::Display for Note {
             ),
             Self::RuledOut { needs, effects } => {
                 write!(f, "suspected only where {needs}: {}", effects.join(", "))
+            }
+            Self::OnlyParts { parts } => {
+                write!(f, "only effects in {} were suspects; what other parts cause is not told", parts.join(", "))
             }
             Self::Restarted { length } => write!(
                 f,

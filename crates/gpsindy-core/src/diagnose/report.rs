@@ -9,12 +9,13 @@ mod check;
 mod closure;
 mod figures;
 mod gap;
+mod part;
 mod power;
 mod time_unit;
 mod work;
 
 use super::notes::TIME_UP;
-pub use cause::{Cause, Excluded, ModelParameter, Parameter, Stability};
+pub use cause::{BetweenRuns, Cause, Excluded, ModelParameter, Parameter, RunValue, Stability, Twin};
 pub use check::Check;
 pub use closure::{Closure, ClosureState};
 pub use figures::{
@@ -22,6 +23,7 @@ pub use figures::{
     SignalFigure, thinned,
 };
 pub use gap::{Gap, GapRegion, GapState, GapWindow, Unexplained};
+pub use part::{Bound, PartFound};
 pub use power::{PowerEffect, PowerNoise, PowerNull, PowerReport, PowerRival, PowerTrial};
 
 pub use work::StageWork;
@@ -56,6 +58,9 @@ pub struct Diagnosis {
     pub parameters: Vec<ModelParameter>,
     /// Effects that are not there above a size, given the included causes.
     pub excluded: Vec<Excluded>,
+    /// What was found by joint; empty where the simulator names none.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub by_part: Vec<PartFound>,
     /// What remains after the included causes.
     pub unexplained: Unexplained,
     /// What must hold of the included causes before they are believed; empty without any.

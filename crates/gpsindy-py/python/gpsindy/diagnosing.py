@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,8 @@ def diagnose(
     vectorized: bool = False,
     effects: str | Iterable[str] = (),
     custom: Iterable[CustomEffect] = (),
+    joints: str | Iterable[str] = (),
+    actuators: str | Iterable[str] = (),
     allow_place: bool = False,
     all_suspects: bool = False,
     confidence: float = 0.95,
@@ -64,6 +67,9 @@ def diagnose(
         Ids of the effects to test; ``!`` before an id leaves it out. Default: the whole catalogue, see :func:`effects`.
     custom : sequence of CustomEffect
         Suspects of the user's own.
+    joints, actuators : str or sequence of str
+        Test only effects in these joints of a MuJoCo model (the actuators that drive them and the mass of their own bodies included), and
+        of these actuators (command, gains and delay). Default: everywhere.
     allow_place : bool
         Let effects depend on where the machine is, or which way it faces, although no rate of the model does.
     all_suspects : bool
@@ -104,6 +110,9 @@ def diagnose(
         "effects": [name for name in chosen if not name.startswith("!")],
         "without": [name[1:] for name in chosen if name.startswith("!")],
         "custom": [effect._entry() for effect in custom],
+        "parts": [],
+        "joints": list(names_of(joints)),
+        "actuators": list(names_of(actuators)),
         "allow_place": allow_place,
         "all_suspects": all_suspects,
         "confidence": confidence,
@@ -115,7 +124,9 @@ def diagnose(
     }
     train = as_dataset(logs)._inner
     held = None if holdout is None else as_dataset(holdout, "holdout")._inner
+    named = options["joints"] or options["actuators"]
     if simulated is not None:
+        _refuse_parts(named)
         identify = _identify_settings(model, states, controls)
         paired = as_dataset(simulated, "simulated")._inner
         report, *models, left = _gpsindy.diagnose_paired(paired, identify, train, held, options, progress)
@@ -126,8 +137,30 @@ def diagnose(
         nominal = Model.from_callable(model, states, controls, kinematic=kinematic, vectorized=vectorized)
     else:
         nominal = as_model(model)
+    parts = getattr(nominal._source, "_parts", None)
+    if parts is None:
+        _refuse_parts(named)
+    else:
+        options["parts"] = parts()
+        _check_parts(options)
     report, *models, left = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
     return _diagnosis(report, models, left, nominal._source)
+
+
+def _check_parts(options: Mapping[str, Any]) -> None:
+    """Refuses a joint or actuator that the simulator lacks."""
+    for kind in ("joints", "actuators"):
+        known = [name for part, name, *_ in options["parts"] if f"{part}s" == kind]
+        for name in options[kind]:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1)
+                meant = f"did you mean {near[0]!r}? " if near else ""
+                raise ValueError(f"{kind}: the model has no {kind[:-1]} {name!r}; {meant}found {', '.join(known)}")
+
+
+def _refuse_parts(named: Any) -> None:
+    if named:
+        raise ValueError("joints, actuators: this simulator does not name its joints and actuators, as a MuJoCo model does")
 
 
 def _diagnosis(report: str, models: Sequence[Any], left: _gpsindy.Open, source: Any) -> Diagnosis:

@@ -42,7 +42,7 @@ class Cause:
     parameters : tuple of dict
         ``name``, ``value``, ``low``, ``high``, ``unit``.
     equivalent : tuple of str
-        Effects that these logs cannot distinguish from this one.
+        Effects that these logs cannot distinguish from this one; its own where it would do as well elsewhere, see ``twins``.
     next_experiment : str or None
         The experiment that would.
     stability : dict or None
@@ -50,6 +50,12 @@ class Cause:
         parts that do not.
     place : str or None
         The port or control at which it acts, where it does not act in the state's equation alone.
+    twins : tuple of dict
+        Where else, or as which other effect, these logs would have it just as well: ``effect``, ``state``, ``variables``, ``place`` (where it
+        has one) and ``parameters``.
+    between_runs : tuple of dict
+        Each of its sizes by run, and pooled: ``parameter``, ``unit``, ``runs`` (``run``, ``value``, ``low``, ``high``), ``pooled``, ``low``,
+        ``high``, ``spread`` (standard deviation of the machine's own values), ``share`` (of the spread, the machine's own) and ``p_value``.
     """
 
     effect: str
@@ -63,6 +69,8 @@ class Cause:
     next_experiment: str | None
     stability: dict[str, Any] | None = field(default=None, hash=False)
     place: str | None = None
+    twins: tuple[dict[str, Any], ...] = field(default=(), hash=False)
+    between_runs: tuple[dict[str, Any], ...] = field(default=(), hash=False)
 
 
 class Diagnosis:
@@ -107,6 +115,8 @@ class Diagnosis:
                     "variables": tuple(cause["variables"]),
                     "parameters": tuple(cause["parameters"]),
                     "equivalent": tuple(cause["equivalent"]),
+                    "twins": tuple(cause.get("twins", ())),
+                    "between_runs": tuple(cause.get("between_runs", ())),
                 }
             )
             for cause in self._report["causes"]
@@ -116,6 +126,11 @@ class Diagnosis:
     def included(self) -> tuple[Cause, ...]:
         """The causes that make up the augmented model."""
         return tuple(cause for cause in self.causes if cause.included)
+
+    @property
+    def by_joint(self) -> dict[str, str]:
+        """What was found in each joint, in a sentence; empty where the simulator names none."""
+        return {row["part"]: row["says"] for row in self._report.get("by_part", [])}
 
     @property
     def closure(self) -> dict[str, Any]:

@@ -21,7 +21,7 @@ pub(crate) struct Gain {
     pub(crate) values: Vec<f64>,
     /// Degrees of freedom of this start.
     pub(crate) degrees: usize,
-    /// Standard deviation of the size that the first column moves, where it moves one from zero; `None` where only sizes
+    /// Standard deviation of the size that the first column moves, where it moves one from where it does nothing; `None` where only sizes
     /// beyond the typical one would show.
     pub(crate) deviation: Option<f64>,
 }
@@ -75,8 +75,8 @@ impl Basis {
                 lengths.truncate(count);
                 let values = start.at(&lengths);
                 let (place, origin) = start.amplitudes[0];
-                let is_size = usable(0) && origin == 0.0;
-                let deviation = is_size.then(|| start.columns[0][place].abs() / gram[(0, 0)].sqrt());
+                // From the value at which it does nothing: of a wrong parameter the size is its error.
+                let deviation = usable(0).then(|| (start.columns[0][place] - origin).abs() / gram[(0, 0)].sqrt());
                 let deviation = deviation.filter(|deviation| is_telling(*deviation, fitted.get(place)));
                 let degrees = lengths.iter().filter(|l| **l != 0.0).count().max(1);
                 Gain { gain, values, degrees, deviation }

@@ -4,6 +4,10 @@
 /// told apart: odds below twenty to one.
 pub(crate) const TWINS: f64 = 6.0;
 
+/// Share of what a number of a simulator explains up to which another one may explain less and still be told beside it: its integrator
+/// parts them by as much, as Euler's does the damping of a joint and `kv` of its servo.
+pub(crate) const PARTED: f64 = 0.01;
+
 /// Odds that a cause is one of the machine's, for the whole of the gap that it removes; a tenth of it has a tenth of them.
 ///
 /// This and the two below are a logistic regression on the logarithm of the share, the probability of a rest and "three or

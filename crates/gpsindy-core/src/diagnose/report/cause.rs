@@ -31,6 +31,76 @@ pub struct Cause {
     /// Whether its size agrees between parts of the logs; `None` where it was not asked or no part tells a size.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub stability: Option<Stability>,
+    /// Where else, or as which other effect, these logs would have it just as well: what `equivalent` names, with place and size.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub twins: Vec<Twin>,
+    /// Its sizes by run, and pooled; empty with a single run.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub between_runs: Vec<BetweenRuns>,
+}
+
+impl Cause {
+    /// Units of its sizes.
+    pub(crate) fn units(&mut self) -> impl Iterator<Item = &mut String> {
+        let twins = self.twins.iter_mut().flat_map(|twin| &mut twin.parameters);
+        let own = self.parameters.iter_mut().chain(twins).map(|parameter| &mut parameter.unit);
+        own.chain(self.between_runs.iter_mut().map(|between| &mut between.unit))
+    }
+}
+
+/// Another account of what a cause explains.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct Twin {
+    /// Id of the catalogue.
+    pub effect: String,
+    /// The state in whose equation (or whose column) it acts.
+    pub state: String,
+    /// The port or control at which it acts, where it does not act in the state's equation alone.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
+    /// What it depends on: states, controls, or the name of the parameter that is wrong.
+    pub variables: Vec<String>,
+    /// Fitted sizes.
+    pub parameters: Vec<Parameter>,
+}
+
+/// A size by run: each with its interval, pooled with a spread between runs.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct BetweenRuns {
+    /// Name of the size among the cause's `parameters`.
+    pub parameter: String,
+    /// Unit of all values.
+    pub unit: String,
+    /// Runs that tell it, in their order.
+    pub runs: Vec<RunValue>,
+    /// Mean of the machine over its runs, in `unit`.
+    pub pooled: f64,
+    /// Lower end of its interval.
+    pub low: f64,
+    /// Upper end of its interval.
+    pub high: f64,
+    /// Standard deviation of the machine's own values from run to run, in `unit`.
+    pub spread: f64,
+    /// Share of the variance between the runs' values that is the machine's and not the fit's, in 0..1.
+    pub share: f64,
+    /// Chance of so much spread with one value for all runs, in 0..1.
+    pub p_value: f64,
+}
+
+/// The size in one run.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct RunValue {
+    /// Name of the run.
+    pub run: String,
+    /// In this run alone.
+    pub value: f64,
+    /// Lower end of its interval.
+    pub low: f64,
+    /// Upper end of its interval.
+    pub high: f64,
 }
 
 /// Whether a cause keeps its size between runs, in the inner and the outer part of its range, early and late.

@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::sampling;
-use crate::diagnose::report::{Cause, Parameter, finite};
+use crate::diagnose::report::{Cause, Parameter, Twin, finite};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Outcome, Seat, Told};
 use crate::diagnose::steps::stability::Stability;
@@ -100,6 +100,7 @@ impl Causes<'_> {
         };
         let mut class_weight = 0.0;
         let mut equivalent: Vec<String> = Vec::new();
+        let mut twins: Vec<Twin> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
         for (fit, weight) in fits.iter().zip(&weights) {
             let is_twin = seat.is_twin(fit, best.evidence.alone());
@@ -107,7 +108,12 @@ impl Causes<'_> {
             let id = fit.hypotheses[place].id().to_string();
             if is_twin || fit.hypotheses[place] == *hypothesis {
                 class_weight += weight;
-                if id != hypothesis.id() && !equivalent.contains(&id) {
+                if fit.hypotheses[place] == *hypothesis {
+                    continue;
+                }
+                // One effect at two places, as a wrong damping of a joint and of its servo, is its own equivalent.
+                twins.push(twin(self.confidence, fit, place));
+                if !equivalent.contains(&id) {
                     equivalent.push(id);
                 }
             } else if rest.len() < 3 {
@@ -115,6 +121,8 @@ impl Causes<'_> {
             }
         }
         let mut stated = cause(self.confidence, best, place, class_weight * sound, self.keep, equivalent);
+        stated.twins = twins;
+        stated.between_runs = self.stabilities[place].as_ref().map_or(Vec::new(), |s| s.between(self.confidence));
         stated.stability = self.stabilities[place].as_ref().map(|s| crate::diagnose::report::Stability {
             runs: s.parts,
             agree: s.agree,
@@ -165,7 +173,16 @@ fn cause(
         equivalent,
         next_experiment,
         stability: None,
+        twins: Vec::new(),
+        between_runs: Vec::new(),
     }
+}
+
+/// The effect at `place` of `fit` as another account of a cause.
+fn twin(confidence: f64, fit: &Contestant, place: usize) -> Twin {
+    let Cause { effect, state, place, variables, parameters, .. } =
+        cause(confidence, fit, place, 0.0, false, Vec::new());
+    Twin { effect, state, place, variables, parameters }
 }
 
 /// A random force as a cause: its intensity is the spectral density at low frequency, `2 deviation^2 tau`.
@@ -196,10 +213,12 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
         equivalent: Vec::new(),
         next_experiment: None,
         stability: None,
+        twins: Vec::new(),
+        between_runs: Vec::new(),
     }
 }
 
-fn normal_quantile(p: f64) -> f64 {
+pub(crate) fn normal_quantile(p: f64) -> f64 {
     use statrs::distribution::{ContinuousCDF, Normal};
     Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
 }

@@ -2,7 +2,8 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::{CROWDED, TWINS};
+use crate::diagnose::limits::MATERIAL;
+use crate::diagnose::limits::weigh::{CROWDED, PARTED, TWINS};
 use crate::diagnose::steps::survey::Summary;
 
 /// Whether there is a gap.
@@ -50,7 +51,21 @@ impl Seat {
     pub(crate) fn is_twin(&self, fit: &Contestant, alone: f64) -> bool {
         let bic = |fit: &Contestant| -2.0 * fit.evidence.score_of(alone);
         let best = self.alternatives.iter().map(bic).fold(f64::INFINITY, f64::min);
-        bic(fit) - best < TWINS
+        bic(fit) - best < TWINS || self.is_parted_by_the_engine_alone(fit)
+    }
+
+    /// Whether two numbers of a simulator that steps explain the logs alike, but for less than counts: its integrator may treat the one
+    /// implicitly and the other not, as MuJoCo does the damping of a joint and `kv` of its servo, and a machine has no integrator.
+    fn is_parted_by_the_engine_alone(&self, fit: &Contestant) -> bool {
+        let winner = self.alternatives.iter().find(|one| one.hypotheses.contains(&self.hypothesis));
+        let Some(winner) = winner.filter(|one| one.system.engine().is_some() && self.hypothesis.frees().is_some())
+        else {
+            return false;
+        };
+        let is_new = |h: &&Hypothesis| !winner.hypotheses.contains(h);
+        let is_number = fit.hypotheses.iter().find(is_new).is_some_and(|h| h.frees().is_some());
+        let (other, own) = (fit.evidence.misfit(), winner.evidence.misfit());
+        is_number && other - own < (MATERIAL * own.min(1.0)).max(PARTED * self.removed)
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod attribute;
 pub(crate) mod augment;
+pub(crate) mod between;
 pub(crate) mod causes;
 pub(crate) mod charge;
 pub(crate) mod check;

@@ -4,11 +4,14 @@
 //! At the joint fit, each part of the logs gets a size of its own in a linearised model, with everything else free. The
 //! test of agreement uses the size and colour of the residual, so its null distribution is known.
 
+use crate::diagnose::catalogue::hypothesis::Role;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::elimination::{eliminate, gain};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::stability::{ALIKE, DISAGREES, MOST_RUNS, NOTHING};
+use crate::diagnose::report::BetweenRuns;
+use crate::diagnose::steps::between::Sizes;
 use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter, System};
 use crate::refine::{Free, Jacobian, Point};
@@ -23,6 +26,15 @@ pub(crate) struct Stability {
     pub(crate) p_value: f64,
     /// Parts that disagree, in words.
     pub(crate) disagree: Vec<String>,
+    /// Its sizes by run.
+    pub(crate) sizes: Vec<Sizes>,
+}
+
+impl Stability {
+    /// Its sizes by run and pooled, where several runs tell them.
+    pub(crate) fn between(&self, confidence: f64) -> Vec<BetweenRuns> {
+        self.sizes.iter().filter_map(|sizes| sizes.told(confidence)).collect()
+    }
 }
 
 /// A question: sizes of their own in parts of the logs.
@@ -52,7 +64,8 @@ pub(crate) fn of(nominal: &Model, best: &Contestant, place: usize) -> Option<Sta
     let first = best.free[own[0]].parameter;
     let size = best.refined.parameters[first] - nominal.parameters.get(first).map_or(0.0, |p| p.value);
     let questions = questions(best, &gated, &own, products.runs);
-    let mut found = Stability { parts: 0, agree: 0, p_value: 1.0, disagree: Vec::new() };
+    let mut found =
+        Stability { parts: 0, agree: 0, p_value: 1.0, disagree: Vec::new(), sizes: products.sizes(best, place, &own) };
     let mut asked = 0;
     for question in questions {
         let all: Vec<usize> = question.parts.iter().flat_map(|p| p.columns.iter().copied()).collect();
@@ -201,16 +214,18 @@ fn questions(best: &Contestant, gated: &Gated, own: &[usize], runs: usize) -> Ve
         column += count;
     }
     if runs > 1 {
-        let logs = &best.experiment.logs;
-        let name = |run: usize| {
-            let members: Vec<&str> =
-                (0..logs.len()).filter(|&l| part_of(l, logs.len()) == run).map(|l| logs[l].name.as_str()).collect();
-            format!("run {}", members.join(", "))
-        };
+        let name = |run: usize| format!("run {}", members(best, run));
         let columns = |run: usize| (column + run * own.len()..column + (run + 1) * own.len()).collect();
         all.push(Question { parts: (0..runs).map(|run| Part { name: name(run), columns: columns(run) }).collect() });
     }
     all
+}
+
+/// Names of the runs of a part.
+fn members(best: &Contestant, part: usize) -> String {
+    let logs = &best.experiment.logs;
+    let own = (0..logs.len()).filter(|&l| part_of(l, logs.len()) == part);
+    own.map(|l| logs[l].name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 /// Which part log number `log` belongs to.
@@ -284,16 +299,50 @@ impl Products {
         all.gram.iter().chain(all.slope.iter()).all(|v| v.is_finite()).then_some(all)
     }
 
+    /// Sizes of the effect at `place` by run, by a straight line from the joint fit, with everything that is common to the runs free.
+    fn sizes(&self, best: &Contestant, place: usize, own: &[usize]) -> Vec<Sizes> {
+        if self.runs < 2 {
+            return Vec::new();
+        }
+        let first = self.gram.nrows() - self.runs * own.len();
+        let columns = |k: usize| (0..self.runs).map(move |run| first + run * own.len() + k);
+        let one = |(k, &free): (usize, &usize)| {
+            let index = best.free[free].parameter;
+            let (_, added) = best.added[place].iter().find(|(i, added)| *i == index && added.role == Role::Plain)?;
+            if !is_inside(best, free) {
+                return None;
+            }
+            let (mut gram, mut slope) = (self.gram.clone(), self.slope.clone());
+            let common = (0..self.free).filter(|i| !own.contains(i) && is_inside(best, *i));
+            let others = (0..own.len()).filter(|&other| other != k && is_inside(best, own[other])).flat_map(columns);
+            for i in common.chain(others) {
+                eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
+            }
+            let telling: Vec<usize> = (0..self.runs)
+                .filter(|&run| {
+                    let i = first + run * own.len() + k;
+                    gram[(i, i)] > NOTHING * self.before[i]
+                })
+                .collect();
+            let at = |i: usize| first + telling[i] * own.len() + k;
+            let information = DMatrix::from_fn(telling.len(), telling.len(), |i, j| gram[(at(i), at(j))]);
+            let moved = information.clone().cholesky()?.solve(&DVector::from_fn(telling.len(), |i, _| slope[at(i)]));
+            Some(Sizes {
+                parameter: added.symbol.clone(),
+                unit: added.unit.clone(),
+                runs: telling.iter().map(|&run| members(best, run)).collect(),
+                values: moved.add_scalar(best.refined.parameters[index]),
+                information,
+            })
+        };
+        own.iter().enumerate().filter_map(one).collect()
+    }
+
     /// Chance that sizes of their own in `extra` gain as much by noise and the rest; `None` where nothing is told of them.
     ///
     /// `own`: the effect's parameters among the free ones, and how far the first of them, its size, is from doing nothing.
     fn disagreement(&self, best: &Contestant, (own, size): (&[usize], f64), extra: &[usize]) -> Option<f64> {
-        // What stands at its bound can't give way, and would look as if it wanted to.
-        let is_inside = |i: &usize| {
-            let free = &best.free[*i];
-            let value = best.refined.parameters[free.parameter];
-            value > free.lower && value < free.upper
-        };
+        let is_inside = |i: &usize| is_inside(best, *i);
         let mut gram = self.gram.clone();
         let mut slope = self.slope.clone();
         let is_own = |i: &usize| own.contains(i);
@@ -317,6 +366,13 @@ impl Products {
     }
 }
 
+/// Whether free parameter number `place` can move: what stands at its bound can't give way, and would look as if it wanted to.
+fn is_inside(best: &Contestant, place: usize) -> bool {
+    let free = &best.free[place];
+    let value = best.refined.parameters[free.parameter];
+    value > free.lower && value < free.upper
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -331,16 +387,21 @@ mod tests {
     /// Stability of a linear loss in a drive that loses `loses(x)` beyond its model.
     fn linear(loses: impl Fn(f64) -> f64) -> Stability {
         let (model, data) = drive(None, loses, 0.01, (4, 400));
-        let system = System::new(&model).unwrap();
-        let experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap();
+        fitted_loss(&model, &data)
+    }
+
+    /// Stability of a linear loss beside that of the model.
+    fn fitted_loss(model: &Model, data: &crate::data::Dataset) -> Stability {
+        let system = System::new(model).unwrap();
+        let experiment = Experiment::new(&system, data, Some(&[0.01])).unwrap();
         let fitter = Fitter::default();
         let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Thorough).unwrap();
         let scene = scene_of(&nominal);
-        let hypotheses = enumerate(&model, &scene, &[0], &[]).unwrap();
+        let hypotheses = enumerate(model, &scene, &[0], &[]).unwrap();
         let friction = hypotheses.iter().find(|h| h.id() == "viscous_friction").unwrap();
-        let applied = friction.apply(&model, &scene).unwrap();
+        let applied = friction.apply(model, &scene).unwrap();
         let best = fitter.with(&nominal, &[unsearched(friction)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
-        of(&model, &best, 0).unwrap()
+        of(model, &best, 0).unwrap()
     }
 
     #[test]
@@ -349,6 +410,33 @@ mod tests {
         // Four runs, two halves of the range, two of the time.
         assert_eq!((found.parts, found.agree), (8, 8), "{:?}", found.disagree);
         assert!(found.p_value > 0.05, "{}", found.p_value);
+    }
+
+    /// Sizes by run of a linear loss in four runs whose losses differ by `change` from each other.
+    fn by_run(change: f64) -> BetweenRuns {
+        let all: Vec<_> =
+            (0..4).map(|run| drive(None, |x| (1.5 + f64::from(run) * change) * x, 0.01, (4, 400))).collect();
+        let run =
+            |(i, (_, data)): (usize, &(Model, crate::data::Dataset))| data.with_runs(&[i]).unwrap().runs()[0].clone();
+        let runs = all.iter().enumerate().map(run).collect();
+        let data = crate::data::Dataset::new(all[0].1.channels().to_vec(), runs).unwrap();
+        let found = fitted_loss(&all[0].0, &data);
+        found.between(0.95).remove(0)
+    }
+
+    #[test]
+    fn a_size_that_differs_between_runs_has_a_spread_and_one_that_does_not_has_none() {
+        let apart = by_run(0.2);
+        let values: Vec<f64> = apart.runs.iter().map(|run| run.value).collect();
+        for (value, truth) in values.iter().zip([0.5, 0.7, 0.9, 1.1]) {
+            assert!((value - truth).abs() < 0.08, "{values:?}");
+        }
+        assert!(
+            apart.share > 0.9 && (apart.spread - 0.258).abs() < 0.06 && (apart.pooled - 0.8).abs() < 0.05,
+            "{apart:?}"
+        );
+        let alike = by_run(0.0);
+        assert!(alike.p_value > 0.01 && alike.low < 0.5 && 0.5 < alike.high && alike.spread < 0.03, "{alike:?}");
     }
 
     #[test]

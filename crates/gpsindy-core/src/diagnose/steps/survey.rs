@@ -1,6 +1,6 @@
 //! Survey: what a screening says of every suspect at a contestant.
 
-use crate::diagnose::catalogue::hypothesis::Applied;
+use crate::diagnose::catalogue::hypothesis::{Applied, Start};
 use crate::diagnose::fit::gains::Gain;
 use std::ops::Range;
 
@@ -65,7 +65,11 @@ impl Screened {
         let all = self.gains.iter().map(|g| &g[1][0]);
         let Some(best) = all.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Summary::default() };
         let unit = self.applied.fitted.first().map(|(_, a)| a.unit.clone()).unwrap_or_default();
-        let resolution = best.deviation.map(|deviation| (deviation, unit));
+        // Of a wrong parameter finite steps are tried, too, and one of them may be best: how well it is known the straight line says.
+        let is_straight = |start: &Start| start.amplitudes.first().is_some_and(|(_, origin)| *origin != 0.0);
+        let straight = self.applied.starts.iter().zip(&self.gains).find(|(start, _)| is_straight(start));
+        let deviation = best.deviation.or_else(|| straight.and_then(|(_, gains)| gains[1][0].deviation));
+        let resolution = deviation.map(|deviation| (deviation, unit));
         Summary { gain: best.gain, degrees: best.degrees, resolution }
     }
 }

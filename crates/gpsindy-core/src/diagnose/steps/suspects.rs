@@ -11,6 +11,7 @@ use crate::diagnose::catalogue::rival::{self, Rival};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::scene_of;
 use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::parts::Part;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,6 +36,10 @@ pub(crate) struct Choice<'a> {
     pub(crate) without: &'a [String],
     /// Effects of the user's own.
     pub(crate) custom: &'a [CustomEffect],
+    /// Joints and actuators of the machine; a control of none of them, as the motion of a base, is measured and no command.
+    pub(crate) parts: &'a [Part],
+    /// Parts of the machine in which effects are suspects; where empty, everywhere. Those of the user's own always are.
+    pub(crate) only: &'a [Part],
     /// Whether an effect may depend on where the machine is where no rate of the model does.
     pub(crate) places: bool,
     /// Whether effects that make no sense at a place are suspects there.
@@ -57,7 +62,21 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
         is_chosen && !choice.without.iter().any(|e| e == id)
     };
     all.retain(|h| is_suspect(h.id(), h.is_only_if_asked()));
-    let random = is_suspect(Effect::ProcessNoise.id(), Effect::ProcessNoise.is_only_if_asked());
+    let is_asked = |h: &Hypothesis| {
+        let state = &model.states[h.state].name;
+        let has = |part: &Part| part.has(model, h.place().as_deref(), &h.variables, state);
+        let is_command = |name: &String| choice.parts.iter().any(|part| part.controls.contains(name));
+        let control = h.variables.iter().find(|name| model.control_index(name).is_some());
+        let is_measured = !choice.parts.is_empty() && control.is_some_and(|name| !is_command(name));
+        let is_part = choice.only.is_empty() || choice.only.iter().any(has);
+        h.effect().is_none() || (is_part && !is_measured)
+    };
+    all.retain(is_asked);
+    if let Some(parts) = (!choice.only.is_empty()).then(|| choice.only.iter().map(|part| part.name.clone()).collect()) {
+        notes.say(Note::OnlyParts { parts });
+    }
+    let random =
+        choice.only.is_empty() && is_suspect(Effect::ProcessNoise.id(), Effect::ProcessNoise.is_only_if_asked());
     // The equations of a simulator that is no text don't say what they depend on.
     let known = nominal.system.simulator().is_none();
     let places = if known && !choice.places && !choice.senseless { invariance::places(model) } else { Vec::new() };

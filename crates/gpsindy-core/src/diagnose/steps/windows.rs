@@ -1,6 +1,6 @@
 //! The length of rollouts: as long as the model follows the logs and longer rollouts carry more information.
 
-use crate::diagnose::limits::{Budget, EXPLOSION, LOUD, OFF_COURSE, OFF_COURSE_NOISE, SHORTEST};
+use crate::diagnose::limits::{Budget, EXPLOSION, FOLLOWS, LOUD, OFF_COURSE, OFF_COURSE_NOISE, SHORTEST};
 use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Jacobian, Log, Window};
@@ -31,11 +31,13 @@ pub(crate) fn choose_windows(
     let mut parts = 1usize;
     if purpose == Purpose::Search && system.engine().is_some() && system.n_controls() > 0 {
         // A longer rollout costs more calls, and has more saturations and stops at which the fit of a wrong model ends.
+        // Where the model follows the logs in these, they grow again.
         let motion = motion_time(&experiment);
         while longest / parts as f64 > motion && samples / (2 * parts) >= shortest {
             parts *= 2;
         }
     }
+    let of_motion = parts;
     loop {
         watch(parts.ilog2() as usize)?;
         let length = longest / parts as f64;
@@ -46,6 +48,9 @@ pub(crate) fn choose_windows(
             Ok((fit, jacobian)) => {
                 let loud = purpose == Purpose::Search && is_loud(system, &cut, &fit.residuals);
                 let fits = stays_near(&cut, &fit.residuals, &jacobian) && !loud;
+                if fits && parts == of_motion && parts > 1 && follows(&cut, &fit.residuals) {
+                    return grown(system, (experiment, cut), at, parts, watch);
+                }
                 if fits || smallest {
                     return Ok((cut, (parts > 1).then_some(length)));
                 }
@@ -56,6 +61,42 @@ pub(crate) fn choose_windows(
         }
         parts *= 2;
     }
+}
+
+/// Windows of a simulator that steps, from `parts` of the longest run to longer ones, as far as the model follows the logs within their
+/// noise: nothing piles up in them, and what is small shows in the longest ones first. The answer is that of [`choose_windows`].
+fn grown(
+    system: &System,
+    (experiment, mut cut): (Experiment, Experiment),
+    at: (&[f64], &[Free]),
+    mut parts: usize,
+    watch: &dyn Fn(usize) -> Result<()>,
+) -> Result<(Experiment, Option<f64>)> {
+    let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
+    while parts > 1 {
+        let half = parts / 2;
+        let longer = match half {
+            1 => whole_runs(experiment.clone()),
+            _ => experiment.clone().with_windows_of(longest / half as f64),
+        };
+        let fit = Budget::Rough.refine().fit_watched(system, &longer, at, None, &|_| watch(half.ilog2() as usize));
+        let (fit, jacobian) = match fit {
+            Ok(found) => found,
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            // What can't be fitted there is one more reason for shorter ones.
+            Err(_) => break,
+        };
+        if !follows(&longer, &fit.residuals) || !stays_near(&longer, &fit.residuals, &jacobian) {
+            break;
+        }
+        (cut, parts) = (longer, half);
+    }
+    Ok((cut, (parts > 1).then_some(longest / parts as f64)))
+}
+
+/// Whether rollouts leave no more than the noise of every column, and a little.
+fn follows(experiment: &Experiment, residuals: &[Vec<f64>]) -> bool {
+    within(experiment, residuals, |c| FOLLOWS * experiment.noise[c])
 }
 
 /// How often windows can be halved before they are too short.

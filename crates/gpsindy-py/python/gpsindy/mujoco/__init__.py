@@ -17,14 +17,17 @@ from gpsindy._tables import Array
 from gpsindy.dataset import Path
 from gpsindy.model import Model
 from gpsindy.mujoco._engine import mujoco
+from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.copies import WORTH_THREADS, Copies, seconds_a_step
 from gpsindy.mujoco.corrections import Corrections
-from gpsindy.mujoco.drivers import Drivers
+from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
 from gpsindy.mujoco.settings import Setting, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
-__all__ = ["Setting", "Simulator"]
+__all__ = ["Driver", "Setting", "Simulator"]
+
+_Part = tuple[str, str, list[str], list[str], list[str], list[str]]
 
 
 class Simulator:
@@ -48,17 +51,23 @@ class Simulator:
         Columns of the commands. Default: the actuator's own name, with ``_ctrl`` where a joint has it too.
     sensors : mapping of str to str, optional
         What a column reads, as an expression of the states, where it is not the state itself: ``{"hip": "hip + 0.1"}``.
-    drivers : mapping of str to (float, float), optional
-        Motors that the machine's driver moves to a position: the gains kp and kd of its PD loop by actuator. The column of such
-        an actuator is the wanted position, and the torque is ``kp (u - q) - kd dq/dt``, anew at every physics step. The gains
-        are parameters, ``ACTUATOR.kp`` and ``ACTUATOR.kd``.
+    drivers : mapping of str to Driver or (float, float), optional
+        Motors that the machine's driver moves to a position: its PD loop, or the gains kp and kd of it, by actuator. ``*`` in a name stands
+        for any characters: ``{"*": (40.0, 1.0)}``. The column of such an actuator is the wanted position, and the torque is
+        ``kp (u - q) - kd dq/dt``, anew at every physics step. Gains and delay are parameters, ``ACTUATOR.kp``, ``ACTUATOR.kd`` and
+        ``ACTUATOR.delay``.
+    base : {"fixed", "imu", "pose"}, optional
+        How a free base moves: not at all (on a stand, as the file places it), as the columns ``base_qw``, ``qx``, ``qy``, ``qz``
+        (quaternion), ``base_wx``, ``wy``, ``wz`` (gyroscope) and ``base_dwx``, ``dwy``, ``dwz`` (its derivative) say, or as these and
+        ``base_x``, ``base_vx``, ``base_ax`` and so on (position, velocity, acceleration in the world) say. What moves on the base does not
+        move it; contacts are the engine's.
     threads : int
         Threads of the engine; 0: all cores.
 
     Raises
     ------
     ValueError
-        A free or ball joint, an actuator that interpolates a late command, a name that the model lacks.
+        A ball joint, a free joint without ``base``, an actuator that interpolates a late command, a name that the model lacks.
 
     Examples
     --------
@@ -74,29 +83,38 @@ class Simulator:
         actuators: Mapping[str, str] | None = None,
         sensors: Mapping[str, str] | None = None,
         *,
-        drivers: Mapping[str, tuple[float, float]] | None = None,
+        drivers: Mapping[str, Driver | tuple[float, ...]] | None = None,
+        base: str | None = None,
         threads: int = 0,
     ) -> None:
         loaded = load(model)
         self._mj, self._text, self._source, self._late = loaded.model, loaded.text, loaded.source, loaded.late
         self._mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        self._base = Base(self._mj, base)
+        self._ids = self._base.joints
         self._threads = threads
         self._batches: dict[int, Copies] = {}
         self._cost = seconds_a_step(self._mj)
-        self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(self._mj.njnt)]
+        self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in self._ids]
         self._actuators = [name_of(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
         self._positions, self._velocities = self._columns(joints or {})
         self._commands = self._command_columns(actuators or {})
         self._activations = self._activation_columns()
-        self._settings = settings_of(self._mj, self._joints, self._actuators)
-        self._drivers = Drivers(self._mj, self._actuators, drivers or {}, len(self._settings))
+        self._settings = settings_of(self._mj, dict(zip(self._ids, self._joints)), self._actuators)
+        self._drivers = Drivers(self._mj, self._actuators, self._ids, drivers or {}, len(self._settings))
         self._settings += self._drivers.settings
+        for a, driver in self._drivers.around.items():
+            if self._late[a] > 0.0:
+                raise ValueError(f"actuator {self._actuators[a]!r} has a delay in the file and a driver; give the delay to the driver")
+            self._late[a] = driver.delay
         self._period = float(self._mj.opt.timestep)
         #: Force, inertia and unit by the column of a joint's velocity.
         self._inertia = self._inertias()
         on_joint = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
         driving = [a for a in range(self._mj.nu) if int(self._mj.actuator_trntype[a]) in on_joint]
-        self._drives = {self._actuators[a]: self._joints[self._mj.actuator_trnid[a, 0]] for a in driving}
+        place = {j: joint for j, joint in zip(self._ids, self._joints)}
+        on = {a: place.get(int(self._mj.actuator_trnid[a, 0])) for a in driving}
+        self._drives = {self._actuators[a]: joint for a, joint in on.items() if joint is not None}
         self._acting = dict(zip(self._commands, self._actuators))
         self._gears = {self._actuators[a]: float(self._mj.actuator_gear[a, 0]) for a in driving}
         self._model = self._made(dict(sensors or {}))
@@ -146,18 +164,58 @@ class Simulator:
             columns += [f"{_plain(actuator)}_act" + (f"_{i}" if count > 1 else "") for i in range(count)]
         return columns
 
+    def _parts(self) -> list[_Part]:
+        """Joints, with the actuators that drive them and the mass of their own bodies, and actuators: kind, name, and what of the model
+        belongs to each, as names of states, controls, ports and parameters."""
+        late = {f"{name}.delay" for name, seconds in zip(self._actuators, self._late) if seconds > 0.0}
+        of = {name: [s.name for s in self._settings if s.element == name] for name in {s.element for s in self._settings}}
+        # Elements of different kinds may have one name.
+        gains = {"kp", "kv", "kd"}
+        actuators: list[_Part] = []
+        for a, actuator in enumerate(self._actuators):
+            acts = int(self._mj.actuator_actadr[a])
+            own = self._activations[acts : acts + int(self._mj.actuator_actnum[a])] if acts >= 0 else []
+            numbers = [name for name in of.get(actuator, []) if name.rpartition(".")[2] in gains]
+            numbers += [name for name in [f"{actuator}.delay"] if name in late]
+            actuators.append(("actuator", actuator, own, [self._commands[a]], [], numbers))
+        joints: list[_Part] = []
+        ports = {port.variable: port.name for port in self._model.ports}
+        for j, (number, joint) in enumerate(zip(self._ids, self._joints)):
+            body = int(self._mj.jnt_bodyid[number])
+            drives = [part for part in actuators if self._drives.get(part[1]) == joint]
+            own = [name for name in of.get(joint, []) if name.rpartition(".")[2] not in gains | {"mass"}]
+            masses = [s.name for s in self._settings if s.attribute == "mass" and self._moved_by(s.index) == body]
+            velocity = self._velocities[j]
+            joints.append(
+                (
+                    "joint",
+                    joint,
+                    [self._positions[j], velocity, *(state for part in drives for state in part[2])],
+                    [command for part in drives for command in part[3]],
+                    [ports[velocity]] if velocity in ports else [],
+                    [*own, *(name for part in drives for name in part[5]), *masses],
+                )
+            )
+        return joints + actuators
+
+    def _moved_by(self, body: int) -> int:
+        """The nearest body above, or itself, that has a joint."""
+        while body and int(self._mj.body_jntnum[body]) == 0:
+            body = int(self._mj.body_parentid[body])
+        return body
+
     def _inertias(self) -> dict[str, tuple[str, float, str]]:
         masses = {setting.element: setting.scale or 0.0 for setting in self._settings if setting.attribute == "armature"}
         found = {}
-        for j, joint in enumerate(self._joints):
+        for j, joint, velocity in zip(self._ids, self._joints, self._velocities):
             hinge = self._mj.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
-            found[self._velocities[j]] = (joint, masses[joint], "N m" if hinge else "N")
+            found[velocity] = (joint, masses[joint], "N m" if hinge else "N")
         return found
 
     def _made(self, sensors: dict[str, str]) -> Model:
         m = self._mj
         step = float(m.opt.timestep)
-        hinges = [m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE for j in range(m.njnt)]
+        hinges = [m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE for j in self._ids]
         units = ["rad" if hinge else "m" for hinge in hinges]
         ports = []
         known = {setting.name for setting in self._settings}
@@ -176,7 +234,7 @@ class Simulator:
             self._carried.update({(effect, port): name for effect, name in carried if effect != "inertia"})
             ports.append((port, velocity, "N m" if hinge else "N", position, carried))
         top = (0.0, float("inf"))
-        start = [float(m.qpos0[m.jnt_qposadr[j]]) for j in range(m.njnt)]
+        start = [float(m.qpos0[m.jnt_qposadr[j]]) for j in self._ids]
         return stepping_model(
             self._step,
             _plain(self._source.stem) if self._source else "mujoco",
@@ -186,13 +244,13 @@ class Simulator:
                 *((v, f"{unit}/s") for v, unit in zip(self._velocities, units)),
                 *((column, "") for column in self._activations),
             ],
-            controls=[(name, "") for name in self._commands],
+            controls=[*((name, "") for name in self._commands), *self._base.columns],
             kinematic=list(zip(self._positions, self._velocities)),
             ports=ports,
-            parameters=[(s.name, s.value, s.unit, None, top, s.scale) for s in self._settings],
+            parameters=[(s.name, s.value, s.unit, s.tolerance, top, s.scale) for s in self._settings],
             delays=[
-                (command, f"{actuator}.delay", late, step)
-                for command, actuator, late in zip(self._commands, self._actuators, self._late)
+                (command, f"{actuator}.delay", late, step, self._drivers.tolerance(a, "delay"))
+                for a, (command, actuator, late) in enumerate(zip(self._commands, self._actuators, self._late))
                 if late > 0.0
             ],
             initial=[*zip(self._positions, start), *((name, 0.0) for name in [*self._velocities, *self._activations])],
@@ -205,7 +263,7 @@ class Simulator:
         if size not in self._batches:
             # A thread that waits for few rows costs more than it does.
             threads = self._threads if size * self._cost >= WORTH_THREADS else 1
-            self._batches[size] = Copies(self._mj, self._settings, self._drivers, size, threads)
+            self._batches[size] = Copies(self._mj, self._settings, self._drivers, self._base, size, threads)
         return self._batches[size].step(x, u, force, parameters, dt)
 
     def corrected(self, model: Model) -> str:
@@ -222,7 +280,7 @@ class Simulator:
         if self._text is None:
             raise ValueError("there is no MJCF text to correct; make the simulator from an MJCF file or text")
         home = None if self._source is None else self._source.parent
-        said = Corrections(self._text, home, self._mj, self._settings)
+        said = Corrections(self._text, home, self._mj, self._settings, self._ids)
         values: dict[str, float] = {}
         for kind, name, expression, value in model._inner.simulator_inputs():
             if kind == "parameter" and value is None:
@@ -231,9 +289,11 @@ class Simulator:
                 values[name] = value
             elif kind == "force" and expression != "0":
                 said.missing.append(f"a force acts at {name}: {expression}")
-            elif kind == "command":
+            elif kind == "command" and name in self._commands:
                 a = self._commands.index(name)
-                if expression != self._nominal[name]:
+                if a in self._drivers.around and expression != name:
+                    said.missing.append(f"the wanted position {name}, of the driver, becomes {expression}")
+                elif expression != self._nominal[name]:
                     said.command(name, self._actuators[a], a, expression)
         said.numbers(values)
         own = len(self._model.states)
@@ -275,4 +335,6 @@ def _plain(name: str) -> str:
 def _known(what: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
     for name in given:
         if name not in known:
-            raise ValueError(f"{what}: the model has no {name!r}; found {', '.join(known)}")
+            near = difflib.get_close_matches(name, known, 1)
+            meant = f"did you mean {near[0]!r}? " if near else ""
+            raise ValueError(f"{what}: the model has no {name!r}; {meant}found {', '.join(known)}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from gpsindy._tables import Array
 from gpsindy.mujoco._engine import batch
+from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.drivers import Drivers
 from gpsindy.mujoco.settings import OF_A_DOF, Setting, first
 
@@ -39,13 +40,17 @@ def quiet(copies: Any) -> None:
 class Copies:
     """A number of copies of one model, each with parameters of its own."""
 
-    def __init__(self, model: Any, settings: Sequence[Setting], drivers: Drivers, size: int, threads: int) -> None:
+    def __init__(
+        self, model: Any, settings: Sequence[Setting], drivers: Drivers, base: Base, size: int, threads: int
+    ) -> None:
         self.batch = batch.Batch(model, size, nthread=threads)
         quiet(self.batch)
         self.settings = settings
         self.drivers = drivers
-        self.position = model.jnt_qposadr.copy()
-        self.velocity = model.jnt_dofadr.copy()
+        self.base = base
+        self.position = model.jnt_qposadr[base.joints]
+        self.velocity = model.jnt_dofadr[base.joints]
+        self.dof = model.jnt_dofadr.copy()
         bind = self.batch.bind
         self.qpos, self.qvel, self.force = bind("qpos"), bind("qvel"), bind("qfrc_applied")
         self.ctrl = bind("ctrl") if model.nu else np.zeros((size, 0))
@@ -67,7 +72,9 @@ class Copies:
         self.qvel[:rows, self.velocity] = x[:, joints : 2 * joints]
         self.act[:rows] = x[:, 2 * joints :]
         self.force[:rows, self.velocity] = force
-        self.ctrl[:rows] = self.drivers.commands(x, u, parameters)
+        commands = self.ctrl.shape[1]
+        self.base.place(u[:, commands:], self.qpos[:rows], self.qvel[:rows], self.force[:rows])
+        self.ctrl[:rows] = self.drivers.commands(x, u[:, :commands], parameters)
         failed: Any = ()
         try:
             self.batch.step(ids=np.arange(rows, dtype=np.int32))
@@ -104,7 +111,7 @@ class Copies:
         """Sets one number of every copy; whether constants of the model depend on it."""
         rows, i, attribute = len(values), setting.index, setting.attribute
         if attribute in OF_A_DOF:
-            first(self._field(f"dof_{attribute}"))[:rows, self.velocity[i]] = values
+            first(self._field(f"dof_{attribute}"))[:rows, self.dof[i]] = values
             return attribute == "armature"
         if attribute == "stiffness":
             first(self._field("jnt_stiffness"))[:rows, i] = values

@@ -34,13 +34,16 @@ class Corrections:
         What is said otherwise than in the report.
     """
 
-    def __init__(self, text: str, home: pathlib.Path | None, model: Any, settings: Sequence[Setting]) -> None:
+    def __init__(
+        self, text: str, home: pathlib.Path | None, model: Any, settings: Sequence[Setting], joints: Sequence[int]
+    ) -> None:
         self.text = mjcf.Text(text)
         self.missing: list[str] = []
         self.remarks: list[str] = []
         self._home = home
         self._mj = model
         self._settings = settings
+        self._joints = joints
 
     def numbers(self, values: Mapping[str, float]) -> None:
         """Sets numbers of joints, actuators and bodies in place, and checks that a model made from the text has them."""
@@ -71,7 +74,7 @@ class Corrections:
         """Numbers that a model made from the text has otherwise."""
         model = compiled(self.text.text, self._home)
         # Places count, not names.
-        numbers = [str(i) for i in range(model.njnt)], [str(i) for i in range(model.nu)]
+        numbers = {j: str(j) for j in self._joints}, [str(i) for i in range(model.nu)]
         found = {(s.attribute, s.index): s.value for s in settings_of(model, *numbers)}
         rows = [(s, found.get((s.attribute, s.index), 0.0)) for s in self._settings if not s.driver]
         return [(s, value) for s, value in rows if abs(value - wanted[s.name]) > _SAME * max(abs(value), abs(wanted[s.name]))]
@@ -81,6 +84,8 @@ class Corrections:
             return False
         kind = {"kp": "actuator", "kv": "actuator", "mass": "body"}.get(setting.attribute, "joint")
         number = setting.index - 1 if kind == "body" else setting.index
+        if kind == "joint" and self.text.named("freejoint"):
+            number = self._joints.index(setting.index)
         element = self.text.find(kind, setting.element, number)
         if element is None:
             return False

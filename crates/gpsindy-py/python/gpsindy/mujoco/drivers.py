@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import difflib
+import fnmatch
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +13,50 @@ import numpy as np
 from gpsindy._tables import Array
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.settings import Setting
+
+#: Standard deviation of a gain or delay that is a guess, as a share of it.
+GUESSED = 0.5
+
+
+@dataclass(frozen=True)
+class Driver:
+    """The PD loop of a motor's driver: ``kp (u - q) - kd dq/dt``, on a wanted position u that arrives late.
+
+    Attributes
+    ----------
+    kp, kd : float
+        Gains, in N m/rad and N m s/rad (N/m and N s/m of a slide).
+    delay : float, default 0
+        How late the wanted position acts, s, in whole physics steps.
+    find : sequence of str, optional
+        What of ``kp``, ``kd`` and ``delay`` is a guess: every fit corrects it by up to about its own size. The other numbers are exact, yet
+        suspects like every parameter.
+    """
+
+    kp: float
+    kd: float
+    delay: float = 0.0
+    find: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("kp", "kd", "delay"):
+            try:
+                value = float(getattr(self, name))
+            except (TypeError, ValueError):
+                raise ValueError(f"driver: {name} must be a number, found {getattr(self, name)!r}") from None
+            if not 0.0 <= value < float("inf"):
+                raise ValueError(f"driver: {name} must be finite and at least 0, found {value!r}")
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "find", tuple(self.find))
+        for name in self.find:
+            if name not in ("kp", "kd", "delay"):
+                raise ValueError(f"driver: find: expected names among kp, kd and delay, found {name!r}")
+            if getattr(self, name) == 0.0:
+                raise ValueError(f"driver: {name} = 0 is no guess that a fit can scale; give its likely size")
+
+    def tolerance(self, name: str) -> float | None:
+        """Relative standard deviation of a guess."""
+        return GUESSED if name in self.find else None
 
 
 class Drivers:
@@ -23,35 +70,44 @@ class Drivers:
     model : MjModel
     actuators : sequence of str
         Names of all actuators.
-    given : mapping of str to (float, float)
-        Gains kp and kd of the drivers, by actuator.
+    joints : sequence of int
+        Numbers of the joints that are states, in their order.
+    given : mapping of str to Driver or (float, float) or (float, float, float)
+        Drivers, or gains kp and kd and a delay, by actuator; ``*`` and ``?`` in a name stand for any characters and any one.
     first : int
         How many numbers of the engine come before those of the drivers.
 
     Raises
     ------
     ValueError
-        An unknown actuator, one that is no motor on a hinge or slide, a gain that is not finite or below 0.
+        An unknown actuator, one that is no motor on a hinge or slide, a number that is not finite or below 0.
     """
 
     def __init__(
-        self, model: Any, actuators: Sequence[str], given: Mapping[str, tuple[float, float]], first: int
+        self, model: Any, actuators: Sequence[str], joints: Sequence[int], given: Mapping[str, Any], first: int
     ) -> None:
         self._places: list[tuple[int, int, int]] = []
-        self._joints = int(model.njnt)
+        self._joints = len(joints)
         self.settings: list[Setting] = []
+        #: By number of the actuator.
+        self.around: dict[int, Driver] = {}
         on_joint = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
-        for name, gains in given.items():
-            if name not in actuators:
-                raise ValueError(f"drivers: the model has no actuator {name!r}; found {', '.join(actuators)}")
+        for name, driver in _by_actuator(given, actuators):
             a = actuators.index(name)
             plain = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE and model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-            if not plain or int(model.actuator_trntype[a]) not in on_joint:
+            joint = int(model.actuator_trnid[a, 0])
+            if not plain or int(model.actuator_trntype[a]) not in on_joint or joint not in joints:
                 raise ValueError(f"drivers: actuator {name!r} is no motor on a joint; a driver's loop goes around a <motor>")
-            kp, kd = _gains(name, gains)
-            self._places.append((a, int(model.actuator_trnid[a, 0]), first + len(self.settings)))
-            self.settings.append(Setting(f"{name}.kp", kp, "", name, "kp", a, kp or 1.0, driver=True))
-            self.settings.append(Setting(f"{name}.kd", kd, "", name, "kd", a, kd or 0.01 * kp or 1.0, driver=True))
+            self.around[a] = driver
+            self._places.append((a, joints.index(joint), first + len(self.settings)))
+            for gain, value, scale in (("kp", driver.kp, driver.kp or 1.0), ("kd", driver.kd, driver.kd or 0.01 * driver.kp or 1.0)):
+                self.settings.append(
+                    Setting(f"{name}.{gain}", value, "", name, gain, a, scale, driver=True, tolerance=driver.tolerance(gain))
+                )
+
+    def tolerance(self, actuator: int, name: str) -> float | None:
+        """Of a number of the driver around an actuator."""
+        return self.around[actuator].tolerance(name) if actuator in self.around else None
 
     def commands(self, x: Array, u: Array, parameters: Array) -> Array:
         """What reaches the engine: ``u`` (n, n_actuators) with the columns of the motors in place of their wanted positions."""
@@ -64,11 +120,29 @@ class Drivers:
         return found
 
 
-def _gains(name: str, gains: tuple[float, float]) -> tuple[float, float]:
+def _by_actuator(given: Mapping[str, Any], actuators: Sequence[str]) -> Iterable[tuple[str, Driver]]:
+    """Drivers by name of an actuator, patterns resolved; a name counts more than a pattern."""
+    found: dict[str, Driver] = {}
+    for pattern, driver in sorted(given.items(), key=lambda item: item[0] in actuators):
+        names = [pattern] if pattern in actuators else fnmatch.filter(actuators, pattern)
+        if not names:
+            near = difflib.get_close_matches(pattern, actuators, 1)
+            meant = f"did you mean {near[0]!r}? " if near else ""
+            raise ValueError(f"drivers: the model has no actuator {pattern!r}; {meant}found {', '.join(actuators)}")
+        found.update(dict.fromkeys(names, _driver(pattern, driver)))
+    return [(name, found[name]) for name in actuators if name in found]
+
+
+def _driver(name: str, given: Any) -> Driver:
+    if isinstance(given, Driver):
+        return given
     try:
-        kp, kd = (float(gain) for gain in gains)
-    except (TypeError, ValueError):
-        raise ValueError(f"drivers: actuator {name!r}: expected its gains (kp, kd), found {gains!r}") from None
-    if not (0.0 <= kp < float("inf") and 0.0 <= kd < float("inf")):
-        raise ValueError(f"drivers: actuator {name!r}: gains must be finite and at least 0, found {gains!r}")
-    return kp, kd
+        numbers = tuple(given)
+    except TypeError:
+        numbers = ()
+    if len(numbers) not in (2, 3):
+        raise ValueError(f"drivers: actuator {name!r}: expected its gains (kp, kd) or (kp, kd, delay), found {given!r}")
+    try:
+        return Driver(*numbers)
+    except ValueError as error:
+        raise ValueError(f"drivers: actuator {name!r}: {error}") from None

@@ -66,13 +66,11 @@ def load(model: Any) -> Loaded:
 
 
 def _check(m: Any) -> None:
-    kinds = {int(mujoco.mjtJoint.mjJNT_FREE): "free", int(mujoco.mjtJoint.mjJNT_BALL): "ball"}
     for j in range(m.njnt):
-        kind = kinds.get(int(m.jnt_type[j]))
-        if kind is not None:
+        if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL:
             name = name_of(m, mujoco.mjtObj.mjOBJ_JOINT, j)
             raise ValueError(
-                f"joint {name!r} is a {kind} joint, which has no position of one number; weld the body or "
+                f"joint {name!r} is a ball joint, which has no position of one number; weld the body or "
                 "replace the joint by hinges and slides"
             )
     if m.njnt == 0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,8 @@ class Setting:
         A change that matters, if the value itself does not give one.
     driver : bool
         It belongs to the driver around the engine, which no MJCF describes.
+    tolerance : float or None
+        Relative standard deviation of what is a guess.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Setting:
     index: int
     scale: float | None
     driver: bool = False
+    tolerance: float | None = None
 
 
 def name_of(m: Any, kind: Any, index: int) -> str:
@@ -61,13 +64,13 @@ def first(field: Any) -> Any:
 OF_A_DOF = ("frictionloss", "damping", "armature")
 
 
-def settings_of(m: Any, joints: Sequence[str], actuators: Sequence[str]) -> list[Setting]:
+def settings_of(m: Any, joints: Mapping[int, str], actuators: Sequence[str]) -> list[Setting]:
     data = mujoco.MjData(m)
     mujoco.mj_forward(m, data)
     inertia = np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, data, inertia)
     found = []
-    for j, joint in enumerate(joints):
+    for j, joint in joints.items():
         dof = m.jnt_dofadr[j]
         hinge = m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         force = "N m" if hinge else "N"

@@ -39,6 +39,7 @@ pub(crate) fn assemble(
         causes,
         parameters: if keep { parameters(nominal, &augmented, &outcome.best) } else { Vec::new() },
         excluded: excluded(contest, outcome),
+        by_part: Vec::new(),
         unexplained,
         checks: if keep { checks } else { Vec::new() },
         closure: verification.closure,
@@ -76,8 +77,12 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
     let mut all: Vec<Excluded> = Vec::new();
     for (hypothesis, summary) in contest.hypotheses.iter().zip(&outcome.screened) {
         let Some((deviation, unit)) = &summary.resolution else { continue };
-        // Not the same effect in the same equation, whatever it depends on: a reader would see a contradiction.
-        let is_same = |h: &Hypothesis| h.id() == hypothesis.id() && h.state == hypothesis.state;
+        // Not the same effect in the same equation, whatever it depends on: a reader would see a contradiction. Wrong parameters have names.
+        let is_same = |h: &Hypothesis| {
+            h.id() == hypothesis.id()
+                && h.state == hypothesis.state
+                && (h.frees().is_none() || h.frees() == hypothesis.frees())
+        };
         let is_quiet = summary.gain < 9.0 && !outcome.best.hypotheses.iter().any(is_same);
         if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
             let state = model.states[hypothesis.moves()].name.clone();

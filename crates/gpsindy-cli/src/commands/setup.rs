@@ -1,0 +1,115 @@
+//! What a MuJoCo file does not say: options of every command that steps one.
+
+use crate::engine::{Base, Driver, Setup};
+use crate::failure::{Failure, Outcome};
+use clap::{Args, ValueEnum};
+use gpsindy_core::diagnose::{Diagnose, Part, PartKind};
+use gpsindy_files::hint;
+
+/// Around a MuJoCo model.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "MuJoCo models")]
+pub(crate) struct SetupOptions {
+    /// PD loop of the driver around a `<motor>`, whose column is then the wanted position: gains and the delay of the command in s, such as
+    /// hip=40,1,0.01; `*` stands for any characters. A `?` after a number marks a guess that the logs correct: '*=40?,1?'
+    #[arg(long, value_name = "ACTUATOR=KP,KD[,DELAY]", value_parser = driver)]
+    driver: Vec<Driver>,
+    /// How a free base moves
+    #[arg(long, value_enum, value_name = "HOW")]
+    base: Option<HowBase>,
+}
+
+/// Which parts of a MuJoCo model are suspects.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "MuJoCo models")]
+pub(crate) struct PartOptions {
+    /// Test only effects in these joints, with the actuators that drive them and the mass of their own bodies
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    joint: Vec<String>,
+    /// Test only effects of these actuators: command, gains and delay
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    actuator: Vec<String>,
+}
+
+impl PartOptions {
+    /// The settings with the parts of a simulator, and of these the ones that were named.
+    pub(crate) fn among(&self, parts: Vec<Part>, settings: Diagnose) -> Outcome<Diagnose> {
+        let named = [(PartKind::Joint, "--joint", &self.joint), (PartKind::Actuator, "--actuator", &self.actuator)];
+        let mut only = Vec::new();
+        for (kind, option, names) in named {
+            if !names.is_empty() && parts.is_empty() {
+                return Err(Failure::input(format!(
+                    "{option}: this simulator does not name its joints and actuators, as a MuJoCo model does; remove the option"
+                )));
+            }
+            for name in names {
+                let part = Part::find(&parts, kind, name).map_err(|_| {
+                    let known = parts.iter().filter(|part| part.kind == kind).map(|part| part.name.as_str());
+                    let kind = kind.as_str();
+                    Failure::input(format!("{option}: the model has no {kind} `{name}`{}", hint(name, known)))
+                });
+                only.push(part?.clone());
+            }
+        }
+        Ok(Diagnose { parts, only, ..settings })
+    }
+}
+
+/// How a free base moves.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum HowBase {
+    /// It is on a stand, as the file places it
+    Fixed,
+    /// As logged: orientation base_qw, base_qx, base_qy, base_qz, gyro base_wx, base_wy, base_wz and its derivative base_dwx, base_dwy, base_dwz
+    Imu,
+    /// As logged, with position base_x, velocity base_vx and acceleration base_ax, and so on for y and z, besides
+    Pose,
+}
+
+impl SetupOptions {
+    pub(crate) fn setup(&self) -> Setup {
+        let base = self.base.map(|how| match how {
+            HowBase::Fixed => Base::Fixed,
+            HowBase::Imu => Base::Imu,
+            HowBase::Pose => Base::Pose,
+        });
+        Setup { drivers: self.driver.clone(), base }
+    }
+}
+
+/// `hip=40,1,0.01?`.
+fn driver(text: &str) -> Result<Driver, String> {
+    let expected =
+        || format!("expected ACTUATOR=KP,KD or ACTUATOR=KP,KD,DELAY, such as hip=40,1 or '*=40?,1?', found {text}");
+    let (actuator, numbers) = text.rsplit_once('=').filter(|(name, _)| !name.is_empty()).ok_or_else(expected)?;
+    let (mut values, mut guessed) = ([0.0; 3], [false; 3]);
+    let numbers: Vec<&str> = numbers.split(',').map(str::trim).collect();
+    if !(2..=3).contains(&numbers.len()) {
+        return Err(expected());
+    }
+    for (place, number) in numbers.into_iter().enumerate() {
+        guessed[place] = number.ends_with('?');
+        let value: f64 = number.trim_end_matches('?').parse().map_err(|_| expected())?;
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(format!("gains and delay must be finite and at least 0, found {number}"));
+        }
+        values[place] = value;
+    }
+    Ok(Driver { actuator: actuator.into(), values, guessed })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_is_read_with_its_guesses() {
+        let found = driver("*_hip=40?,1,0.01?");
+        let wanted = Driver { actuator: "*_hip".into(), values: [40.0, 1.0, 0.01], guessed: [true, false, true] };
+        assert_eq!(found, Ok(wanted));
+        assert_eq!(driver("hip=40,1").map(|d| (d.values, d.guessed)), Ok(([40.0, 1.0, 0.0], [false; 3])));
+        for wrong in ["hip", "hip=40", "=40,1", "hip=40,x", "hip=40,1,0,0", "hip=-1,1", "hip=inf,1"] {
+            assert!(driver(wrong).is_err(), "{wrong}");
+        }
+    }
+}
