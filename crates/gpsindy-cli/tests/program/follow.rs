@@ -1,8 +1,6 @@
 //! `gpsindy identify --follow` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 use serde_json::Value;
 use std::io::Write;
 use std::time::Duration;
