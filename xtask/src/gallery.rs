@@ -1,23 +1,23 @@
 //! The gallery: its pages are run, and keep what came out: printed text, pictures, reports, and the verdict in a line.
 
 use crate::files::{copy, files, read, write};
+use crate::pages::all_of;
 use crate::shell::root;
 use crate::snippets::{Ran, Tools, blocks, run_page, with_outputs};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Runs every page of `folder`, or the one called `only`, and leaves its results there; with `html` also the whole reports, which only a
 /// site can show.
 pub(crate) fn run(folder: &Path, only: Option<&str>, tools: &Tools, html: bool) -> Result<(), String> {
     let index = folder.join("README.md");
-    for page in files(folder, "md")?.iter().filter(|page| **page != index) {
-        let name = page.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
-        if only.is_some_and(|only| only != name) {
-            continue;
-        }
+    let pages: Vec<PathBuf> = files(folder, "md")?.into_iter().filter(|page| *page != index).collect();
+    let name_of = |page: &Path| page.file_stem().and_then(|name| name.to_str()).unwrap_or_default().to_string();
+    let pages = pages.iter().map(|page| (page, name_of(page))).filter(|(_, name)| only.is_none_or(|only| only == name));
+    all_of(pages.map(|(page, name)| {
         let ran = run_page(page, &format!("gallery/{name}"), None, tools)?;
-        keep(page, name, &ran, html)?;
-    }
+        keep(page, &name, &ran, html)
+    }))?;
     write(
         &index,
         &with_results(&read(&index)?, |name| {
@@ -40,10 +40,13 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
     let of_fleet = compared.exists();
     let drawn = [whole.clone(), compared].into_iter().find(|path| path.exists());
     if let Some(drawn) = drawn.map(|path| read(&path)).transpose()? {
-        // The page of a fleet shows its units first.
+        // The page of a fleet shows its units first; that of a diagnosis the column that the simulator misses most.
+        let missed = if report.exists() { most_missed(&read(&report)?)? } else { None };
+        let of_missed = |title: &str| missed.as_ref().is_some_and(|c| title.contains(&format!(">{c} in held-out run")));
         let rollout = |title: &str| of_fleet || title.contains("in held-out run") && !title.contains("Residual");
         let gap = |title: &str| title.contains("Residual of the equation") && title.contains("against");
-        let pictures = [(String::new(), picture(&drawn, rollout)), ("_gap".into(), picture(&drawn, gap))];
+        let shown = picture(&drawn, of_missed).or_else(|| picture(&drawn, rollout));
+        let pictures = [(String::new(), shown), ("_gap".into(), picture(&drawn, gap))];
         for (ending, picture) in pictures.into_iter().filter_map(|(ending, picture)| Some((ending, picture?))) {
             write(&folder.join(format!("pictures/{name}{ending}.svg")), &picture)?;
         }
@@ -60,6 +63,15 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
     let program: Vec<&str> = blocks(&text).filter(|(l, _)| *l == "python").map(|(_, block)| block).collect();
     write(&folder.join(format!("{name}.py")), &program.join("\n"))?;
     write(page, &text)
+}
+
+/// The column whose held-out rollouts of the simulator are furthest from the log, in units of what noise alone causes.
+fn most_missed(report: &str) -> Result<Option<String>, String> {
+    let report: Value = serde_json::from_str(report).map_err(|e| format!("report.json: {e}"))?;
+    let columns = report["closure"]["by_state"].as_array().into_iter().flatten();
+    let ratio = |column: &Value| Some(column["before"].as_f64()? / column["floor"].as_f64()?);
+    let known = columns.filter_map(|column| Some((column["state"].as_str()?.to_string(), ratio(column)?)));
+    Ok(known.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name))
 }
 
 /// The verdict of a report in a line of Markdown: bold, with links to the effects.
@@ -162,6 +174,14 @@ pub(crate) fn write_all(only: Option<&str>, tools: &Tools) -> Result<(), String>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_picture_shows_the_column_that_the_simulator_misses_most() {
+        let report = r#"{"closure": {"by_state": [{"state": "q", "before": 2.0, "floor": 1.0},
+            {"state": "w", "before": 0.5, "floor": 0.1}, {"state": "x", "before": null, "floor": 1.0}]}}"#;
+        assert_eq!(most_missed(report), Ok(Some("w".into())));
+        assert_eq!(most_missed("{}"), Ok(None));
+    }
 
     #[test]
     fn a_result_names_verdict_cause_probability_and_what_closes() {

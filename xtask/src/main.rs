@@ -1,7 +1,9 @@
 //! Tasks of a developer: `cargo xtask test` runs all checks; the other tasks are in [`HELP`].
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "data")]
 mod bag;
+#[cfg(feature = "data")]
 mod data;
 mod files;
 mod gallery;
@@ -53,7 +55,7 @@ fn main() -> ExitCode {
         "semver" => tools::semver(argument.as_deref()),
         "msrv" => tools::msrv(),
         "long" => long::run(argument.as_deref()),
-        "data" => data::write(),
+        "data" => data(),
         "picture" => picture::all(),
         "effects" => site::effects(),
         "gallery" => site::write_gallery(argument.as_deref()),
@@ -73,14 +75,28 @@ fn main() -> ExitCode {
     }
 }
 
+#[cfg(feature = "data")]
+fn data() -> Result<(), String> {
+    data::write()
+}
+
+/// Starts itself again, built with what writes the logs.
+#[cfg(not(feature = "data"))]
+fn data() -> Result<(), String> {
+    shell::run("cargo", "run --package xtask --features data -- data".split(' '), &[])
+}
+
 /// Formatting, clippy, tests with documentation tests, documentation: one profile, so that dependencies are built once.
 fn rust() -> Result<(), String> {
     let cargo = |arguments: &str| shell::run("cargo", arguments.split(' '), &[]);
     cargo("fmt --all --check")?;
-    cargo("clippy --release --workspace --all-targets -- -D warnings")?;
-    // With the extension module, which has no test of its own here: the wheel then shares what is built for the tests.
+    cargo("clippy --release --workspace --all-targets --features xtask/data -- -D warnings")?;
+    // With the extension module, which has no test of its own here: the wheel then shares what is built for the tests. Without the
+    // examples: clippy has compiled them, and to link each of them takes a minute in all.
     skipped::counted(|environment| {
-        shell::run("cargo", "test --release --workspace --exclude gpsindy-benches".split(' '), environment)
+        let tests = "test --release --workspace --exclude gpsindy-benches --features xtask/data --tests";
+        shell::run("cargo", tests.split(' '), environment)
     })?;
+    cargo("test --release --workspace --exclude gpsindy-benches --features xtask/data --doc")?;
     shell::run("cargo", "doc --release --workspace --no-deps".split(' '), &[("RUSTDOCFLAGS", "-D warnings")])
 }

@@ -1,7 +1,7 @@
 //! The pages whose blocks a reader may copy, and their run.
 
 use crate::files::{files, read};
-use crate::shell::{root, run};
+use crate::shell::{complain, root, run};
 use crate::snippets::{Tools, blocks, run_page};
 use std::path::{Path, PathBuf};
 
@@ -17,11 +17,21 @@ pub(crate) fn run_all(only: Option<&str>, tools: &Tools) -> Result<(), String> {
     }
     std::fs::create_dir_all(&given).map_err(|e| format!("{}: {e}", given.display()))?;
     run(&tools.python, ["xtask/site/given.py", &given.to_string_lossy()], &[])?;
-    for page in chosen(only)? {
-        let name = page.strip_prefix(root()).unwrap_or(&page).with_extension("");
-        run_page(&page, &name.to_string_lossy(), Some(&given), tools)?;
+    // A page that fails does not keep the others from running: one run finds all that is wrong.
+    all_of(chosen(only)?.iter().map(|page| {
+        let name = page.strip_prefix(root()).unwrap_or(page).with_extension("");
+        run_page(page, &name.to_string_lossy(), Some(&given), tools).map(|_| ())
+    }))
+}
+
+/// Every outcome, and the errors of all that failed as one.
+pub(crate) fn all_of(outcomes: impl Iterator<Item = Result<(), String>>) -> Result<(), String> {
+    let failed: Vec<String> = outcomes.filter_map(Result::err).inspect(|error| complain(error)).collect();
+    match failed.len() {
+        0 => Ok(()),
+        1 => Err(failed.join("")),
+        n => Err(format!("{n} pages failed:\n\n{}", failed.join("\n\n"))),
     }
-    Ok(())
 }
 
 /// The pages with a block that is run; an error where `only` is none of them.
@@ -51,6 +61,18 @@ fn has_blocks(page: &Path) -> Result<bool, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_pages_run_although_one_fails() {
+        let mut ran = 0;
+        let outcomes = [Err("a"), Ok(()), Err("b")].into_iter().map(|outcome: Result<(), &str>| {
+            ran += 1;
+            outcome.map_err(str::to_string)
+        });
+        assert_eq!(all_of(outcomes), Err("2 pages failed:\n\na\n\nb".into()));
+        assert_eq!(ran, 3);
+        assert_eq!(all_of([Ok(()), Ok(())].into_iter()), Ok(()));
+    }
 
     #[test]
     fn the_pages_that_run_are_those_with_blocks_outside_the_gallery() {

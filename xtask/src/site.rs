@@ -52,8 +52,8 @@ pub(crate) fn build(only: Option<&str>) -> Result<(), String> {
     run(&tools.python, ["xtask/site/reference.py", source, &reference.to_string_lossy()], &[])?;
     publish(&own, &tools)?;
     complain("the links are good; now every block of every page");
-    pages::run_all(None, &tools)?;
-    gallery::run(&own.join("gallery"), None, &tools, true)?;
+    let ran = [pages::run_all(None, &tools), gallery::run(&own.join("gallery"), None, &tools, true)];
+    pages::all_of(ran.into_iter())?;
     let public = publish(&own, &tools)?;
     let minutes = start.elapsed().as_secs_f64() / 60.0;
     complain(&format!("site: {}, in {minutes:.0} minutes", public.join("index.html").display()));

@@ -39,7 +39,7 @@ pub(crate) fn run_page(page: &Path, name: &str, given: Option<&Path>, tools: &To
             let page = page.strip_prefix(root()).unwrap_or(page).display();
             let program = program.replace(&format!("print('\\x{:02x}', flush=True)\n", BETWEEN as u32), "");
             format!(
-                "{page}: a block of {language} failed, the pages after it were not run\n\n{program}\n{e}\nit ran in {}",
+                "{page}: a block of {language} failed, the blocks after it were not run\n\n{program}\n{e}\nit ran in {}",
                 folder.display()
             )
         })?;

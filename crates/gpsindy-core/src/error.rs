@@ -68,7 +68,7 @@ pub enum Error {
         known: Vec<String>,
     },
     /// A name that appears twice where it may appear once.
-    #[error("{kind} `{name}` stands twice; rename one of them")]
+    #[error("{kind} `{name}` appears twice; rename one of them")]
     Duplicate {
         /// What carries the name.
         kind: String,

@@ -16,7 +16,7 @@ pub struct TopicOffset {
     pub file: String,
     /// The topic.
     pub topic: String,
-    /// The offset with its interval, and what told it.
+    /// The offset with its interval, and the columns that gave it.
     pub offset: ClockOffset,
 }
 
@@ -49,7 +49,7 @@ impl fmt::Display for TopicOffset {
 /// places of the columns.
 ///
 /// # Errors
-/// A topic that no column comes from, one that is alone, columns that do not tell the offset, a request to stop.
+/// A topic that no column comes from, one that is alone, columns that do not determine the offset, a request to stop.
 pub(crate) fn align(
     log: &Log,
     topics: &mut [Topic],

@@ -45,7 +45,7 @@ pub(crate) struct CsvLog {
     /// Runs in their order, and of several the one of each row.
     run_names: Vec<String>,
     run_of_row: Vec<u32>,
-    /// Which headers stand over nothing but numbers, once somebody asked.
+    /// Which headers are over nothing but numbers, once asked for.
     numeric: OnceLock<Vec<bool>>,
 }
 
@@ -125,7 +125,7 @@ impl CsvLog {
         &self.headers[self.time].name
     }
 
-    /// The stamp from which times are counted, s; 0 where they stand as they are.
+    /// The stamp from which times are counted, s; 0 where they are used as they are.
     pub(crate) fn origin(&self) -> f64 {
         self.clock.origin()
     }
@@ -215,7 +215,7 @@ impl CsvLog {
     pub(crate) fn check_row(&self, row: &Row) -> Result<()> {
         let (found, expected) = (row.cells.len(), self.headers.len());
         if cell(row, 0).starts_with('#') {
-            let message = "a comment among the samples; comments stand before the header";
+            let message = "a comment among the samples; comments go before the header";
             return Err(Error::line(&self.file, row.line, None, message));
         }
         if found != expected {
@@ -267,7 +267,7 @@ impl CsvLog {
         if after > before {
             return Ok(());
         }
-        let how = if after < before { "time goes back" } else { "time stands still" };
+        let how = if after < before { "time goes back" } else { "time does not advance" };
         let cure = if self.run.is_some() {
             "sort or thin the samples"
         } else {
@@ -341,7 +341,7 @@ impl Source for CsvLog {
         &self.columns
     }
 
-    /// An infinite value is a number, if a bad one. Told by one pass over all columns, the first time that anybody asks.
+    /// An infinite value is a number, if a bad one. Found by one pass over all columns, when first asked for.
     fn is_numeric(&self, column: usize) -> bool {
         let Some((input, body)) = &self.body else { return true };
         let numeric = self.numeric.get_or_init(|| {

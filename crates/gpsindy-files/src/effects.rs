@@ -53,7 +53,7 @@ pub fn read_effects(path: &Path) -> Result<Vec<CustomEffect>> {
 ///
 /// # Errors
 /// A key that is unknown or missing, a bad expression (with its line), a range that is empty, no entry, an id that
-/// stands twice, or that the catalogue or a report has already.
+/// appears twice, or that the catalogue or a report has already.
 pub fn parse_effects(file: &str, text: &str) -> Result<Vec<CustomEffect>> {
     let read: File = from_toml(file, text)?;
     if read.effects.is_empty() {
@@ -61,7 +61,7 @@ pub fn parse_effects(file: &str, text: &str) -> Result<Vec<CustomEffect>> {
     }
     for (i, entry) in read.effects.iter().enumerate() {
         if read.effects[..i].iter().any(|other| other.id == entry.id) {
-            return Err(Error::file(file, format!("effect `{}` stands twice; give one another id", entry.id)));
+            return Err(Error::file(file, format!("effect `{}` appears twice; give one another id", entry.id)));
         }
         if CustomEffect::is_reserved(&entry.id) {
             let message = format!("the id `{}` has a meaning of its own already; give the effect another id", entry.id);
@@ -121,7 +121,7 @@ mod tests {
                 "e.toml: effect `lift`, parameter `c`: `low` must be below `high`, found 2 and 1",
             ),
             (LIFT.replace("state = 'v'\n", ""), "e.toml:1: missing field `state`"),
-            (format!("{LIFT}{LIFT}"), "e.toml: effect `lift` stands twice"),
+            (format!("{LIFT}{LIFT}"), "e.toml: effect `lift` appears twice"),
             (LIFT.replace("'lift'", "'function'"), "e.toml: the id `function` has a meaning of its own already"),
             (LIFT.replace("'lift'", "'bias'"), "e.toml: the id `bias` has a meaning of its own already"),
         ] {

@@ -72,10 +72,10 @@ impl Error {
 /// Characters of a message that are shown.
 const SHOWN: usize = 1000;
 
-/// And of those that come from its end, where the remedy stands.
+/// And of those that come from its end, where the remedy is.
 const END: usize = 300;
 
-/// A message without its middle where that is long: what a file holds may stand in it, a name of megabytes for one.
+/// A message without its middle where that is long: it may quote what a file holds, a name of megabytes for one.
 ///
 /// ```
 /// assert_eq!(gpsindy_files::shortened("short".into()), "short");

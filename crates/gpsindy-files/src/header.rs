@@ -7,7 +7,7 @@ pub struct Header {
     pub text: String,
     /// The text up to the first `[`, `(` or `,`, trimmed, other characters than letters, digits and `_` turned into `_`.
     pub name: String,
-    /// What stands in the first pair of brackets or parentheses; empty where there is none.
+    /// What is in the first pair of brackets or parentheses; empty where there is none.
     pub unit: String,
 }
 

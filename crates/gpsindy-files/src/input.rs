@@ -33,7 +33,7 @@ pub(crate) enum Kind {
     Mcap,
     Parquet,
     Ulog,
-    /// Text, as far as the first bytes tell.
+    /// Text, as far as the first bytes show.
     Csv,
 }
 
@@ -101,7 +101,7 @@ impl Input {
             return Ok(*kind);
         }
         match REFUSED.iter().find(|(magic, _)| head.starts_with(magic)) {
-            Some((_, told)) => Err(Error::file(&self.file, *told)),
+            Some((_, remedy)) => Err(Error::file(&self.file, *remedy)),
             None => Ok(Kind::Csv),
         }
     }

@@ -216,7 +216,7 @@ impl Log {
     }
 }
 
-/// The MCAP files of a folder in their order: `bag_9.mcap` stands before `bag_10.mcap`.
+/// The MCAP files of a folder in their order: `bag_9.mcap` comes before `bag_10.mcap`.
 pub(crate) fn parts(folder: &Path) -> Result<Vec<Input>> {
     let failed = |source| Error::Read { file: folder.display().to_string(), source };
     let mut paths = Vec::new();

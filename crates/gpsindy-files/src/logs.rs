@@ -73,7 +73,7 @@ impl Logs {
                 continue;
             }
             if files.iter().any(|log: &Log| log.file == "stdin") {
-                return Err(Error::file("stdin", "`-` stands twice; standard input can be read once"));
+                return Err(Error::file("stdin", "`-` appears twice; standard input can be read once"));
             }
             let mut bytes = Vec::new();
             std::io::stdin().read_to_end(&mut bytes).map_err(|source| Error::Read { file: "stdin".into(), source })?;
@@ -146,7 +146,7 @@ impl Logs {
     /// own (or interpolated).
     ///
     /// # Errors
-    /// As [`Logs::dataset`], topics without a common time, an offset that the columns do not tell, and a request to stop.
+    /// As [`Logs::dataset`], topics without a common time, an offset that the columns do not determine, and a request to stop.
     pub fn assemble(&self, task: &Task, progress: &dyn Progress) -> Result<Assembled> {
         let present = |name: &&String| self.files.iter().any(|log| log.position(name).is_some());
         let names: Vec<(&String, bool)> = (task.needed.iter().map(|name| (name, true)))
@@ -180,9 +180,9 @@ impl Logs {
             }
             let aligned = align(log, &mut reading.topics, &names_of, &held, progress)?;
             offsets.extend(aligned);
-            let (found, told) = merge(&log.file, reading.topics, Roles { held: &held, hold: task.hold })?;
+            let (found, more) = merge(&log.file, reading.topics, Roles { held: &held, hold: task.hold })?;
             runs.extend(found.into_iter().map(|run| Run { name: self.run_name(log, &run.name), ..run }));
-            notes.extend(reading.notes.into_iter().chain(told));
+            notes.extend(reading.notes.into_iter().chain(more));
         }
         Ok(Assembled { data: Dataset::new(channels, runs)?, notes, offsets })
     }
@@ -191,10 +191,10 @@ impl Logs {
     pub fn ignored<S: AsRef<str>>(&self, used: &[S]) -> Vec<String> {
         let names: HashSet<&str> = used.iter().map(AsRef::as_ref).collect();
         let texts: HashSet<&str> = used.iter().map(|name| name.as_ref().trim()).collect();
-        let mut told = HashSet::new();
+        let mut seen = HashSet::new();
         let headers = self.files.iter().flat_map(Log::columns);
         let ignored = headers.filter(|h| !names.contains(h.name.as_str()) && !texts.contains(h.text.as_str()));
-        ignored.filter(|h| told.insert(h.name.as_str())).map(|h| h.name.clone()).collect()
+        ignored.filter(|h| seen.insert(h.name.as_str())).map(|h| h.name.clone()).collect()
     }
 
     /// What is likely a mistake but can be read: a time column in another unit than seconds.
@@ -203,7 +203,7 @@ impl Logs {
             let (header, unit) = log.foreign_time()?;
             let text = &header.text;
             Some(format!(
-                "{}: the time column `{text}` is not in seconds; its numbers are used as they stand, so every rate is per {unit}",
+                "{}: the time column `{text}` is not in seconds; its numbers are used as they are, so every rate is per {unit}",
                 log.file
             ))
         };

@@ -1,6 +1,6 @@
 //! MCAP: topics of messages in CDR with their `ros2msg` schemas, or in JSON.
 //!
-//! The container is read from front to back, so that a file that breaks off gives what stands before the break; a message is
+//! The container is read from front to back, so that a file that breaks off gives what comes before the break; a message is
 //! kept only for as long as its wanted numbers take to be read.
 
 use crate::error::{Error, Result};
@@ -142,8 +142,8 @@ impl Source for McapLog {
             series.push(self.finish(one, &mut notes)?);
         }
         let option = if self.stamp == Stamp::Log { "" } else { ", or take the time of recording with --stamp log" };
-        let (topics, told) = stamps::topics(&self.file, series, &self.offsets, option)?;
-        notes.extend(told);
+        let (topics, more) = stamps::topics(&self.file, series, &self.offsets, option)?;
+        notes.extend(more);
         Ok(Reading { topics, notes })
     }
 

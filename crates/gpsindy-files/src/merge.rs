@@ -95,7 +95,7 @@ fn union(parts: &[Topic]) -> Vec<f64> {
     time
 }
 
-/// Where the stamps stand among the times of the run.
+/// Where the stamps lie among the times of the run.
 fn rows_of(stamps: &[f64], time: &[f64]) -> Vec<usize> {
     let mut row = 0;
     let place = |stamp: &f64| {

@@ -192,7 +192,7 @@ v = 0.0
             ),
             ("\"cart\"", "\"a\\u001b[31m\"", "cart.toml:2: name or unit: character 2 is U+001B, which does not show"),
             ("[initial]", "[inital]", "cart.toml:33: unknown field `inital`"),
-            ("name = \"k\"", "name = \"v\"", "cart.toml: name `v` stands twice"),
+            ("name = \"k\"", "name = \"v\"", "cart.toml: name `v` appears twice"),
         ] {
             let text = CART.replacen(from, to, 1);
             assert_ne!(text, CART, "{from}");

@@ -14,7 +14,7 @@ static WRITING: Mutex<()> = Mutex::new(());
 /// Links that are followed from one name, as many as Linux follows.
 const MOST_LINKS: usize = 40;
 
-/// Writes a file by way of a temporary one beside it, which is then renamed.
+/// Writes a file by way of a temporary one next to it, which is then renamed.
 ///
 /// A symbolic link stays and its target is replaced. What is no regular file (a pipe, a device, an open descriptor such as `/dev/stdout`)
 /// is written to. An older file hands on its permissions.
@@ -105,7 +105,7 @@ fn place(path: &Path) -> io::Result<Place> {
     Err(io::Error::other("a circle of symbolic links"))
 }
 
-/// A temporary file beside its target, removed unless it takes the target's place.
+/// A temporary file next to its target, removed unless it takes the target's place.
 struct Part {
     file: PathBuf,
     target: PathBuf,

@@ -25,7 +25,7 @@ pub(crate) enum Clock {
 }
 
 impl Clock {
-    /// The clock that a first stamp shows; `None` where it is neither a number nor a date. Where a `unit` is told, the size says nothing.
+    /// The clock that a first stamp shows; `None` where it is neither a number nor a date. Where a `unit` is given, the size says nothing.
     pub(crate) fn of(first: &str, unit: &str) -> Option<Self> {
         match first.parse::<f64>() {
             Ok(value) if value.abs() < EPOCH || !value.is_finite() => Some(Self::Plain),
@@ -115,7 +115,7 @@ const SLOWEST: f64 = 1e3;
 /// Except where they are this many seconds or a multiple, as those of the weather, of tides and of power grids.
 const HALF_HOUR: f64 = 1800.0;
 
-/// What speaks against seconds where a time column tells no unit: stamps that look counted in parts of a second.
+/// What speaks against seconds where a time column has no unit: stamps that look counted in parts of a second.
 pub(crate) fn doubt(time: &Header, times: &[f64]) -> Option<String> {
     if !time.unit.is_empty() || foreign_unit(time).is_some() || times.iter().any(|t| t.fract() != 0.0) {
         return None;
@@ -281,8 +281,8 @@ mod tests {
         let time = Header::parse("t");
         let stamps = |step: f64| (0..20).map(|i| step * f64::from(i)).collect::<Vec<_>>();
         for step in [1e4, 1e7, 16_667.0] {
-            let told = doubt(&time, &stamps(step)).unwrap();
-            assert!(told.contains(&format!("whole numbers, {step} from one to the next")), "{told}");
+            let doubts = doubt(&time, &stamps(step)).unwrap();
+            assert!(doubts.contains(&format!("whole numbers, {step} from one to the next")), "{doubts}");
         }
         // Seconds as they may be, and hours and days in seconds.
         for step in [1.0, 60.0, 600.0, 3_600.0, 86_400.0, 1000.5] {

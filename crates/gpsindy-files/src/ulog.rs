@@ -52,7 +52,7 @@ impl Ulog {
     }
 }
 
-/// The series of a wanted subscription, and where each of its columns stands in a message.
+/// The series of a wanted subscription, and where each of its columns lies in a message.
 type Wanted = (usize, Vec<Option<Field>>);
 
 impl Source for Ulog {
@@ -94,8 +94,8 @@ impl Source for Ulog {
             }
         })?;
         let mut notes: Vec<String> = broken.into_iter().collect();
-        let (topics, told) = stamps::topics(&self.input.file, series, &self.offsets, "")?;
-        notes.extend(told);
+        let (topics, more) = stamps::topics(&self.input.file, series, &self.offsets, "")?;
+        notes.extend(more);
         Ok(Reading { topics, notes })
     }
 

@@ -74,7 +74,7 @@ impl Manifest {
         }
         let mut seen = BTreeSet::new();
         if let Some(twice) = tasks.iter().find(|task: &&Task| !seen.insert((&task.unit, &task.since))) {
-            let what = format!("unit `{}` stands twice; give each period a `since`", twice.unit);
+            let what = format!("unit `{}` appears twice; give each period a `since`", twice.unit);
             return Err(CoreError::file(what));
         }
         Ok(Self { tasks, covariates })
@@ -226,7 +226,7 @@ mod tests {
         assert!(error("[[unit]]\nunit = \"a\"\nmodel = \"m\"\n").contains("entry 1 (unit `a`): lacks `logs`"));
         assert!(error("[[unit]]\nunit = \"a\"\nlogs = \"x\"\n").contains("lacks `model`"));
         let two = "[[unit]]\nunit = \"a\"\nlogs = \"x\"\nmodel = \"m\"\n";
-        assert!(error(&format!("{two}{two}")).contains("stands twice"));
+        assert!(error(&format!("{two}{two}")).contains("appears twice"));
         assert!(error(&format!("{two}since = \"soon\"\n")).contains("no date"));
         assert!(
             error(&format!("{two}load = 1\n[[unit]]\nunit = \"b\"\nlogs = \"x\"\nmodel = \"m\"\n"))

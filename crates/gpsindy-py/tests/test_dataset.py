@@ -165,7 +165,7 @@ def test_times_in_milliseconds_are_warned_of(tmp_path):
         ((np.ones((3, 2)), 0.0), {}, "t: the step must be above 0 s"),
         ((np.ones((3, 2, 2)), 0.1), {}, r"runs: expected shape \(samples, columns\)"),
         ((np.ones((3, 2)), 0.1), {"columns": ["a"]}, "expected 1 columns"),
-        ((np.ones((3, 2)), 0.1), {"columns": ["a", "a"]}, "`a` stands twice"),
+        ((np.ones((3, 2)), 0.1), {"columns": ["a", "a"]}, "`a` appears twice"),
         ((COLUMNS,), {"columns": ["y"]}, "no column 'y'; found x, u"),
         ((COLUMNS,), {"time": "clock"}, "no time column 'clock'"),
         (({"t": T},), {}, "no column of numbers"),

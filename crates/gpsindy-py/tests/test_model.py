@@ -119,7 +119,7 @@ def test_a_diverging_model_is_a_numerical_error():
         (lambda m: m.score({"t": [0.0, 1.0], "x": [0.0, 1.0]}), "control `u` is unknown"),
         (lambda m: gpsindy.Model.from_toml("nonsense"), r"model\.toml"),
         (lambda m: gpsindy.Model.from_callable(3, ["x"]), "simulator: expected a callable"),
-        (lambda m: gpsindy.Model.from_callable(len, ["x", "x"]), "`x` stands twice"),
+        (lambda m: gpsindy.Model.from_callable(len, ["x", "x"]), "`x` appears twice"),
         (lambda m: gpsindy.Model.from_callable(len, ["x"], kinematic={"x": "w"}), "state `w` is unknown"),
         (lambda m: pickle.dumps(gpsindy.Model.from_callable(len, ["x"])), "has no file"),
     ],

@@ -158,7 +158,7 @@ fn gaps_are_counted_in_the_stratum_of_their_size() {
 fn wrong_answers_are_refused_with_the_place() {
     for (text, words) in [
         ("[[case]]\nid = 3\n", "answers.toml:2"),
-        ("[[case]]\nid = \"a\"\n[[case]]\nid = \"a\"\n", "case `a` stands twice"),
+        ("[[case]]\nid = \"a\"\n[[case]]\nid = \"a\"\n", "case `a` appears twice"),
         ("[[case]]\nid = \"a\"\naccept = [{ effect = \"bias\", state = \"v\", of = 1 }]\n", "has 0 effects"),
     ] {
         let message = Suite::from_toml(text).unwrap_err().to_string();

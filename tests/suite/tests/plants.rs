@@ -124,7 +124,7 @@ fn names(plant: &Plant, x: &[f64], u: &[f64]) -> HashMap<String, f64> {
     names.extend(plant.parameters.iter().map(|p| (p.name.clone(), p.value)));
     names.extend(plant.states.iter().zip(x).map(|(s, &v)| (s.name.clone(), v)));
     names.extend(plant.controls.iter().zip(u).map(|(c, &v)| (c.name.clone(), v)));
-    assert_eq!(names.len(), plant.parameters.len() + x.len() + u.len(), "{}: a name stands twice", plant.name);
+    assert_eq!(names.len(), plant.parameters.len() + x.len() + u.len(), "{}: a name appears twice", plant.name);
     names
 }
 

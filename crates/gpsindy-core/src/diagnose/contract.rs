@@ -17,7 +17,7 @@ fn place(effect: Effect, benches: &[Bench]) -> (&Bench, Hypothesis) {
     found.unwrap_or_else(|| panic!("{} is a suspect on no bench", effect.id()))
 }
 
-/// The effects that rollouts can follow; what is random has its test beside the filter.
+/// The effects that rollouts can follow; what is random has its test with the filter.
 fn rolled() -> impl Iterator<Item = Effect> {
     Effect::ALL.iter().copied().filter(|effect| !effect.is_random())
 }
@@ -214,7 +214,7 @@ fn a_whole_diagnosis_names_the_planted_effect_or_says_that_it_is_a_twin() {
         if !is_it && !other() {
             return Err(format!("named {} {:?} beside {:?}", cause.effect, cause.variables, cause.equivalent));
         }
-        // What stands in the place of another closes less.
+        // What replaces another closes less.
         let closed = found.diagnosis.closure.closed.unwrap_or(0.0);
         if is_it && closed < 0.9 { Err(format!("{} closes {closed}", cause.effect)) } else { Ok(()) }
     });

@@ -107,7 +107,7 @@ pub enum Note {
         /// Its correlation time, s.
         time: f64,
     },
-    /// The errors of a sensor have a memory, and are all that is left beside random forces.
+    /// The errors of a sensor have a memory, and are all that is left besides random forces.
     ColouredNoise {
         /// The column.
         column: String,

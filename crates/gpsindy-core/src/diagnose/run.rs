@@ -205,7 +205,7 @@ mod tests {
         }
     }
 
-    /// A listener whose clock stands, as between the reports of a long fit.
+    /// A listener whose clock does not advance, as between the reports of a long fit.
     struct Standing;
 
     impl Progress for Standing {

@@ -238,7 +238,7 @@ mod tests {
             (with("u + f", placed), "position of port f `y` is unknown; known: x"),
             (with("u", Port::new("f", "x")), "port `f`: no equation has it"),
             (with("u + delay(f, 0.1)", Port::new("f", "x")), "a port has no past"),
-            (with("u + k", Port::new("k", "x")), "name `k` stands twice"),
+            (with("u + k", Port::new("k", "x")), "name `k` appears twice"),
         ] {
             let error = model.check().unwrap_err().to_string();
             assert!(error.contains(words), "{error}");

@@ -57,7 +57,7 @@ pub(super) fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<V
     for header in &headers {
         if let Some(other) = seen.insert(&header.name, header) {
             let message = format!(
-                "column stands twice, as `{}` and as `{}`; remove one or name one otherwise with --rename '{}=...'",
+                "column appears twice, as `{}` and as `{}`; remove one or name one otherwise with --rename '{}=...'",
                 other.text, header.text, header.text
             );
             return Err(Error::line(file, first.line, Some(&header.name), message));

@@ -22,7 +22,7 @@ pub(crate) struct Body {
     separator: u8,
 }
 
-/// The header row with its line, and where the rows are; `None` where nothing but comments stands in the file.
+/// The header row with its line, and where the rows are; `None` where the file holds nothing but comments.
 ///
 /// # Errors
 /// A file that can't be read or is not UTF-8.

@@ -49,13 +49,13 @@ fn every_kind_of_bad_input_is_one_clear_line() {
             "t,x\n0,1\n1,2\n0.5,3\n",
             "log.csv:4: column `t`: time goes back, from 1 to 0.5; sort the samples, or tell the runs apart with --run",
         ),
-        ("t,x\n0,1\n0,2\n", "log.csv:3: column `t`: time stands still, from 0 to 0"),
+        ("t,x\n0,1\n0,2\n", "log.csv:3: column `t`: time does not advance, from 0 to 0"),
         ("t,x\n0,1\n,2\n", "log.csv:3: column `t`: the time is missing"),
         ("t,x\n0,1\nnan,2\n", "log.csv:3: column `t`: the time is missing"),
         ("t,x\n0,1\nlater,2\n", "log.csv:3: column `t`: not a number: \"later\""),
         (
             "t,v [m/s],v [km/h]\n0,1,2\n1,2,3\n",
-            "log.csv:1: column `v`: column stands twice, as `v [m/s]` and as `v [km/h]`",
+            "log.csv:1: column `v`: column appears twice, as `v [m/s]` and as `v [km/h]`",
         ),
         ("t,x\n0,1\n1\n", "log.csv:3: 1 cell where the header has 2 cells"),
         ("t,x\n0,1\n1,2,3\n", "log.csv:3: 3 cells where the header has 2 cells"),
@@ -142,7 +142,7 @@ fn options_that_name_no_column_are_refused() {
         ),
         (
             LogOptions { rename: vec![("x".into(), "t".into())], ..LogOptions::default() },
-            "log.csv:1: column `t`: column stands twice, as `t` and as `x`",
+            "log.csv:1: column `t`: column appears twice, as `t` and as `x`",
         ),
     ] {
         let error = CsvLog::parse("log.csv", text, &options).unwrap_err().to_string();

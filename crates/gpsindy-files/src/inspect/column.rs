@@ -15,7 +15,7 @@ pub struct ColumnReport {
     pub name: String,
     /// The name after which options know a table's column.
     pub column: String,
-    /// The type as the format tells it.
+    /// The type as the format names it.
     pub kind: String,
     /// The unit, empty where the format has none.
     pub unit: String,
@@ -31,7 +31,7 @@ pub struct ColumnReport {
     pub max: Option<f64>,
     /// Whether all values are one.
     pub constant: bool,
-    /// The step between neighbouring levels, where values stand on few.
+    /// The step between neighbouring levels, where values take few.
     pub step: Option<f64>,
     /// Share of samples that repeat the one before.
     pub repeated: f64,
@@ -138,7 +138,7 @@ impl Column {
         TURNS.into_iter().zip(self.wraps).find_map(fits)
     }
 
-    /// The distance of neighbouring levels, where all kept values stand on multiples of it and the levels are few.
+    /// The distance of neighbouring levels, where all kept values are multiples of it and the levels are few.
     fn step(&self) -> Option<f64> {
         let mut levels: Vec<f64> = self.kept.iter().copied().filter(|v| v.is_finite()).collect();
         levels.sort_by(f64::total_cmp);
@@ -170,27 +170,27 @@ impl Column {
     }
 
     /// Of the changes between kept samples: the share that is a level at most (repeats included), and the mean number of
-    /// samples for which a value stands.
+    /// samples for which a value is held.
     pub(crate) fn changes(&self) -> Changes {
         let step = self.step().unwrap_or(0.0);
         let values: Vec<f64> = self.kept.iter().copied().filter(|v| !v.is_nan()).collect();
-        let (mut small, mut same, mut longest, mut stands) = (0_usize, 0_usize, 1_usize, 1_usize);
+        let (mut small, mut same, mut longest, mut held) = (0_usize, 0_usize, 1_usize, 1_usize);
         let mut lengths: Vec<usize> = Vec::new();
         for pair in values.windows(2) {
             let change = (pair[1] - pair[0]).abs();
             small += usize::from(change <= 1.5 * step);
             same += usize::from(change == 0.0);
             if change == 0.0 {
-                stands += 1;
-                longest = longest.max(stands);
+                held += 1;
+                longest = longest.max(held);
             } else {
-                lengths.push(stands);
-                stands = 1;
+                lengths.push(held);
+                held = 1;
             }
         }
         let all = values.len().saturating_sub(1).max(1) as f64;
         lengths.sort_unstable();
-        let middle = lengths.get(lengths.len() / 2).copied().unwrap_or(stands);
+        let middle = lengths.get(lengths.len() / 2).copied().unwrap_or(held);
         let regular = lengths.iter().filter(|l| l.abs_diff(middle) <= 1).count() as f64 / lengths.len().max(1) as f64;
         Changes { small: small as f64 / all, same: same as f64 / all, held: middle, regular }
     }
@@ -203,8 +203,8 @@ pub(crate) struct Changes {
     pub(crate) small: f64,
     /// Share of no change.
     pub(crate) same: f64,
-    /// Samples for which a value typically stands.
+    /// Samples for which a value is typically held.
     pub(crate) held: usize,
-    /// Share of values that stand so long, give or take one sample.
+    /// Share of values that are held so long, give or take one sample.
     pub(crate) regular: f64,
 }

@@ -71,7 +71,7 @@ fn how(t: &[f64], a: &[f64], b: &[f64]) -> Option<How> {
     left_over(left, b, 2).then_some(How::LowPass(past))
 }
 
-/// Whether what is left is next to nothing beside the changes of `b`.
+/// Whether what is left is next to nothing compared with the changes of `b`.
 fn left_over(left: impl Iterator<Item = f64>, b: &[f64], begin: usize) -> bool {
     let (mut rest, mut change, mut count, mut moved) = (0.0, 0.0, 0_usize, 0_usize);
     for (i, r) in left.enumerate() {

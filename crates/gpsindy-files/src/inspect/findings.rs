@@ -36,12 +36,12 @@ pub struct Finding {
     pub text: String,
 }
 
-struct Told<'a> {
+struct Flaws<'a> {
     topic: &'a str,
     found: &'a mut Vec<Finding>,
 }
 
-impl Told<'_> {
+impl Flaws<'_> {
     fn stamps(&mut self, kind: &str, text: String) {
         self.found.push(Finding { topic: self.topic.into(), column: None, kind: kind.into(), text });
     }
@@ -53,18 +53,18 @@ impl Told<'_> {
 
 /// What is wrong within a topic.
 pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) {
-    let mut told = Told { topic: &sheet.topic, found };
+    let mut flaws = Flaws { topic: &sheet.topic, found };
     if let Some(why) = &sheet.unread {
-        told.stamps("unread", why.clone());
+        flaws.stamps("unread", why.clone());
     }
-    clock(report, &mut told);
+    clock(report, &mut flaws);
     for (column, report) in sheet.columns.iter().zip(&report.columns) {
         if !report.numeric {
             continue;
         }
         let name = &report.name;
         if report.count == 0 {
-            told.column(name, "missing", "holds no value".into());
+            flaws.column(name, "missing", "holds no value".into());
             continue;
         }
         let [before, behind] = column.silence();
@@ -74,12 +74,12 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
                     "{how} within the log: the {which} {:.1} % of the samples hold no value; a control keeps its nearest one there, a state is unknown",
                     100.0 * share
                 );
-                told.column(name, "missing", text);
+                flaws.column(name, "missing", text);
             }
         }
         if report.constant {
             let value = report.min.unwrap_or(f64::NAN);
-            told.column(
+            flaws.column(
                 name,
                 "constant",
                 format!("is always {value}; it carries no information and cannot be a state"),
@@ -88,14 +88,14 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
         }
         if let Some(turn) = report.turn {
             let unit = if turn > 100.0 { "degrees: convert it to rad" } else { "rad: unwrap it with --angle" };
-            told.column(
+            flaws.column(
                 name,
                 "wrapped",
                 format!("jumps by a full turn {} times; it is an angle in {unit}", report.wraps),
             );
         }
         let changes = column.changes();
-        // A ramp moves by a level every time; a coarse sensor also stands still.
+        // A ramp moves by a level every time; a coarse sensor also stays on one.
         let moves = changes.same > 0.1 && changes.small > changes.same + 0.1;
         let coarse = report.step.filter(|_| changes.small > COARSE && moves);
         if let Some(step) = coarse {
@@ -104,7 +104,7 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
                 "has a resolution of {}, and {share:.0} % of its changes are one such step or none",
                 short(step)
             );
-            told.column(name, "quantised", text);
+            flaws.column(name, "quantised", text);
         } else if changes.same > HELD && changes.held > 1 {
             let rate = report_rate(sheet) / changes.held as f64;
             let how = if changes.regular > 0.7 {
@@ -115,7 +115,7 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
                     100.0 * changes.same
                 )
             };
-            told.column(name, "held", how);
+            flaws.column(name, "held", how);
         }
     }
     for made in difference::find(sheet) {
@@ -131,18 +131,18 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
             }
         };
         let text = format!("{how}, not a measurement; leave it out or name it with --derivative");
-        told.column(&sheet.columns[made.column].name, "difference", text);
+        flaws.column(&sheet.columns[made.column].name, "difference", text);
     }
 }
 
-fn clock(report: &TopicReport, told: &mut Told<'_>) {
+fn clock(report: &TopicReport, flaws: &mut Flaws<'_>) {
     let clock = &report.clock;
     let (Some(period), Some(jitter)) = (clock.period, clock.jitter) else { return };
     if clock.backward > 0 {
-        told.stamps("backward_stamps", format!("{} earlier than the one before", stamps_are(clock.backward)));
+        flaws.stamps("backward_stamps", format!("{} earlier than the one before", stamps_are(clock.backward)));
     }
     if clock.repeated > 0 {
-        told.stamps("repeated_stamps", format!("{} the same as the one before", stamps_are(clock.repeated)));
+        flaws.stamps("repeated_stamps", format!("{} the same as the one before", stamps_are(clock.repeated)));
     }
     if jitter > JITTER {
         let what = if clock.clock == "log" {
@@ -150,7 +150,7 @@ fn clock(report: &TopicReport, told: &mut Told<'_>) {
         } else {
             ""
         };
-        told.stamps(
+        flaws.stamps(
             "jitter",
             format!("the step varies by \u{b1}{:.0} % around {} s{what}", 100.0 * jitter, short(period)),
         );
@@ -162,21 +162,21 @@ fn clock(report: &TopicReport, told: &mut Told<'_>) {
             format!("{} gaps; the longest begins", clock.gaps)
         };
         let (longest, at) = (clock.longest.unwrap_or(0.0), clock.longest_at.unwrap_or(0.0));
-        told.stamps("gaps", format!("{gaps} at {at:.3} s and lasts {} s", short(longest)));
+        flaws.stamps("gaps", format!("{gaps} at {at:.3} s and lasts {} s", short(longest)));
     }
     if let Some(resolution) = clock.resolution.filter(|r| *r > COARSE_STAMPS * period) {
         let share = 100.0 * resolution / period;
         let text = format!(
             "stamps are float32: {resolution:.2e} s apart at the end, {share:.1} % of a step; write them as float64"
         );
-        told.stamps("float32_stamps", text);
+        flaws.stamps("float32_stamps", text);
     }
     if let Some(drift) = clock.drift {
         let text = format!(
             "the clock of the headers and that of the recorder drift apart by {:.0} ppm; do not mix topics with and without headers",
             1e6 * drift
         );
-        told.stamps("clock_drift", text);
+        flaws.stamps("clock_drift", text);
     }
 }
 

@@ -88,7 +88,7 @@ fn of_csv(input: &Input, options: &LogOptions, progress: &dyn Progress) -> Resul
     // A log without a number still has stamps.
     let groups = numeric.chunks((AT_ONCE / log.times.len().max(1)).max(1));
     for group in groups.chain(numeric.is_empty().then_some(&[][..])) {
-        // An infinite value is told, and its column left without values.
+        // An infinite value is reported, and its column left without values.
         for columns in readable(&log, group, progress, &mut notes)? {
             take(&mut sheet, &columns.0, columns.1);
         }

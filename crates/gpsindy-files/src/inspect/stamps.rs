@@ -91,7 +91,7 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Relative speed of two clocks, by the median latencies of the first and last fifth, where it stands out of the scatter.
+/// Relative speed of two clocks, by the median latencies of the first and last fifth, where it exceeds the scatter.
 fn drift(stamps: &[f64], latency: &[f64]) -> Option<f64> {
     let part = latency.len() / 5;
     if part < 10 || stamps.len() != latency.len() {

@@ -196,16 +196,17 @@ fn a_column_that_ends_or_begins_within_the_log_is_told() {
     let late = |i: usize| if i < 300 { f64::NAN } else { smooth(i) };
     let rare = |i: usize| if i.is_multiple_of(10) { smooth(i) } else { f64::NAN };
     let found = table("ends.csv", even, &[("u", &early), ("w", &late), ("x", &rare)]);
-    let told: Vec<(&str, &str)> = found
+    let shown: Vec<(&str, &str)> = found
         .findings
         .iter()
         .filter(|f| f.kind == "missing")
         .map(|f| (f.column.as_deref().unwrap(), f.text.as_str()))
         .collect();
-    assert_eq!(told.len(), 2, "{told:?}");
+    assert_eq!(shown.len(), 2, "{shown:?}");
     assert!(
-        told[0].0 == "u" && told[0].1.starts_with("ends within the log: the last 98.8 % of the samples hold no value"),
-        "{told:?}"
+        shown[0].0 == "u"
+            && shown[0].1.starts_with("ends within the log: the last 98.8 % of the samples hold no value"),
+        "{shown:?}"
     );
-    assert!(told[1].0 == "w" && told[1].1.starts_with("begins within the log: the first 75.0 %"), "{told:?}");
+    assert!(shown[1].0 == "w" && shown[1].1.starts_with("begins within the log: the first 75.0 %"), "{shown:?}");
 }

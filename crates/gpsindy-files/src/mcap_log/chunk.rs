@@ -7,7 +7,7 @@ use mcap::{McapError, McapResult};
 use std::io::{self, BufRead, ErrorKind, Read, Take};
 use zstd::zstd_safe::{DCtx, ResetDirective};
 
-/// Bytes of a chunk's head beside the name of its packing, and where the length of that name stands.
+/// Bytes of a chunk's head besides the name of its packing, and where the length of that name is.
 const HEAD: usize = 40;
 const NAME: usize = 28;
 

@@ -17,7 +17,7 @@ const RECORD: usize = 9;
 const FOOTER: usize = 20;
 const MAGIC: usize = 8;
 
-/// What stands next.
+/// What comes next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Found {
     /// A record of a kind that matters here, and its bytes, all at hand.
@@ -98,7 +98,7 @@ pub(super) fn parse(opcode: u8, data: &[u8]) -> mcap::McapResult<Option<Record<'
     }
 }
 
-/// The head of a message, and what stands behind it.
+/// The head of a message, and what follows it.
 fn message(data: &[u8]) -> Option<(MessageHeader, &[u8])> {
     let (channel, rest) = data.split_first_chunk()?;
     let (sequence, rest) = rest.split_first_chunk()?;

@@ -261,7 +261,7 @@ fn wrong_names_suggest_the_right_ones() {
         ),
         ("/joint_states.header", "`header` is a message, std_msgs/Header; name a field of it: stamp, frame_id"),
         ("/joint_states.name[0]", "`name` is text, not a number"),
-        ("/joint_states.header.stamp.sec.x", "`header.stamp.sec` is int32; nothing stands below it"),
+        ("/joint_states.header.stamp.sec.x", "`header.stamp.sec` is int32; it has no fields"),
         ("/joint_states.header.stamp.sec[0]", "`header.stamp.sec` is one int32, not an array; remove the brackets"),
         ("/command.data[pan]", "no list of names goes with `data`; name the element by its index, `data[0]`"),
     ] {
@@ -275,20 +275,20 @@ fn wrong_names_suggest_the_right_ones() {
 }
 
 #[test]
-fn a_truncated_log_gives_what_stands_before_the_break() {
+fn a_truncated_log_gives_what_comes_before_the_break() {
     let whole = robot(Some(Compression::Lz4));
-    let (mut told, mut most) = (0, 0);
+    let (mut noted, mut most) = (0, 0);
     for length in (0..whole.len()).step_by(7) {
         let Ok(logs) = Logs::parse("cut.mcap", &whole[..length], &options(&MAP[..1])) else { continue };
         let task = Task { needed: vec!["q".into()], ..Task::default() };
         let Ok(found) = logs.assemble(&task, &Silent) else { continue };
         let run = &found.data.runs()[0];
         assert!((0..run.n_samples()).all(|i| run.column(0)[i] == i as f64 * 0.1), "{length}");
-        assert!(run.n_samples() == 200 || !found.notes.is_empty(), "{length}: a loss that nobody is told of");
-        told += usize::from(found.notes.iter().any(|n| n.contains("breaks off behind")));
+        assert!(run.n_samples() == 200 || !found.notes.is_empty(), "{length}: a loss without a note");
+        noted += usize::from(found.notes.iter().any(|n| n.contains("breaks off behind")));
         most = most.max(run.n_samples());
     }
-    assert!(told > 20 && most == 200, "{told} {most}");
+    assert!(noted > 20 && most == 200, "{noted} {most}");
 }
 
 #[test]

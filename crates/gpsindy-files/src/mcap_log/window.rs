@@ -1,4 +1,4 @@
-//! The part of a stream of bytes that is at hand, so that a record is looked at where it stands.
+//! The part of a stream of bytes that is at hand, so that a record is read in place.
 
 use crc32fast::Hasher;
 use std::io::{self, BufRead, ErrorKind, Read};

@@ -45,7 +45,7 @@ pub(crate) fn take(schema: &Schema, wants: &mut Wants, bytes: &[u8], outputs: &m
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Leaf {
     pub(crate) path: Vec<Step>,
-    pub(crate) told: String,
+    pub(crate) type_name: String,
     /// Whether it is a number, as opposed to text or a long array.
     pub(crate) number: bool,
 }
@@ -67,7 +67,7 @@ struct Reader<'a> {
     big: bool,
     /// The largest alignment: 8, in the second version 4.
     most: usize,
-    /// Takes down what decides the shape of the message, and where its numbers stand.
+    /// Takes down what decides the shape of the message, and where its numbers are.
     marks: Option<&'a RefCell<Marks>>,
 }
 
@@ -113,7 +113,7 @@ impl<'a> Reader<'a> {
         Ok(count)
     }
 
-    /// Takes down that what stands between a place and the present one decides the shape of the message.
+    /// Takes down that the bytes between a place and the present one decide the shape of the message.
     fn mark(&self, begin: usize) {
         if let Some(marks) = self.marks {
             marks.borrow_mut().shape.push(begin + HEAD..self.at + HEAD);
@@ -270,13 +270,13 @@ impl<'a> Reader<'a> {
         for field in fields {
             path.push(Step::Field(field.name.clone()));
             let count = self.how_many(field.many)?;
-            // Names with brackets or that look like an index can't stand in a path.
+            // Names with brackets or that look like an index can't be part of a path.
             let by_name = count == names.len()
                 && names.iter().all(|n| !n.is_empty() && !n.contains(']') && n.parse::<usize>().is_err());
             let mut leaf = |path: &[Step], number| {
-                let told = schema.told(field);
+                let type_name = schema.type_name(field);
                 if found.len() < MOST_LEAVES {
-                    found.push(Leaf { path: path.to_vec(), told, number });
+                    found.push(Leaf { path: path.to_vec(), type_name, number });
                 }
             };
             let item = |i: usize| Step::Item(if by_name { names[i].clone() } else { i.to_string() });

@@ -46,7 +46,7 @@ pub(crate) fn leaves(message: &Value) -> Vec<Leaf> {
 }
 
 fn walk(value: &Value, path: &mut Vec<Step>, names: &[String], found: &mut Vec<Leaf>) {
-    let told = match value {
+    let type_name = match value {
         Value::Null => "null",
         Value::Bool(_) => "bool",
         Value::Number(_) => "number",
@@ -76,7 +76,7 @@ fn walk(value: &Value, path: &mut Vec<Step>, names: &[String], found: &mut Vec<L
     };
     found.push(Leaf {
         path: path.clone(),
-        told: told.into(),
+        type_name: type_name.into(),
         number: matches!(value, Value::Bool(_) | Value::Number(_)),
     });
 }

@@ -1,6 +1,6 @@
-//! Where the wanted numbers of a message stand, kept for as long as messages have the same shape.
+//! Where the wanted numbers of a message are, kept for as long as messages have the same shape.
 //!
-//! The counts of arrays and texts, and the names in a list, decide where everything stands. The messages of a topic nearly
+//! The counts of arrays and texts, and the names in a list, decide where everything is. The messages of a topic nearly
 //! always agree in them, so the places that were found in one serve for the next, without a walk through its fields.
 
 use crate::message::kind::{Kind, number};
@@ -15,7 +15,7 @@ const IN_VAIN: usize = 16;
 /// What a walk through a message found.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Marks {
-    /// Bytes that decide where others stand.
+    /// Bytes that decide where others are.
     pub(crate) shape: Vec<Range<usize>>,
     /// First byte, kind and output of each number.
     pub(crate) numbers: Vec<(usize, Kind, usize)>,
@@ -25,7 +25,7 @@ pub(crate) struct Marks {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
     length: usize,
-    /// Bytes of the shape, one part behind the other, and where each part stands.
+    /// Bytes of the shape, one part behind the other, and where each part begins.
     known: Vec<u8>,
     parts: Vec<Range<usize>>,
     numbers: Vec<(usize, Kind, usize)>,

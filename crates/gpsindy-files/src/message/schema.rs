@@ -110,7 +110,7 @@ impl Schema {
     }
 
     /// The type of a field as the schema writes it: `float64[]`, `geometry_msgs/Point`.
-    pub(crate) fn told(&self, field: &Field) -> String {
+    pub(crate) fn type_name(&self, field: &Field) -> String {
         let kind = match field.kind {
             Kind::Bool => "bool",
             Kind::I8 => "int8",
@@ -242,10 +242,10 @@ uint32 nanosec
     #[test]
     fn a_schema_lists_fields_in_their_order() {
         let schema = Schema::parse("sensor_msgs/msg/JointState", JOINT_STATE).unwrap();
-        let told: Vec<String> =
-            schema.messages[0].fields.iter().map(|f| format!("{} {}", schema.told(f), f.name)).collect();
+        let type_name: Vec<String> =
+            schema.messages[0].fields.iter().map(|f| format!("{} {}", schema.type_name(f), f.name)).collect();
         assert_eq!(
-            told,
+            type_name,
             [
                 "std_msgs/Header header",
                 "string[] name",
@@ -258,7 +258,7 @@ uint32 nanosec
             ]
         );
         let Kind::Message(header) = schema.messages[0].fields[0].kind else { panic!() };
-        assert_eq!(schema.told(&schema.messages[header].fields[0]), "builtin_interfaces/Time");
+        assert_eq!(schema.type_name(&schema.messages[header].fields[0]), "builtin_interfaces/Time");
     }
 
     #[test]

@@ -6,18 +6,18 @@ use crate::message::path::{Step, shown};
 use crate::message::schema::{Field, Many, Schema};
 use crate::near::hint;
 
-/// Fields that name the elements of the arrays beside and below them.
+/// Fields that name the elements of the arrays next to and below them.
 pub(crate) const LISTS: [&str; 3] = ["name", "names", "joint_names"];
 
 /// Numbers wanted from each message, in the order of their outputs.
 #[derive(Debug, Clone)]
 pub(crate) struct Wants {
     pub(crate) root: Node,
-    /// Names that stand for an index.
+    /// Names in place of an index.
     pub(crate) slots: Vec<Slot>,
     /// Number of outputs.
     pub(crate) count: usize,
-    /// Where they stood in the last message.
+    /// Where they were in the last message.
     pub(crate) layout: Layout,
 }
 
@@ -92,7 +92,7 @@ impl Wants {
                     node.add_list(*list, *slot);
                 }
             }
-            // What stands behind the hop: the next one says of what kind it is.
+            // What follows the hop: the next one says of what kind it is.
             let fresh = match hops.get(i + 1) {
                 None => Node::Value(Vec::new()),
                 Some(Way::Field(_)) => Node::fields(),
@@ -182,22 +182,25 @@ fn route(schema: &Schema, path: &[Step]) -> Result<Vec<Hop>, String> {
             let list = list_of(schema, &within);
             let Some((_, Step::Item(item))) = steps.next_if(|(_, s)| matches!(s, Step::Item(_))) else {
                 let by_name = list.map_or(String::new(), |_| format!(", or `{so_far}[NAME]` by its list of names"));
-                return Err(format!("`{so_far}` is {}; name an element, `{so_far}[0]`{by_name}", schema.told(field)));
+                return Err(format!(
+                    "`{so_far}` is {}; name an element, `{so_far}[0]`{by_name}",
+                    schema.type_name(field)
+                ));
             };
             hops.push(hop_of(schema, field, item, &so_far, list)?);
         } else if let Some((_, Step::Item(_))) = steps.peek() {
-            return Err(format!("`{so_far}` is one {}, not an array; remove the brackets", schema.told(field)));
+            return Err(format!("`{so_far}` is one {}, not an array; remove the brackets", schema.type_name(field)));
         }
         match field.kind {
             Kind::Message(inner) if steps.peek().is_none() => {
                 let names: Vec<&str> = schema.messages[inner].fields.iter().map(|f| f.name.as_str()).collect();
-                let told = &schema.messages[inner].name;
-                return Err(format!("`{so_far}` is a message, {told}; name a field of it: {}", names.join(", ")));
+                let inner = &schema.messages[inner].name;
+                return Err(format!("`{so_far}` is a message, {inner}; name a field of it: {}", names.join(", ")));
             }
             Kind::Message(inner) => within.push((hops.len(), inner)),
             Kind::Text | Kind::WideText => return Err(format!("`{so_far}` is text, not a number")),
             _ if steps.peek().is_some() => {
-                return Err(format!("`{so_far}` is {}; nothing stands below it", schema.told(field)));
+                return Err(format!("`{so_far}` is {}; it has no fields", schema.type_name(field)));
             }
             _ => {}
         }
@@ -215,7 +218,7 @@ fn hop_of(
     if let Ok(at) = item.parse::<usize>() {
         return match field.many {
             Many::Fixed(count) if at >= count => {
-                Err(format!("`{so_far}` is {}; its last element is `{so_far}[{}]`", schema.told(field), count - 1))
+                Err(format!("`{so_far}` is {}; its last element is `{so_far}[{}]`", schema.type_name(field), count - 1))
             }
             _ => Ok(Hop::At(at)),
         };

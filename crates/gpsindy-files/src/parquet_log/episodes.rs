@@ -87,7 +87,7 @@ impl Episodes {
         Ok(Self { known })
     }
 
-    /// What to say of episodes that are not there as the data set tells them, given the runs that were read.
+    /// What to say of episodes that are not there as the data set lists them, given the runs that were read.
     pub(super) fn missing(&self, file: &str, runs: &[(String, Vec<usize>)]) -> Vec<String> {
         let mut notes = Vec::new();
         let read: HashMap<i64, usize> =

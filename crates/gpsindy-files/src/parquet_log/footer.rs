@@ -98,7 +98,7 @@ impl Walk<'_> {
             if kind.is_some_and(|kind| !kind.is_written_as(head & 15)) {
                 return Err(Why::Broken);
             }
-            // The value of a truth stands in its type.
+            // A boolean has its value in its type.
             if !matches!(head & 15, 1 | 2) {
                 self.value(head & 15, kind, depth)?;
             }

@@ -29,9 +29,9 @@ pub(super) fn guarded<T>(work: impl FnOnce() -> Result<T, ParquetError>) -> Resu
     let result = catch_unwind(AssertUnwindSafe(work));
     DECODING.set(outer);
     result.unwrap_or_else(|cause| {
-        let told = cause.downcast_ref::<String>().cloned();
-        let told = told.or_else(|| cause.downcast_ref::<&str>().map(|text| (*text).to_string()));
-        Err(ParquetError::General(told.unwrap_or_else(|| "a page that can't be decoded".into())))
+        let message = cause.downcast_ref::<String>().cloned();
+        let message = message.or_else(|| cause.downcast_ref::<&str>().map(|text| (*text).to_string()));
+        Err(ParquetError::General(message.unwrap_or_else(|| "a page that can't be decoded".into())))
     })
 }
 

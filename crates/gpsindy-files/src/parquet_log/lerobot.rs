@@ -22,9 +22,9 @@ pub(crate) fn is(folder: &Path) -> bool {
 /// A description that can't be read, no data, and what [`ParquetLog::open`] refuses.
 pub(crate) fn open(folder: &Path, options: &LogOptions) -> Result<ParquetLog> {
     let info = folder.join("meta/info.json");
-    let told = info.display().to_string();
-    let text = std::fs::read_to_string(&info).map_err(|source| Error::Read { file: told.clone(), source })?;
-    let info: Value = serde_json::from_str(&text).map_err(|e| Error::file(&told, format!("not JSON: {e}")))?;
+    let file = info.display().to_string();
+    let text = std::fs::read_to_string(&info).map_err(|source| Error::Read { file: file.clone(), source })?;
+    let info: Value = serde_json::from_str(&text).map_err(|e| Error::file(&file, format!("not JSON: {e}")))?;
     let mut files = Vec::new();
     if folder.join("data").is_dir() {
         parquet_files(&folder.join("data"), &mut files)?;

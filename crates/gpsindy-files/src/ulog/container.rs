@@ -26,7 +26,7 @@ const REPORT: u64 = 10_000;
 pub(crate) struct Field {
     /// Its path: `xyz[2]`, `esc[0].rpm`.
     pub(crate) name: String,
-    pub(crate) told: &'static str,
+    pub(crate) type_name: &'static str,
     kind: Kind,
     at: usize,
 }
@@ -96,7 +96,7 @@ pub(crate) fn parse(
             u64::from(u16::from_le_bytes([head[0], head[1]]))
         };
         let end = at + RECORD as u64 + size;
-        // Sections that were appended begin where the head says, whatever stands before them.
+        // Sections that were appended begin where the head says, whatever comes before them.
         if let Some(next) = appended.iter().copied().filter(|next| *next > at && *next < end).min() {
             bytes.seek(SeekFrom::Start(next)).map_err(|e| input.failed(e))?;
             at = next;
@@ -149,7 +149,7 @@ pub(crate) fn parse(
         }
         None if count == 0 => Err(Error::file(&input.file, "the log holds no message")),
         Some(cause) => Ok(Some(format!(
-            "{}: the file breaks off behind {count} messages ({cause}); what stands before was read",
+            "{}: the file breaks off behind {count} messages ({cause}); what came before was read",
             input.file
         ))),
         None => Ok(None),
@@ -209,10 +209,10 @@ fn flatten(
         for i in 0..count.unwrap_or(1) {
             let path = if count.is_some() { format!("{prefix}{own}[{i}]") } else { format!("{prefix}{own}") };
             match number_of(kind) {
-                Some((told, number)) => {
+                Some((type_name, number)) => {
                     let size = number.size().unwrap_or(1);
                     if kind != "char" {
-                        fields.push(Field { name: path, told, kind: number, at: *at });
+                        fields.push(Field { name: path, type_name, kind: number, at: *at });
                     }
                     *at += size;
                 }

@@ -82,14 +82,14 @@ fn wrong_names_suggest_the_right_ones() {
 #[test]
 fn a_cut_log_gives_what_stands_before_the_cut() {
     let whole = flight();
-    let mut told = 0;
+    let mut noted = 0;
     for length in (0..whole.len()).step_by(7) {
         let Ok(logs) = Logs::parse("cut.ulg", &whole[..length], &options(&MAP[..1])) else { continue };
         let task = crate::Task { needed: vec!["q".into()], ..crate::Task::default() };
         let Ok(found) = logs.assemble(&task, &Silent) else { continue };
         let run = &found.data.runs()[0];
         assert!((0..run.n_samples()).all(|i| run.column(0)[i] == f64::from(i as f32 * 0.1 + 3.0 + 2.0)));
-        told += usize::from(found.notes.iter().any(|n| n.contains("breaks off")));
+        noted += usize::from(found.notes.iter().any(|n| n.contains("breaks off")));
     }
-    assert!(told > 100, "{told}");
+    assert!(noted > 100, "{noted}");
 }

@@ -25,7 +25,7 @@ pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
 /// Correlation of values `lag` samples apart, as if the ends of all windows were padded with zeros, which keeps the
 /// autoregression stable (Brockwell and Davis 1991, section 7.2).
 ///
-/// Over the pairs that are there, products stand beside their own squares, so that a hole beside a large value biases
+/// Over the pairs that are there, products are compared with their own squares, so that a hole next to a large value biases
 /// nothing; what the squares of all pairs would be is told by the values that are there.
 fn autocorrelation(series: &[Vec<f64>], lag: usize) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);

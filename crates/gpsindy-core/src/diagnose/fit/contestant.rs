@@ -51,11 +51,11 @@ pub(crate) struct Contestant {
     pub(crate) evidence: Evidence,
 }
 
-/// A contestant beside its residuals and their derivatives where its fit stands: what straight lines go out from.
+/// A contestant with its residuals and their derivatives at its fit: where straight lines start.
 pub(crate) struct Linearised<'a> {
     pub(crate) contestant: &'a Contestant,
     pub(crate) jacobian: Jacobian,
-    /// The filter whose innovations stand in the place of residuals; none where these are of rollouts.
+    /// The filter whose innovations replace residuals; none where these are of rollouts.
     pub(crate) guide: Option<Guide>,
     /// The path of the fit, where suspects' responses are straight lines from it.
     pub(crate) path: Option<Path>,
@@ -73,7 +73,7 @@ impl Contestant {
         self.system.n_states() - self.hypotheses.iter().map(Hypothesis::added_states).sum::<usize>()
     }
 
-    /// Number of starts of states that hypotheses added: of every window its own, but where the log's past tells them.
+    /// Number of starts of states that hypotheses added: of every window its own, except where the log's past determines them.
     pub(crate) fn added_starts(&self) -> usize {
         let hidden = self.system.n_states() - self.nominal_states() - self.system.followers().len();
         hidden * self.experiment.windows.len()
@@ -121,10 +121,10 @@ impl Contestant {
         new.map(|(_, &searches)| searches).max().unwrap_or(Searches::NONE)
     }
 
-    /// The contestant beside the derivatives of its outputs.
+    /// The contestant with the derivatives of its outputs.
     ///
     /// # Errors
-    /// A model that diverges where the fit stands.
+    /// A model that diverges at the fit.
     pub(crate) fn linearised(&self) -> Result<Linearised<'_>> {
         let point = Point { parameters: self.refined.parameters.clone(), initial: self.refined.initial.clone() };
         let jacobian = Jacobian::new(&self.system, &self.experiment, &point, &self.free)?;

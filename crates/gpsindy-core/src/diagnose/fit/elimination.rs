@@ -17,7 +17,7 @@ pub(crate) fn eliminate(gram: &mut DMatrix<f64>, slope: &mut DVector<f64>, i: us
 }
 
 /// By how much `columns` together lower the squared residual, and how many of them can: those of which more than `least(i)` is
-/// left beside the others. They are eliminated.
+/// left besides the others. They are eliminated.
 pub(crate) fn gain(
     gram: &mut DMatrix<f64>,
     slope: &mut DVector<f64>,

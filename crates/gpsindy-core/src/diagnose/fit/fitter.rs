@@ -38,7 +38,7 @@ impl Fitter {
         self.nominal_watched(system, experiment, free, budget, &|_| Ok(()))
     }
 
-    /// As [`Fitter::nominal`]; `watch` is told how many steps are done, and may end the fit with an error.
+    /// As [`Fitter::nominal`]; `watch` is called with the number of steps done, and may end the fit with an error.
     pub(crate) fn nominal_watched(
         self,
         system: System,
@@ -77,7 +77,7 @@ impl Fitter {
         let mut parameters = system.parameter_values();
         parameters[..base.refined.parameters.len()].copy_from_slice(&base.refined.parameters);
         let mut free = base.free.clone();
-        // What already stands beyond its lower end stays there.
+        // What is already beyond its lower end stays there.
         let stays = |place: usize, added: &Added| {
             added
                 .beyond()
@@ -173,7 +173,7 @@ impl Fitter {
         }
         let at = (&point.parameters[..], &free[..]);
         let fit = budget.refine().fit_on(system, &experiment, at, &point.initial, kept.as_ref());
-        // Where not one step further can be taken it stays where it stands.
+        // Where not one step further can be taken it stays where it is.
         let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
         let mut carried = Contestant { refined, experiment, ..contestant };
         self.judge(&mut carried);
@@ -214,7 +214,7 @@ impl Fitter {
         Ok(if mixed.evidence.squares() < best.evidence.squares() { mixed } else { best })
     }
 
-    /// The same contestant on other windows or with another hold, fitted again from where it stands.
+    /// The same contestant on other windows or with another hold, fitted again from where it is.
     pub(crate) fn on(self, contestant: &Contestant, experiment: &Experiment, budget: Budget) -> Result<Contestant> {
         let own = &contestant.experiment;
         let experiment = Experiment { scale: own.scale.clone(), starts: starts(contestant), ..experiment.clone() };
@@ -242,7 +242,7 @@ impl Fitter {
 
     /// The evidence of a contestant whose fit has changed.
     fn judge(self, contestant: &mut Contestant) {
-        // What stands beyond its end is fitted no more.
+        // What is beyond its end is fitted no more.
         let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
         let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
         let fitted = fitted.count();
@@ -256,7 +256,7 @@ impl Fitter {
 /// state is logged, and what is left is no noise, as much as it is larger than noise can be.
 ///
 /// A start for every short window could take up what an effect should explain. Where a state is not logged, the first
-/// samples do not tell the start.
+/// samples do not determine the start.
 pub(crate) fn starts(contestant: &Contestant) -> Starts {
     let experiment = &contestant.experiment;
     let is_cut = experiment.windows.len() > experiment.logs.len();

@@ -1,4 +1,4 @@
-//! Innovations: what a filter along the logs has not foreseen, in the place of residuals of rollouts.
+//! Innovations: the one-step prediction errors of a filter along the logs, in place of residuals of rollouts.
 //!
 //! Rollouts of a model that lacks something leave the log; where they are ten or a hundred times the noise away, straight lines from
 //! them point nowhere. A Kalman filter that takes the model's states as pushed at random stays near the log. Its memory is as long

@@ -7,14 +7,14 @@ use crate::diagnose::limits::{BELIEVED, EXPECTED};
 pub(crate) struct Moved {
     /// Its index in the model.
     pub(crate) parameter: usize,
-    /// Squared distance from its nominal value, in standard deviations of what the logs tell of it.
+    /// Squared distance from its nominal value, in the standard deviations that the logs give it.
     pub(crate) squared: f64,
     /// Whether the move stays within what the user believes.
     pub(crate) is_believed: bool,
 }
 
-/// How far the logs alone move each tolerated parameter from its nominal value, in standard deviations
-/// of what the logs tell of it.
+/// How far the logs alone move each tolerated parameter from its nominal value, in the standard
+/// deviations that the logs give it.
 pub(crate) fn moved(contestant: &Contestant) -> Vec<Moved> {
     let Contestant { refined, free, evidence, .. } = contestant;
     free.iter()
@@ -30,7 +30,7 @@ pub(crate) fn moved(contestant: &Contestant) -> Vec<Moved> {
         .collect()
 }
 
-/// Whether free parameter number `place` is a tolerated one that stands where its tolerance ends.
+/// Whether free parameter number `place` is a tolerated one that is at the end of its tolerance.
 pub(crate) fn is_strained(contestant: &Contestant, place: usize) -> bool {
     let free = &contestant.free[place];
     let value = contestant.refined.parameters[free.parameter];

@@ -1,4 +1,4 @@
-//! What a fit's outputs would do without one or two of its effects, everything else as it stands.
+//! What a fit's outputs would do without one or two of its effects, everything else unchanged.
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
@@ -38,7 +38,7 @@ fn out(at: &Linearised<'_>, places: Vec<usize>, change: Vec<DVector<f64>>) -> Ou
 }
 
 /// Whether one of two effects acts on what the other makes of the same control or column, so that it does something else in its place
-/// than beside it.
+/// than besides it.
 pub(crate) fn interact(one: &Hypothesis, other: &Hypothesis) -> bool {
     let of_control = |h: &Hypothesis| matches!(h.family(), Family::InputStatic | Family::InputDynamic | Family::Memory);
     let of_sensor = |h: &Hypothesis| h.family() == Family::Sensor;
@@ -83,7 +83,7 @@ impl Rest {
         let kept: Vec<&Hypothesis> = others().map(|other| &fitted.hypotheses[other]).collect();
         let applied = joint::apply(&kept, nominal.system.model(), scene).ok()?;
         let mut values: Vec<f64> = applied.model.parameters.iter().map(|p| p.value).collect();
-        // What the effect had freed goes back to what it was; what is merely tolerated stands where the fit has it.
+        // What the effect had freed goes back to what it was; what is merely tolerated stays where the fit has it.
         let freed = |index: usize| fitted.added[place].iter().any(|(own, _)| *own == index);
         for (index, value) in values[..nominal.refined.parameters.len()].iter_mut().enumerate() {
             let source = if freed(index) { nominal } else { fitted };

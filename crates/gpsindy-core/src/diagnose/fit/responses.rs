@@ -176,7 +176,7 @@ fn stepped(
             out[set][w][row] = value / experiment.noise[c] - base;
         }
     };
-    // A straight line from the fitted rollout tells where a suspect would take it, without a rollout of its own.
+    // A straight line from the fitted rollout says where a suspect would take it, without a rollout of its own.
     let contestant = at.contestant;
     let Refined { parameters: now, initial: starts, .. } = &contestant.refined;
     let lines = match &at.guide {

@@ -24,11 +24,11 @@ pub struct Cause {
     pub form: String,
     /// Fitted sizes.
     pub parameters: Vec<Parameter>,
-    /// Ids of effects that these logs cannot tell from this one.
+    /// Ids of effects that these logs cannot distinguish from this one.
     pub equivalent: Vec<String>,
-    /// The experiment that would tell them apart; `None` where `equivalent` is empty.
+    /// The experiment that would distinguish them; `None` where `equivalent` is empty.
     pub next_experiment: Option<String>,
-    /// Whether its size agrees between parts of the logs; `None` where it was not asked or no part tells a size.
+    /// Whether its size agrees between parts of the logs; `None` where it was not asked or no part determines a size.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub stability: Option<Stability>,
     /// Where else, or as which other effect, these logs would have it just as well: what `equivalent` names, with place and size.
@@ -107,7 +107,7 @@ pub struct RunValue {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Stability {
-    /// Parts of the logs (runs and halves) that tell a size of their own.
+    /// Parts of the logs (runs and halves) that determine a size of their own.
     pub runs: usize,
     /// How many of them agree.
     pub agree: usize,

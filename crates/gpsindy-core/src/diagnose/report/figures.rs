@@ -72,7 +72,7 @@ pub struct EquationFigure {
     pub after: String,
 }
 
-/// A held-out rollout beside its log, at most [`FIGURE_POINTS`] samples; all lists are equally long.
+/// A held-out rollout with its log, at most [`FIGURE_POINTS`] samples; all lists are equally long.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct RolloutFigure {

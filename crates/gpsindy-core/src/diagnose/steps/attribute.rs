@@ -17,7 +17,7 @@ use crate::error::Result;
 
 /// The causes of a detected gap.
 ///
-/// Effects are added, and exchanged for others, while that convinces; then once more on the rollouts by which causes are told, until
+/// Effects are added, and exchanged for others, while that convinces; then once more on the rollouts by which causes are distinguished, until
 /// no move is left. All places are looked at in every round, so the order of the effects does not count.
 pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<Judged> {
     if !suspected.detected.gap {
@@ -63,7 +63,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
 }
 
-/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are told.
+/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
 struct Settled {
     nominal: Contestant,
     best: Contestant,

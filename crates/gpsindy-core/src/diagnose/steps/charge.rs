@@ -43,7 +43,7 @@ fn is_error_of(hypothesis: &Hypothesis, parameter: &str) -> bool {
     hypothesis.frees() == Some(parameter)
 }
 
-/// The parameters that are moved, or that stand where their tolerance ends.
+/// The parameters that are moved, or that are at the end of their tolerance.
 fn charged(best: &Contestant) -> Vec<usize> {
     let count = best.evidence.count().max(2) as f64;
     let convincing = |moved: &Moved| {

@@ -37,7 +37,7 @@ fn moves(model: &Model, data: &Dataset) -> bool {
     columns.is_empty() || columns.iter().any(|(_, runs)| runs.iter().any(|v| v.windows(2).any(|w| w[0] != w[1])))
 }
 
-/// Refuses logs without values or motion; says where only the held-out ones stand still.
+/// Refuses logs without values or motion; says where only the held-out ones are at rest.
 pub(crate) fn logs(model: &Model, train: &Dataset, holdout: &Dataset, notes: &Notes) -> Result<()> {
     values(model, train)?;
     values(model, holdout)?;

@@ -16,7 +16,7 @@ pub(crate) struct Checked<'a> {
     pub(crate) stabilities: &'a [Option<Stability>],
     pub(crate) verification: &'a Verification,
     pub(crate) typicality: Option<&'a Typicality>,
-    /// Where random forces are among the causes: the chance of as large a function beside them.
+    /// Where random forces are among the causes: the chance of as large a function besides them.
     pub(crate) forced: Option<f64>,
 }
 
@@ -76,17 +76,17 @@ impl Checked<'_> {
     fn lack_of_fit(&self) -> Check {
         let left: Option<&Left> = self.outcome.left.as_ref();
         let is_none = self.unexplained.depends_on.is_empty() && self.unexplained.share < LIKELY;
-        // A rest that only the simulated logs see is told by their own check.
+        // A rest that only the simulated logs see is the business of their own check.
         let passed = is_none || left.is_some_and(|left| left.p_value >= CHANCE);
-        let share = 100.0 * self.unexplained.share;
+        let share = share_of_gap(self.unexplained.share);
         let says = match left {
-            Some(left) if !passed => {
-                format!("A function of {} would still explain {share:.1} % of the gap.", left.depends_on.join(" and "))
-            }
-            Some(left) if left.p_value < CHANCE => format!(
-                "A function of {} would explain {share:.2} % of the gap, which is less than counts.",
+            Some(left) if !passed => format!(
+                "A function of {} would still explain {share}, more than noise alone leaves.",
                 left.depends_on.join(" and ")
             ),
+            Some(left) if left.p_value < CHANCE => {
+                format!("A function of {} would explain {share}, too little to count.", left.depends_on.join(" and "))
+            }
             _ => "No function of states, controls, their past or time explains more of the training logs.".into(),
         };
         Check { id: "lack_of_fit".into(), passed, p_value: left.map(|left| left.p_value).or(self.forced), says }
@@ -100,7 +100,7 @@ impl Checked<'_> {
                 format!("Of {drawn} logs simulated with these causes, enough leave a rest as large as the one seen.")
             }
             (false, true) => format!(
-                "Hardly one of {drawn} logs simulated with these causes leaves as large a rest, but it is less than counts."
+                "Hardly one of {drawn} logs simulated with these causes leaves as large a rest, but it is too small to count."
             ),
             (false, false) => {
                 format!(
@@ -126,7 +126,25 @@ impl Checked<'_> {
     }
 }
 
+/// A share of the gap in words; one that would be printed as zero is said to be small.
+fn share_of_gap(share: f64) -> String {
+    let percent = 100.0 * share;
+    if percent < 0.1 { "less than 0.1 % of the gap".into() } else { format!("{percent:.1} % of the gap") }
+}
+
 /// Held-out error of the corrected model over what noise leaves.
 fn ratio(closure: &Closure) -> Option<f64> {
     Some(closure.after? / closure.floor?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_is_never_printed_as_nothing() {
+        assert_eq!(share_of_gap(0.032), "3.2 % of the gap");
+        assert_eq!(share_of_gap(0.001), "0.1 % of the gap");
+        assert_eq!(share_of_gap(0.0004), "less than 0.1 % of the gap");
+    }
 }

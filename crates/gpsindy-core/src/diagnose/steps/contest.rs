@@ -95,7 +95,7 @@ impl<'a> Contest<'a> {
         evidence > CONVINCING && material && is_significant(richer, simpler)
     }
 
-    /// `base` with effects and their values, fitted all at once from where `best` stands: one at a time, the first would
+    /// `base` with effects and their values, fitted all at once from where `best` is: one at a time, the first would
     /// be fitted without the others and might not find back. Nothing where they can't be simulated, or written together.
     pub(crate) fn again_with(
         &self,

@@ -1,4 +1,4 @@
-//! Curves of the report page: held-out rollouts beside the logs, their residuals, and the logs themselves.
+//! Curves of the report page: held-out rollouts with the logs, their residuals, and the logs themselves.
 
 use crate::data::Dataset;
 use crate::diagnose::limits::curves::{BAND, LAGS, MOST_RUNS};
@@ -6,7 +6,7 @@ use crate::diagnose::report::{ResidualCheck, RolloutFigure, SignalFigure, finite
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Window};
 
-/// Rollouts of the nominal and of the corrected model beside every held-out log, column by column.
+/// Rollouts of the nominal and of the corrected model with every held-out log, column by column.
 pub(crate) fn rollouts(
     system: &System,
     experiment: &Experiment,

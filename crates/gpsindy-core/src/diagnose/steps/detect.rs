@@ -73,7 +73,7 @@ fn judge(first: &Expansion, nameless: &[(f64, usize)], nominal: &Contestant) -> 
     let evidence = &nominal.evidence;
     let count = evidence.count();
     let allowed = evidence.negligible() * count as f64;
-    // A smooth gap in a short log looks like coloured noise to the screening, but not beside a fit that explains it.
+    // A smooth gap in a short log looks like coloured noise to the screening, but not compared with a fit that explains it.
     let refitted = first.fits.iter().map(|fit| {
         let gain = 2.0 * (log_likelihood(&fit.evidence.colours) - log_likelihood(&evidence.colours));
         gain_tail(gain - allowed, fit.evidence.complexity(), count, evidence.spent())
@@ -93,7 +93,7 @@ fn strained(nominal: &Contestant) -> f64 {
         false => evidence.negligible(),
     };
     let moved = moved(nominal);
-    // Several tolerated parameters may stand for each other: then none is told by itself, but all together are.
+    // Several tolerated parameters may replace each other: then none is determined alone, but all together are.
     let together = evidence.strain - allowed(moved.iter().all(|m| m.is_believed));
     let together = chi_squared_tail(together * count / evidence.inflation(), free.len());
     let one = |moved: &Moved| chi_squared_tail(moved.squared - allowed(moved.is_believed) * count, 1);

@@ -56,7 +56,7 @@ mod tests {
     use crate::refine::{Experiment, Refine, Refined, Starts};
 
     /// The fits of a drive that loses `loses(x)` in windows of 0.4 s: nominal, with a quadratic drag, and that one on longer
-    /// windows where they tell more.
+    /// windows where they say more.
     fn in_short_windows(loses: impl Fn(f64) -> f64) -> (Contestant, Contestant, Contestant) {
         let (model, data) = drive(None, loses, 0.002, (2, 400));
         let system = System::new(&model).unwrap();

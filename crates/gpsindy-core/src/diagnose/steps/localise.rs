@@ -143,7 +143,7 @@ fn missing(nominal: &Contestant, corrected: &Contestant) -> Option<Missing> {
 
 /// Share of the gap by nominal state: of every included effect what it removes, of the rest where a function without a name fits.
 ///
-/// A column that rests has no share: what it misses is in units of a noise that nothing tells.
+/// A column that rests has no share: what it misses is in units of an unknown noise.
 fn shares(
     nominal: &Contestant,
     outcome: &Outcome,
@@ -185,7 +185,7 @@ fn root_mean_square(missing: &Missing, j: usize) -> f64 {
     (values().map(|v| v * v).sum::<f64>() / values().count().max(1) as f64).sqrt()
 }
 
-/// Values of a state or control beside the missing rates of one window.
+/// Values of a state or control with the missing rates of one window.
 fn variable_along(nominal: &Contestant, missing: &Missing, window: usize, name: &str) -> Vec<f64> {
     let model = nominal.system.model();
     let count = missing.rates[window][0].len();

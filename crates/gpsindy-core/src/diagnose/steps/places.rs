@@ -1,4 +1,4 @@
-//! Places: what else may stand in the place of each effect of the winner, and what the winner is without it.
+//! Places: what else may replace each effect of the winner, and what the winner is without it.
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{Budget, IN_SIGHT, NAMED};

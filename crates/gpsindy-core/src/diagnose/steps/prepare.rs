@@ -20,7 +20,7 @@ use crate::refine::{Experiment, Hold, Log, Window, guess_initial, present};
 pub(crate) struct Known<'a> {
     /// What controls do between samples, where the user says it.
     pub(crate) hold: Option<Hold>,
-    /// State and root mean square by which the model misses the simulator that it stands for.
+    /// State and root mean square by which the model misses the simulator that it replaces.
     pub(crate) model_error: &'a [(String, f64)],
 }
 

@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::parallel::*;
 use crate::refine::{Refined, tangent};
 
-/// Straight-line gains of every hypothesis that is not in `base` already, beside its effects and in the place of each.
+/// Straight-line gains of every hypothesis that is not in `base` already, besides its effects and in the place of each.
 ///
 /// Of long logs all are screened on a part of the windows first, and only those that lead there on all of them; the others keep what
 /// the part says of the whole, but below the leaders. Suspects of a simulator that steps have one more gain each, by the innovations.

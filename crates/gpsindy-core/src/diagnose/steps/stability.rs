@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Whether the sizes of a cause agree between parts of the logs.
 pub(crate) struct Stability {
-    /// Parts that tell a size.
+    /// Parts that determine a size.
     pub(crate) parts: usize,
     pub(crate) agree: usize,
     /// Chance of so much disagreement.
@@ -48,9 +48,9 @@ struct Part {
     columns: Vec<usize>,
 }
 
-/// Stability of the effect at `place` of the winner; `None` where no part tells a size of its own.
+/// Stability of the effect at `place` of the winner; `None` where no part determines a size of its own.
 ///
-/// `nominal` tells the sizes of wrong parameters: they are what the values changed by.
+/// `nominal` gives the sizes of wrong parameters: what their values changed by.
 pub(crate) fn of(nominal: &Model, best: &Contestant, place: usize) -> Option<Stability> {
     let own: Vec<usize> = best.added[place]
         .iter()
@@ -214,7 +214,7 @@ fn questions(best: &Contestant, gated: &Gated, own: &[usize], runs: usize) -> Ve
         column += count;
     }
     if runs > 1 {
-        let name = |run: usize| format!("run {}", members(best, run));
+        let name = |run: usize| named(members(best, run));
         let columns = |run: usize| (column + run * own.len()..column + (run + 1) * own.len()).collect();
         all.push(Question { parts: (0..runs).map(|run| Part { name: name(run), columns: columns(run) }).collect() });
     }
@@ -226,6 +226,11 @@ fn members(best: &Contestant, part: usize) -> String {
     let logs = &best.experiment.logs;
     let own = (0..logs.len()).filter(|&l| part_of(l, logs.len()) == part);
     own.map(|l| logs[l].name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// Runs by their names, as a sentence takes them: a file's name or "run 3" says enough, a bare number does not.
+fn named(runs: String) -> String {
+    if runs.contains(char::is_alphabetic) { runs } else { format!("run {runs}") }
 }
 
 /// Which part log number `log` belongs to.
@@ -276,7 +281,7 @@ impl Products {
             free -= &directions * directions.tr_mul(&free);
             residual -= &directions * directions.tr_mul(&residual);
             let (gram, slope) = (free.tr_mul(&free), free.tr_mul(&residual));
-            // Where each of this window's columns stands: once for all runs, once more for its own.
+            // The places of this window's columns: once for all runs, once more for its own.
             let run = part_of(window.log, logs);
             let places: Vec<(usize, usize)> = (0..q)
                 .map(|i| (i, i))
@@ -383,6 +388,13 @@ mod tests {
     use crate::diagnose::fixture::drive;
     use crate::diagnose::limits::Budget;
     use crate::refine::Experiment;
+
+    #[test]
+    fn a_run_is_called_a_run_once() {
+        assert_eq!(named("run 1".into()), "run 1");
+        assert_eq!(named("log.csv:3, log.csv:4".into()), "log.csv:3, log.csv:4");
+        assert_eq!(named("7".into()), "run 7");
+    }
 
     /// Stability of a linear loss in a drive that loses `loses(x)` beyond its model.
     fn linear(loses: impl Fn(f64) -> f64) -> Stability {

@@ -12,7 +12,7 @@ use crate::model::System;
 use crate::refine::{Experiment, Jacobian, Log, Point, Window, guess_initial, guess_starts};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// What the first samples tell of one window's start.
+/// What the first samples say of one window's start.
 struct Belief {
     /// By logged column.
     readings: Vec<Option<Reading>>,
@@ -20,7 +20,7 @@ struct Belief {
     states: Vec<(f64, f64)>,
 }
 
-/// The first reading of a column, as its neighbours tell it.
+/// The first reading of a column, as its neighbours give it.
 struct Reading {
     /// The sample that it is of.
     sample: usize,
@@ -61,7 +61,7 @@ pub(crate) fn beginnings(experiment: &Experiment) -> Vec<Window> {
     experiment.windows.iter().map(of).collect()
 }
 
-/// What the first samples of every window tell of its start.
+/// What the first samples of every window say of its start.
 fn beliefs(system: &System, beginning: &Experiment, nominal_states: usize) -> Vec<Belief> {
     let guess = with_lagging(system, beginning, guess_initial(system, beginning), nominal_states);
     let model = system.model();
@@ -100,7 +100,7 @@ struct Line {
 
 /// The parabola through as many first samples of column `c` as it follows to within the noise.
 ///
-/// What a sensor holds moves in steps, which no parabola follows: there the first sample stands for itself.
+/// What a sensor holds moves in steps, which no parabola follows: there the first sample is taken as it is.
 fn line(log: &Log, c: usize, window: &Window, noise: f64, is_held: bool) -> Option<Line> {
     let there: Vec<usize> = (window.first..=window.last).filter(|&i| log.measured[c][i].is_finite()).collect();
     let sample = *there.first()?;

@@ -74,7 +74,7 @@ impl Screened {
     }
 }
 
-/// Two suspects beside the effects of a contestant, or in the place of some.
+/// Two suspects besides the effects of a contestant, or in the place of some.
 #[derive(Debug, Clone)]
 pub(crate) struct Pair {
     /// Numbers of the hypotheses.

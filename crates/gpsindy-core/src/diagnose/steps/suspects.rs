@@ -46,7 +46,7 @@ pub(crate) struct Choice<'a> {
     pub(crate) senseless: bool,
 }
 
-/// Every effect that can act in the nominal model, of those of `choice`; what makes no sense there is told in `notes`.
+/// Every effect that can act in the nominal model, of those of `choice`; what makes no sense there is said in `notes`.
 ///
 /// # Errors
 /// No effect that can act; an effect of the user's own in a state that the model lacks.

@@ -2,7 +2,7 @@
 //!
 //! The corrected model and its noise make new residuals; everything that is free is fitted to them along straight lines, and the same
 //! functions without a name are screened in them as in the real ones. The rank of what the logs leave among what the simulations leave
-//! needs no theory of the screening; where none of them leaves as much, how far above them it lies tells the chance.
+//! needs no theory of the screening; where none of them leaves as much, how far above them it lies gives the chance.
 //! Source: the Monte Carlo test, Barnard 1963; Besag and Clifford 1989, Biometrika 76(4); the largest of many by Gumbel 1958,
 //! Statistics of Extremes, chapter 5.
 

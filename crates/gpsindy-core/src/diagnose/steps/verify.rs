@@ -138,7 +138,7 @@ fn held_out(best: &Contestant, holdout: &Dataset, notes: &Notes) -> Result<Heldo
     experiment.scale.clone_from(&known.scale);
     let own = noise_levels(&experiment.logs, experiment.columns.len());
     remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &own);
-    // A column that rests here tells nothing of its noise.
+    // A column that rests here says nothing of its noise.
     let moves_here = |c: usize| moves(&experiment.logs, c);
     let noise = |c: usize| if moves_here(c) { own[c].min(known.noise[c]) } else { known.noise[c] };
     let noise: Vec<f64> = (0..own.len()).map(noise).collect();
@@ -387,7 +387,7 @@ mod tests {
         let diagnosis = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
         let figures = diagnosis.figures.unwrap();
         let curve = figures.rollouts.iter().find(|f| f.column == "q").unwrap();
-        // The carriage stands at its stop, and the nominal model moves it on: its rollout starts at the stop all the same.
+        // The carriage is at its stop, and the nominal model moves it on: its rollout starts at the stop all the same.
         for line in [&curve.before, &curve.after].into_iter().filter(|line| !line.is_empty()) {
             let apart = line[0].unwrap() - curve.measured[0].unwrap();
             assert!(apart.abs() < 3e-3, "{apart}");

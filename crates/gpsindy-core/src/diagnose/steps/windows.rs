@@ -8,7 +8,7 @@ use crate::refine::{Experiment, Free, Jacobian, Log, Window};
 /// What the windows are for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// To tell effects apart: no longer than the noise asks for.
+    /// To distinguish effects: no longer than the noise asks for.
     Search,
     /// To predict: as long as the model stays near the logs.
     Rollout,
@@ -16,7 +16,7 @@ pub(crate) enum Purpose {
 
 /// Windows short enough that the model stays near the logs and initial errors do not explode.
 ///
-/// Starts from whole runs, or from the time of one motion where a simulator steps by itself, and halves; `watch` is told how
+/// Starts from whole runs, or from the time of one motion where a simulator steps by itself, and halves; `watch` is called with how
 /// often. Returns the experiment and, where they had to be cut, their length in s.
 pub(crate) fn choose_windows(
     system: &System,
@@ -110,7 +110,7 @@ pub(crate) fn stays_near(experiment: &Experiment, residuals: &[Vec<f64>], jacobi
     near(experiment, residuals) && growth(experiment, jacobian) < EXPLOSION
 }
 
-/// Whether rollouts are so far above the noise that shorter ones would tell effects apart better.
+/// Whether rollouts are so far above the noise that shorter ones would distinguish effects better.
 ///
 /// A free motion has only its start: cut into pieces, each with a start of its own, it no longer shows what it loses.
 pub(crate) fn is_loud(system: &System, experiment: &Experiment, residuals: &[Vec<f64>]) -> bool {

@@ -292,7 +292,7 @@ fn bad_settings_are_refused_by_name() {
     let good = || settings(&late());
     for (settings, expected) in [
         (OnlineSettings { states: vec![], ..good() }, "no state named"),
-        (OnlineSettings { controls: vec![Channel::new("x")], ..good() }, "column `x` stands twice"),
+        (OnlineSettings { controls: vec![Channel::new("x")], ..good() }, "column `x` appears twice"),
         (OnlineSettings { angles: vec!["y".into()], ..good() }, "angle `y` is unknown; known: x, u"),
         (OnlineSettings { delays: vec![("v".into(), 0.1)], ..good() }, "control `v` is unknown; known: u"),
         (OnlineSettings { delays: vec![("u".into(), -0.1)], ..good() }, "`delay` must be at least 0 and finite"),

@@ -95,7 +95,7 @@ fn reader(channel: &Channel, data: &[u8], topic: &mut Topic) -> Reader {
             let is_stamp = stamp.as_ref().is_some_and(|paths| paths.contains(&leaf.path));
             let name = path::shown(&leaf.path);
             let number = leaf.number && !is_stamp;
-            topic.sheet.columns.push(Column::new(&name, &name, &leaf.told, "", number));
+            topic.sheet.columns.push(Column::new(&name, &name, &leaf.type_name, "", number));
             if number {
                 topic.paths.push(leaf.path);
             }

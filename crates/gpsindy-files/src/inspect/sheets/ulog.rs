@@ -14,7 +14,7 @@ pub(crate) fn look(input: &Input, progress: &dyn Progress) -> Result<Looked> {
     let mut known: HashMap<u16, usize> = HashMap::new();
     let broken = parse(input, progress, &mut |message| {
         let at = *known.entry(message.subscription).or_insert_with(|| {
-            let column = |f: &Field| Column::new(&f.name, &f.name, f.told, "", true);
+            let column = |f: &Field| Column::new(&f.name, &f.name, f.type_name, "", true);
             let sheet = Sheet {
                 topic: message.topic.into(),
                 clock: "timestamp".into(),

@@ -33,7 +33,7 @@ fn chunks_of_several_frames_and_with_bytes_behind_are_read() {
         assert_eq!(found.notes, [""; 0], "{packing}");
         assert_eq!(found.data.runs()[0].time, expected.data.runs()[0].time);
         assert_eq!(found.data.runs()[0].column(0), expected.data.runs()[0].column(0));
-        // Another checksum is told, behind the messages of its chunk.
+        // Another checksum is reported, after the messages of its chunk.
         let at = bytes.windows(packing.len()).position(|w| w == packing.as_bytes()).unwrap();
         bytes[at - 5] ^= 1;
         let found = assembled(&bytes, &MAP[..1], &[]);

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 /// A reading as a linear function of the machine's states.
 struct Reading {
     slope: Vec<f64>,
-    /// What was read, less what the slope does not tell of.
+    /// What was read, less what the slope does not explain.
     value: f64,
     column: usize,
 }

@@ -59,7 +59,7 @@ pub(crate) fn assemble(
     (diagnosis, augmented)
 }
 
-/// The augmented model's parameters beside the nominal ones.
+/// The augmented model's parameters with the nominal ones.
 fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelParameter> {
     let one = |(index, parameter): (usize, &crate::model::Parameter)| ModelParameter {
         name: parameter.name.clone(),
@@ -71,7 +71,7 @@ fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelPara
     after.parameters.iter().enumerate().map(one).collect()
 }
 
-/// Effects that these logs would have shown beside the winner's, had they been larger than a size.
+/// Effects that these logs would have shown besides the winner's, had they been larger than a size.
 fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
     let model = outcome.best.system.model();
     let mut all: Vec<Excluded> = Vec::new();

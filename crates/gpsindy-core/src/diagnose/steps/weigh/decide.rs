@@ -129,7 +129,7 @@ fn unexplained(
 
 /// Whether causes, each credible to such a degree and with such a share of the gap, are believed together.
 ///
-/// One without which less than the verdict allows would be left need not be sure, beside one that is: of several that can stand for
+/// One without which less than the verdict allows would be left need not be sure, besides one that is: of several that can stand for
 /// each other none would be missed.
 fn are_believed(causes: &[(f64, f64)]) -> bool {
     let is_sure = |&(credible, _): &(f64, f64)| credible > LIKELY;
@@ -176,7 +176,7 @@ mod tests {
     fn a_cause_of_the_whole_gap_is_credible_and_one_of_a_hundredth_of_it_is_not() {
         assert!(credible(1.0, 0.0, 1, 0.5) > 0.95);
         assert!(credible(0.01, 0.0, 2, 0.5) < 0.3);
-        // Dry friction that removes nearly all of a real drive's gap is likely still, where a rest is left beside it.
+        // Dry friction that removes nearly all of a real drive's gap is likely still, where a rest is left besides it.
         assert!((0.6..0.9).contains(&credible(0.97, 1.0, 1, 0.5)));
         assert!(credible(0.97, 1.0, 3, 0.5) < 0.3);
     }

@@ -1,10 +1,8 @@
 //! Drawn plants whose effect is withheld, through `gpsindy exam`: nulls stay quiet, effects are named, what is outside is not explained.
 //!
 //! Development seeds; the truth is simulated by code that shares nothing with the diagnosis (tests/suite).
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 use gpsindy_suite::case::{Kind, draw_case};
 use gpsindy_suite::emit::{Answer, answer, files};
 

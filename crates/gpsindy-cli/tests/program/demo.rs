@@ -1,8 +1,6 @@
 //! `gpsindy demo` as a new user runs it: nothing but the program.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 
 #[test]
 fn the_demo_identifies_diagnoses_and_says_where_the_files_are() {

@@ -1,8 +1,6 @@
 //! Dry friction and drag of a swinging mass: effects that only show together, and a friction law of the user's own.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 use serde_json::Value;
 
 /// Stiffness of the truth and of the nominal model, 1/s^2: 0.8 swings a second.

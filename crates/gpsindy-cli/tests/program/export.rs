@@ -1,8 +1,6 @@
 //! `gpsindy export` as a user runs it. That the sources agree with our integrator is tested in the core.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 
 #[test]
 fn every_language_shows_the_equations() {

@@ -1,9 +1,7 @@
 //! `gpsindy fleet` as a user runs it: sliders of one design, one of which drags more.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
-use common::slider::{SLIDER, coast};
+use crate::common::Folder;
+use crate::common::slider::{SLIDER, coast};
 
 /// Eight units, the last one with twice the drag, and a ninth without logs.
 fn fleet() -> Folder {

@@ -1,8 +1,6 @@
 //! `gpsindy smooth` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 
 fn sine() -> String {
     let mut text = String::from("# a sine with a rounded column\ntime (s),\"height, above ground (m)\",v [m/s],note\n");

@@ -1,9 +1,7 @@
 //! What `--out` writes to and what it leaves alone.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
-use common::slider::{SLIDER, coast};
+use crate::common::Folder;
+use crate::common::slider::{SLIDER, coast};
 
 fn lab() -> Folder {
     let folder = Folder::new();

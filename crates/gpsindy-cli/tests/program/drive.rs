@@ -1,9 +1,7 @@
 //! A drive that a controller moves to and fro, positions only and nearly without noise: dry friction and a constant force
 //! that are worth little alone, with a tolerated damping that would absorb the friction.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 use serde_json::Value;
 
 const MASS: f64 = 95.0;

@@ -1,8 +1,6 @@
 //! `gpsindy identify` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 
 /// Terms of an equation, in order, of a model written as JSON.
 fn terms(result: &serde_json::Value, state: usize) -> Vec<String> {

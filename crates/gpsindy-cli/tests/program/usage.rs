@@ -1,8 +1,6 @@
 //! Usage of the program as a whole: help, completions, manual, wrong options, closed pipes.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 use std::process::{Command, Stdio};
 
 const COMMANDS: &[&str] = &[

@@ -1,8 +1,6 @@
 //! `gpsindy score` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 use gpsindy_beside::shared;
 
 const DECAY: &str = "name = \"decay\"\n[[state]]\nname = \"x\"\nunit = \"m\"\nequation = \"-x\"\n";

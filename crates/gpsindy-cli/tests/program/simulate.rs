@@ -1,8 +1,6 @@
 //! `gpsindy simulate` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 use gpsindy_beside::shared;
 
 const CART: &str = "

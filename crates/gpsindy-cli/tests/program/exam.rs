@@ -1,9 +1,8 @@
 //! Where `gpsindy exam` writes. What it finds is tested in `withheld.rs`.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+#![cfg(unix)]
+
+use crate::common::Folder;
 use std::os::unix::fs::symlink;
 
 /// A suite with one null case, in `suite/case_1`.

@@ -1,9 +1,7 @@
 //! `gpsindy diagnose`, `exam` and `effects` as a user runs them.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
-use common::slider::{SLIDER, coast};
+use crate::common::Folder;
+use crate::common::slider::{SLIDER, coast};
 
 fn lab(drag: f64) -> Folder {
     let folder = Folder::new();

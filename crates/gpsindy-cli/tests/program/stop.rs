@@ -1,9 +1,8 @@
 //! Ctrl-C and SIGTERM in the middle of the work.
-#![allow(clippy::unwrap_used)]
+
 #![cfg(target_os = "linux")]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 use std::io::Read;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, Stdio};

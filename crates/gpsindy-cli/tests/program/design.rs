@@ -1,8 +1,6 @@
 //! `gpsindy design`, and models that only the Python package's command steps.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::Folder;
+use crate::common::Folder;
 
 const DRAG: &str = r#"
 schema = "gpsindy.model/1"

@@ -1,8 +1,6 @@
 //! The two commands of the README that lead from a log of topics to a first diagnosis.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 use serde_json::Value;
 
 #[test]

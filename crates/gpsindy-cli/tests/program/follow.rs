@@ -1,8 +1,6 @@
 //! `gpsindy identify --follow` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-use common::{Folder, data};
+use crate::common::{Folder, data};
 use serde_json::Value;
 use std::io::Write;
 use std::time::Duration;
@@ -129,7 +127,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
     (0..40).for_each(|i| text += &format!("{},{},{},a\n", 0.1 * f64::from(i), f64::from(i % 7), i % 2));
     for (arguments, tail, expected) in [
         ("--state y", "", "stdin: column `y` is not in the file; found: x, u, word"),
-        ("--state x --control x", "", "column `x` stands twice"),
+        ("--state x --control x", "", "column `x` appears twice"),
         ("--state word", "", "stdin:2: column `word`: not a number: \"a\""),
         ("--state x", "9,1\n", "stdin:42: 2 cells where the header has 4 cells"),
         ("--state x", "0,1,2,a\n", "stdin:42: column `t`: time goes back, from 3.9000000000000004 to 0"),
