@@ -5,7 +5,7 @@
 mod fixtures;
 
 use gpsindy_core::diagnose::report::*;
-use gpsindy_core::diagnose::{Family, Handed, Member};
+use gpsindy_core::diagnose::{Handed, Member};
 use gpsindy_report::scorecard::*;
 use std::collections::BTreeMap;
 
@@ -227,7 +227,7 @@ fn handed(sets: &[&[(&str, &str, &[&str])]]) -> HandedOver {
     };
     let set = |(place, members): (usize, &&[(&str, &str, &[&str])])| Handed {
         members: members.iter().map(member).collect(),
-        family: Family::Coupling,
+        family: "Coupling".into(),
         promised: 10.0 * place as f64 + 10.0,
         achieved: 8.0 * place as f64 + 4.0,
         at_rest: true,

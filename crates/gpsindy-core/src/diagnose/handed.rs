@@ -1,7 +1,5 @@
 //! Handed over: the sets of effects that straight lines chose, what each promised, and what its fit achieved.
 
-use crate::diagnose::catalogue::place::Family;
-
 /// One effect of a set.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Member {
@@ -19,7 +17,7 @@ pub struct Handed {
     /// Its effects: the ones that stay first, then the ones that are new.
     pub members: Vec<Member>,
     /// Family of the last of the new ones.
-    pub family: Family,
+    pub family: String,
     /// By how much the straight line would lower the sum of squares (squared noise units) of the set that it was one move away from.
     /// Of a simulator that steps, that of the innovations.
     pub promised: f64,

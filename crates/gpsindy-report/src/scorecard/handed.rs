@@ -48,7 +48,7 @@ impl HandedOver {
         let at_rest = all().filter(|set| set.at_rest && set.promised > 0.0);
         let mut families: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
         for set in all() {
-            families.entry(format!("{:?}", set.family)).or_default().push((set.promised, set.achieved));
+            families.entry(set.family.clone()).or_default().push((set.promised, set.achieved));
         }
         let rank = |(family, pairs): (String, Vec<(f64, f64)>)| FamilyRank {
             family,

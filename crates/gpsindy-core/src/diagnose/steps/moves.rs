@@ -86,7 +86,7 @@ fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f6
     };
     Some(Handed {
         members: fit.hypotheses.iter().map(member).collect(),
-        family: newest.family(),
+        family: format!("{:?}", newest.family()),
         promised,
         achieved: base.evidence.squares() - fit.evidence.squares(),
         at_rest: fit.refined.converged,
