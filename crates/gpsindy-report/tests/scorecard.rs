@@ -219,13 +219,16 @@ fn true_diagnoses_of_the_practice_suite_score_full_marks() {
     assert_eq!(card.closure.median, Some(1.0));
 }
 
-fn handed(sets: &[&[(&str, &str, &[&str])]]) -> HandedOver {
-    let member = |(effect, state, variables): &(&str, &str, &[&str])| Member {
+/// Id, state and variables of an effect.
+type Named<'a> = (&'a str, &'a str, &'a [&'a str]);
+
+fn handed(sets: &[&[Named<'_>]]) -> HandedOver {
+    let member = |(effect, state, variables): &Named<'_>| Member {
         effect: (*effect).into(),
         state: (*state).into(),
         variables: variables.iter().map(|v| (*v).into()).collect(),
     };
-    let set = |(place, members): (usize, &&[(&str, &str, &[&str])])| Handed {
+    let set = |(place, members): (usize, &&[Named<'_>])| Handed {
         members: members.iter().map(member).collect(),
         family: "Coupling".into(),
         promised: 10.0 * place as f64 + 10.0,
@@ -240,8 +243,8 @@ fn handed(sets: &[&[(&str, &str, &[&str])]]) -> HandedOver {
 
 #[test]
 fn the_right_set_was_fitted_where_each_effect_had_a_member_of_its_own() {
-    const PERIODIC: (&str, &str, &[&str]) = ("periodic_disturbance", "v", &[]);
-    const BIAS: (&str, &str, &[&str]) = ("input_bias", "v", &["u"]);
+    const PERIODIC: Named<'_> = ("periodic_disturbance", "v", &[]);
+    const BIAS: Named<'_> = ("input_bias", "v", &["u"]);
     // By the name that the suite accepts, in whatever order.
     let found = handed(&[&[PERIODIC], &[BIAS, PERIODIC]]);
     assert_eq!((hit(found.right_set), found.missed.len()), ((1, 1), 0));
