@@ -22,7 +22,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
     (
         "diagnose",
         &[
-            &["handed", "limits", "notes", "parts", "report"],
+            &["limits", "notes", "parts", "report"],
             &["run"],
             &["catalogue"],
             &["fit"],
