@@ -37,10 +37,13 @@ pub(crate) struct Options {
     effects: Vec<String>,
     without: Vec<String>,
     custom: Vec<Custom>,
-    /// Joints and actuators of the simulator.
+    /// Joints and actuators of the simulator; none where it names none, as equations.
+    #[pyo3(default)]
     parts: Vec<PartParts>,
     /// Names of the joints and the actuators whose effects are suspects.
+    #[pyo3(default)]
     joints: Vec<String>,
+    #[pyo3(default)]
     actuators: Vec<String>,
     allow_place: bool,
     all_suspects: bool,
