@@ -1,18 +1,20 @@
 //! The page `report.html`: verdict, location, causes, closure, next steps; one file, no network, no script.
 
 mod closure;
+mod parts;
 
 use crate::figures::{Charts, residual_curve, residual_trace, signal};
 use crate::metadata::metadata;
 use crate::numbers::{number, p_value, percent, percent_closed, span, with_deviation, with_unit};
 use crate::provenance::{self, Provenance};
 use crate::words::{
-    between_sentence, cause_name, cause_place, effect_meaning, equivalents, excluded_name, interval, left_sentence,
-    listed, parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
+    cause_name, cause_place, effect_meaning, equivalents, excluded_name, interval, left_sentence, listed,
+    parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
 };
 use closure::closure;
-use gpsindy_core::diagnose::report::{BetweenRuns, Cause, Diagnosis, Figures, Parameter, Verdict};
+use gpsindy_core::diagnose::report::{Cause, Diagnosis, Figures, Verdict};
 use maud::{DOCTYPE, Markup, html};
+use parts::{by_joint, by_run};
 use std::collections::BTreeSet;
 
 /// Probability below which a cause that is not included is left to the JSON.
@@ -204,42 +206,6 @@ fn causes(report: &Diagnosis) -> Markup {
             (by_joint(report))
             (parameters(report))
             (excluded(report))
-        }
-    }
-}
-
-/// A size by run, and pooled.
-fn by_run(report: &Diagnosis, between: &BetweenRuns) -> Markup {
-    let row = |value, low, high| {
-        let (name, unit) = (between.parameter.clone(), between.unit.clone());
-        let (value, range) = interval(&Parameter { name, value, low: Some(low), high: Some(high), unit });
-        (with_unit(&value, &between.unit), range.unwrap_or_default())
-    };
-    html! {
-        p { (between_sentence(between)) }
-        div.wide { table {
-            thead { tr { th scope="col" { "run" } th.n scope="col" { code { (between.parameter) } }
-                th.n scope="col" { (percent(report.level())) " interval" } } }
-            tbody {
-                @for run in &between.runs {
-                    @let (value, range) = row(run.value, run.low, run.high);
-                    tr { th scope="row" { (run.run) } td.n { (value) } td.n { (range) } }
-                }
-                @let (value, range) = row(between.pooled, between.low, between.high);
-                tr { th scope="row" { strong { "pooled" } } td.n { strong { (value) } } td.n { (range) } }
-            }
-        } }
-    }
-}
-
-/// What was found, joint by joint.
-fn by_joint(report: &Diagnosis) -> Markup {
-    html! {
-        @if !report.by_part.is_empty() {
-            h3 { "By joint" }
-            div.wide { table {
-                tbody { @for row in &report.by_part { tr { th scope="row" { (row.part) } td { (row.says) } } } }
-            } }
         }
     }
 }

@@ -108,17 +108,17 @@ fn twin_name(twin: &Twin) -> String {
     name + &place + &size.unwrap_or_default()
 }
 
+/// One of the sizes, as a parameter.
+pub(crate) fn size_of(between: &BetweenRuns, value: f64, low: f64, high: f64) -> Parameter {
+    let (name, unit) = (between.parameter.clone(), between.unit.clone());
+    Parameter { name, value, low: Some(low), high: Some(high), unit }
+}
+
 /// A size by run and pooled: `By run: c = 0.2, 0.3; pooled 0.25 (0.1 to 0.4). 92 % of that spread is the machine's.`
 pub(crate) fn between_sentence(between: &BetweenRuns) -> String {
-    let with = |value, low, high| Parameter {
-        name: between.parameter.clone(),
-        value,
-        low: Some(low),
-        high: Some(high),
-        unit: between.unit.clone(),
-    };
-    let runs: Vec<String> = between.runs.iter().map(|run| interval(&with(run.value, run.low, run.high)).0).collect();
-    let (pooled, range) = interval(&with(between.pooled, between.low, between.high));
+    let runs: Vec<String> =
+        between.runs.iter().map(|run| interval(&size_of(between, run.value, run.low, run.high)).0).collect();
+    let (pooled, range) = interval(&size_of(between, between.pooled, between.low, between.high));
     let range = range.map(|range| format!(" ({range})")).unwrap_or_default();
     let spread = if between.spread > 0.0 {
         let size = with_unit(&number(between.spread), &between.unit);

@@ -1,15 +1,13 @@
 //! The findings of a diagnosis summed up by joint, in a roboticist's words.
 
 use super::catalogue::list::Effect;
+use super::limits::weigh::ON_JOINT;
 use super::parts::{Part, PartKind};
 use super::report::{Bound, Cause, Diagnosis, Parameter, PartFound, Verdict};
 use crate::model::Model;
 
 /// Effects whose bound tells how small a joint's friction, load, delay or gain error is.
 const TELLING: [Effect; 4] = [Effect::CoulombFriction, Effect::Bias, Effect::InputDelay, Effect::InputGain];
-
-/// Share of the gap from which on a joint without a cause is said to have one.
-const COUNTS: f64 = 0.02;
 
 /// Every joint of `parts`; `measured` holds the states with a column, `only` the parts that were asked for, where not all were.
 pub(crate) fn by_part(
@@ -84,7 +82,7 @@ fn says(found: &PartFound, model: &Model, diagnosis: &Diagnosis) -> String {
     }
     // Of a gap that a cause in another joint makes, it has its part.
     let is_unnamed = diagnosis.verdict != Verdict::NoGap && diagnosis.included().next().is_none();
-    if is_unnamed && found.share > COUNTS {
+    if is_unnamed && found.share > ON_JOINT {
         return format!("{:.0} % of the gap, no cause named{unseen}", 100.0 * found.share);
     }
     match bounds.is_empty() {
@@ -165,7 +163,7 @@ fn with_unit(value: f64, unit: &str) -> String {
 }
 
 /// A number with three digits: `0.25`, `12.3`, `2.0e-6` as `2e-6`.
-pub(crate) fn short(value: f64) -> String {
+fn short(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

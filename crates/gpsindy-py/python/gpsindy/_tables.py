@@ -6,6 +6,7 @@ Nothing is imported here but numpy. A frame is known by what it can do.
 from __future__ import annotations
 
 import datetime
+import difflib
 import importlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -250,6 +251,13 @@ def contiguous(values: Any) -> Array:
 def readonly(values: Array) -> Array:
     values.flags.writeable = False
     return values
+
+
+def unknown(said: str, name: str, known: Sequence[str]) -> ValueError:
+    """The error of a name that is none of the known ones, after what is ``said`` of it: with the nearest of them, and all."""
+    near = difflib.get_close_matches(name, known, 1)
+    meant = f"did you mean {near[0]!r}? " if near else ""
+    return ValueError(f"{said} {name!r}; {meant}found {', '.join(known)}")
 
 
 def names_of(value: str | Iterable[str] | None) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import names_of
+from gpsindy._tables import names_of, unknown
 from gpsindy.catalogue import CustomEffect
 from gpsindy.dataset import Path, as_dataset
 from gpsindy.diagnosis import Diagnosis
@@ -110,7 +109,6 @@ def diagnose(
         "effects": [name for name in chosen if not name.startswith("!")],
         "without": [name[1:] for name in chosen if name.startswith("!")],
         "custom": [effect._entry() for effect in custom],
-        "parts": [],
         "joints": list(names_of(joints)),
         "actuators": list(names_of(actuators)),
         "allow_place": allow_place,
@@ -153,9 +151,7 @@ def _check_parts(options: Mapping[str, Any]) -> None:
         known = [name for part, name, *_ in options["parts"] if f"{part}s" == kind]
         for name in options[kind]:
             if name not in known:
-                near = difflib.get_close_matches(name, known, 1)
-                meant = f"did you mean {near[0]!r}? " if near else ""
-                raise ValueError(f"{kind}: the model has no {kind[:-1]} {name!r}; {meant}found {', '.join(known)}")
+                raise unknown(f"{kind}: the model has no {kind[:-1]}", name, known)
 
 
 def _refuse_parts(named: Any) -> None:

@@ -140,6 +140,12 @@ pub(crate) fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
     ChiSquared::new(degrees.max(1) as f64).map_or(1.0, |d| d.sf(value))
 }
 
+/// The value below which a normal variable lies with the probability `p`.
+pub(crate) fn normal_quantile(p: f64) -> f64 {
+    use statrs::distribution::{ContinuousCDF, Normal};
+    Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -39,6 +39,10 @@ pub(crate) const ROUGH: f64 = 1e-6;
 /// verdict allows.
 pub(crate) const COUNTS: f64 = 0.01;
 
+/// Share of the gap from which a joint without a cause is said to have a part of it: whole percent are printed, and two of them are no
+/// rounding.
+pub(crate) const ON_JOINT: f64 = 0.02;
+
 /// Probability above which a statement counts, in the verdict and in words.
 pub(crate) const LIKELY: f64 = 0.5;
 

@@ -6,9 +6,10 @@
 //! and Knapp 2001, Statistics in Medicine 20(24), never narrower than without their factor. The share is I^2 of Higgins and Thompson
 //! 2002, Statistics in Medicine 21(11).
 
+use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::report::{BetweenRuns, RunValue};
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 /// A size of a cause by run.
 pub(crate) struct Sizes {
@@ -46,7 +47,7 @@ impl Sizes {
         let factor = (apart.dot(&(&weights * &apart)) / freedom).max(1.0);
         let level = 0.5 + 0.5 * confidence;
         let width = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(level) * (factor / row.sum()).sqrt();
-        let normal = Normal::new(0.0, 1.0).ok()?.inverse_cdf(level);
+        let normal = normal_quantile(level);
         let runs = self.runs.iter().enumerate().map(|(i, run)| {
             let width = normal * own[(i, i)].sqrt();
             RunValue { run: run.clone(), value: values[i], low: values[i] - width, high: values[i] + width }

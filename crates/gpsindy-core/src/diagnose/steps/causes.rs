@@ -5,6 +5,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::sampling;
 use crate::diagnose::report::{Cause, Parameter, Twin, finite};
@@ -232,11 +233,6 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
         twins: Vec::new(),
         between_runs: Vec::new(),
     }
-}
-
-pub(crate) fn normal_quantile(p: f64) -> f64 {
-    use statrs::distribution::{ContinuousCDF, Normal};
-    Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
 }
 
 /// Energy of the gap above noise in the nominal fit, in noise units.

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsindy import _gpsindy, mjcf
-from gpsindy._tables import Array
+from gpsindy._tables import Array, unknown
 from gpsindy.dataset import Path
 from gpsindy.model import Model
 from gpsindy.mujoco._engine import mujoco
@@ -335,6 +335,4 @@ def _plain(name: str) -> str:
 def _known(what: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
     for name in given:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            meant = f"did you mean {near[0]!r}? " if near else ""
-            raise ValueError(f"{what}: the model has no {name!r}; {meant}found {', '.join(known)}")
+            raise unknown(f"{what}: the model has no", name, known)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy._tables import Array, unknown
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.settings import Setting
 
@@ -126,9 +125,7 @@ def _by_actuator(given: Mapping[str, Any], actuators: Sequence[str]) -> Iterable
     for pattern, driver in sorted(given.items(), key=lambda item: item[0] in actuators):
         names = [pattern] if pattern in actuators else fnmatch.filter(actuators, pattern)
         if not names:
-            near = difflib.get_close_matches(pattern, actuators, 1)
-            meant = f"did you mean {near[0]!r}? " if near else ""
-            raise ValueError(f"drivers: the model has no actuator {pattern!r}; {meant}found {', '.join(actuators)}")
+            raise unknown("drivers: the model has no actuator", pattern, actuators)
         found.update(dict.fromkeys(names, _driver(pattern, driver)))
     return [(name, found[name]) for name in actuators if name in found]
 
