@@ -22,7 +22,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
     (
         "diagnose",
         &[
-            &["limits", "notes", "parts", "report"],
+            &["handed", "limits", "notes", "parts", "report"],
             &["run"],
             &["catalogue"],
             &["fit"],

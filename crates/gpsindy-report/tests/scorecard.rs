@@ -5,6 +5,7 @@
 mod fixtures;
 
 use gpsindy_core::diagnose::report::*;
+use gpsindy_core::diagnose::{Handed, Member};
 use gpsindy_report::scorecard::*;
 use std::collections::BTreeMap;
 
@@ -216,4 +217,44 @@ fn true_diagnoses_of_the_practice_suite_score_full_marks() {
         assert!(none.of > 0);
     }
     assert_eq!(card.closure.median, Some(1.0));
+}
+
+/// Id, state and variables of an effect.
+type Named<'a> = (&'a str, &'a str, &'a [&'a str]);
+
+fn handed(sets: &[&[Named<'_>]]) -> HandedOver {
+    let member = |(effect, state, variables): &Named<'_>| Member {
+        effect: (*effect).into(),
+        state: (*state).into(),
+        variables: variables.iter().map(|v| (*v).into()).collect(),
+    };
+    let set = |(place, members): (usize, &&[Named<'_>])| Handed {
+        members: members.iter().map(member).collect(),
+        family: "Coupling".into(),
+        promised: 10.0 * place as f64 + 10.0,
+        achieved: 8.0 * place as f64 + 4.0,
+        at_rest: true,
+    };
+    let sets = sets.iter().enumerate().map(set).collect();
+    let mut suite = Suite::from_toml(ANSWERS).unwrap();
+    suite.cases.retain(|case| case.id == "pair");
+    HandedOver::new(&suite, &BTreeMap::from([("pair".to_string(), sets)]))
+}
+
+#[test]
+fn the_right_set_was_fitted_where_each_effect_had_a_member_of_its_own() {
+    const PERIODIC: Named<'_> = ("periodic_disturbance", "v", &[]);
+    const BIAS: Named<'_> = ("input_bias", "v", &["u"]);
+    // By the name that the suite accepts, in whatever order.
+    let found = handed(&[&[PERIODIC], &[BIAS, PERIODIC]]);
+    assert_eq!((hit(found.right_set), found.missed.len()), ((1, 1), 0));
+    for sets in [&[&[PERIODIC][..], &[BIAS]][..], &[&[PERIODIC, PERIODIC]], &[&[PERIODIC, BIAS, BIAS]]] {
+        let found = handed(sets);
+        assert_eq!((hit(found.right_set), found.missed), ((0, 1), vec!["pair".to_string()]));
+    }
+    // 4 of 10, 12 of 20, 20 of 30: in order, and the first fell short.
+    let found = handed(&[&[PERIODIC], &[BIAS], &[BIAS, PERIODIC]]);
+    assert_eq!(hit(found.kept), (2, 3));
+    assert_eq!(found.families[0].of, 3);
+    assert!((found.families[0].correlation.unwrap() - 1.0).abs() < 1e-12);
 }

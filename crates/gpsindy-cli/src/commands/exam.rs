@@ -7,10 +7,10 @@ use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::Progress;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed};
+use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Handed};
 use gpsindy_files::{read_model, write_whole};
 use gpsindy_report::Provenance;
-use gpsindy_report::scorecard::{LeftOut, ScoreCard, Suite, read_report};
+use gpsindy_report::scorecard::{HandedOver, LeftOut, ScoreCard, Suite, read_report};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -61,9 +61,12 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
         return Err(Failure::input(format!("{}: there is no such file; the score card needs it", answers.display())));
     }
     check_out(command, &cases)?;
-    let diagnoses = match &command.reports {
-        Some(folder) => read(folder, &cases, screen)?,
-        None => diagnose_all(command, &cases, screen)?,
+    let (diagnoses, handed) = match &command.reports {
+        Some(folder) => (read(folder, &cases, screen)?, None),
+        None => {
+            let (diagnoses, handed) = apart(diagnose_all(command, &cases, screen)?);
+            (diagnoses, Some(handed))
+        }
     };
     // From here on nothing is diagnosed any more: the answers may be read.
     let text = std::fs::read_to_string(&answers).map_err(|e| Failure::input(format!("{}: {e}", answers.display())))?;
@@ -72,8 +75,9 @@ pub(crate) fn run(command: &Exam, screen: &Screen) -> Outcome {
         suite.cases.retain(|case| command.only.contains(&case.id));
     }
     let mut card = ScoreCard::new(&suite, &diagnoses);
+    card.handed = handed.map(|handed| HandedOver::new(&suite, &handed));
     if command.leave_out {
-        card.left_out = Some(LeftOut::new(&suite, &diagnoses, &leave_out(command, &suite, screen)?));
+        card.left_out = Some(LeftOut::new(&suite, &diagnoses, &apart(leave_out(command, &suite, screen)?).0));
     }
     let json = serde_json::to_string_pretty(&card).map_err(|e| Failure::Work(format!("scorecard.json: {e}")))? + "\n";
     std::fs::create_dir_all(&command.out).map_err(|e| Failure::Work(format!("{}: {e}", command.out.display())))?;
@@ -95,7 +99,7 @@ struct Job<'a, K> {
 }
 
 /// A diagnosis of every case that could be diagnosed.
-fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BTreeMap<String, Diagnosis>> {
+fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BTreeMap<String, Diagnosed>> {
     let settings = command.options.settings()?;
     let jobs =
         cases.iter().map(|id| Job { key: id.clone(), case: id, settings: settings.clone(), out: command.out.join(id) });
@@ -103,7 +107,7 @@ fn diagnose_all(command: &Exam, cases: &[String], screen: &Screen) -> Outcome<BT
 }
 
 /// A diagnosis of every case of the catalogue without each of its effects, into CASE/without_N_EFFECT.
-fn leave_out(command: &Exam, suite: &Suite, screen: &Screen) -> Outcome<BTreeMap<(String, usize), Diagnosis>> {
+fn leave_out(command: &Exam, suite: &Suite, screen: &Screen) -> Outcome<BTreeMap<(String, usize), Diagnosed>> {
     let settings = command.options.settings()?;
     let known = suite.cases.iter().filter(|answer| answer.in_catalogue);
     let jobs = known.flat_map(|answer| (0..answer.effects.len()).map(move |of| (answer, of))).map(|(answer, of)| {
@@ -125,7 +129,7 @@ fn all<K: Clone + Ord + Send + Sync>(
     jobs: &[Job<'_, K>],
     stage: &str,
     screen: &Screen,
-) -> BTreeMap<K, Diagnosis> {
+) -> BTreeMap<K, Diagnosed> {
     let progress = screen.progress();
     let done = AtomicUsize::new(0);
     let outcomes: Vec<Outcome<Diagnosed>> = jobs
@@ -140,7 +144,7 @@ fn all<K: Clone + Ord + Send + Sync>(
     let mut diagnoses = BTreeMap::new();
     for (job, outcome) in jobs.iter().zip(outcomes) {
         match outcome {
-            Ok(diagnosed) => drop(diagnoses.insert(job.key.clone(), diagnosed.diagnosis)),
+            Ok(diagnosed) => drop(diagnoses.insert(job.key.clone(), diagnosed)),
             Err(failure) => {
                 let name = job.out.strip_prefix(&command.out).unwrap_or(&job.out);
                 screen.warn(&format!("{}: no diagnosis: {failure}", name.display()));
@@ -148,6 +152,11 @@ fn all<K: Clone + Ord + Send + Sync>(
         }
     }
     diagnoses
+}
+
+/// The reports, and what was handed over to fits.
+fn apart<K: Ord + Clone>(all: BTreeMap<K, Diagnosed>) -> (BTreeMap<K, Diagnosis>, BTreeMap<K, Vec<Handed>>) {
+    all.into_iter().map(|(key, found)| ((key.clone(), found.diagnosis), (key, found.handed))).unzip()
 }
 
 /// The reports of another tool; one that can't be read is an error, since a score of the rest would flatter it.

@@ -227,6 +227,10 @@ pub(crate) const PROMISING: f64 = 0.5;
 /// Evidence (nats beyond BIC) that one more effect must bring: odds of 150, "very strong" to Kass and Raftery 1995.
 pub(crate) const CONVINCING: f64 = 5.0;
 
+/// Nats by which an effect of time is less expected beforehand: twenty to one that no machine knows when its log was begun, and in runs
+/// that begin alike a function of time may be one of any state.
+pub(crate) const CLOCK: f64 = 3.0;
+
 /// Chance that noise gives a gain anywhere in a search, above which the gain is none.
 pub(crate) const CHANCE: f64 = 0.05;
 

@@ -15,6 +15,7 @@ mod fit;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod fixture;
+mod handed;
 mod limits;
 mod notes;
 mod parts;
@@ -28,6 +29,7 @@ pub use catalogue::list::Effect;
 pub use catalogue::place::Family;
 pub use design::open::{Candidate, Open};
 pub use design::settings::{Design, Designed, Parting};
+pub use handed::{Handed, Member};
 pub use notes::Note;
 pub use parts::{Part, PartKind};
 pub use power::settings::Power;
@@ -49,7 +51,7 @@ use steps::contest::Contest;
 use steps::detect::detect;
 use steps::findings::Judged;
 use steps::forcing::forced;
-use steps::hold::reconsider_hold;
+use steps::hold::{begun, reconsider_hold};
 use steps::prepare::{Known, Prepared, prepare};
 use steps::suspects::{Choice, suspects};
 use steps::verify::Verification;
@@ -143,6 +145,8 @@ pub struct Diagnosed {
     pub without: Vec<Model>,
     /// Seconds of every stage of the report's `work`, by the listener's clock; zeros where nobody keeps the time.
     pub seconds: Vec<f64>,
+    /// The sets of effects that were fitted, round by round.
+    pub handed: Vec<Handed>,
 }
 
 impl Diagnosed {
@@ -257,6 +261,7 @@ impl Diagnose {
         let suspects = suspects(&prepared.nominal, &self.choice(), &run.notes)?;
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
+        let suspected = begun(&contest, &prepared, suspected)?;
         let judged = attribute(&contest, suspected)?;
         let judged = forced(&contest, judged)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
@@ -290,7 +295,8 @@ impl Diagnose {
         let without = ablated(&contest, &judged, &diagnosis)?;
         let (work, seconds) = contest.run.work();
         diagnosis.work = work;
-        let diagnosed = Diagnosed { diagnosis, augmented, notes: contest.run.notes.all(), open, without, seconds };
+        let (notes, handed) = (contest.run.notes.all(), contest.run.handed.take());
+        let diagnosed = Diagnosed { diagnosis, augmented, notes, open, without, seconds, handed };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;

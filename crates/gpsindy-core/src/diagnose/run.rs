@@ -1,5 +1,6 @@
 //! What all steps of one diagnosis share: progress, time limit, notes, and the account of the work.
 
+use crate::diagnose::handed::Handed;
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::report::StageWork;
 use crate::error::Result;
@@ -20,9 +21,24 @@ pub(crate) struct Run<'a> {
     /// Whether something was left out because time was up.
     is_cut: AtomicBool,
     pub(crate) notes: Notes,
+    pub(crate) handed: Account,
     /// What is done with the logs, and how far it was when each stage began.
     pub(crate) tally: Arc<Tally>,
     begun: Mutex<Vec<Begun>>,
+}
+
+/// What was handed over to fits.
+#[derive(Default)]
+pub(crate) struct Account(Mutex<Vec<Handed>>);
+
+impl Account {
+    pub(crate) fn add(&self, handed: impl IntoIterator<Item = Handed>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(handed);
+    }
+
+    pub(crate) fn take(&self) -> Vec<Handed> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
 }
 
 /// The beginning of a stage.
@@ -42,6 +58,7 @@ impl<'a> Run<'a> {
             time_limit,
             is_cut: AtomicBool::new(false),
             notes: Notes::default(),
+            handed: Account::default(),
             tally: Arc::new(tally.unwrap_or_default()),
             begun: Mutex::default(),
         }

@@ -101,17 +101,22 @@ fn hits(answer: &Answer, cause: &Cause) -> bool {
 
 /// The cause has a name of effect `of`, or of any effect; what honestly covers a part counts outside the catalogue.
 fn named(answer: &Answer, cause: &Cause, of: Option<usize>) -> bool {
+    is_named(answer, (&cause.effect, &cause.state, &cause.variables), of)
+}
+
+/// The same of an effect's id, its state and what it depends on.
+pub(super) fn is_named(answer: &Answer, named: (&str, &str, &[String]), of: Option<usize>) -> bool {
     let own = answer.effects.iter().enumerate();
     let other = answer.accept.iter().chain(&answer.partial).map(|a| (a.of, &a.name));
-    own.chain(other).any(|(i, effect)| of.is_none_or(|of| of == i) && same(effect, cause))
+    own.chain(other).any(|(i, effect)| of.is_none_or(|of| of == i) && same(effect, named))
 }
 
 /// Effect, state and the set of variables agree.
-fn same(effect: &TrueEffect, cause: &Cause) -> bool {
-    effect.effect == cause.effect
-        && effect.state == cause.state
-        && effect.variables.iter().all(|v| cause.variables.contains(v))
-        && cause.variables.iter().all(|v| effect.variables.contains(v))
+fn same(effect: &TrueEffect, (id, state, variables): (&str, &str, &[String])) -> bool {
+    effect.effect == id
+        && effect.state == state
+        && effect.variables.iter().all(|v| variables.contains(v))
+        && variables.iter().all(|v| effect.variables.contains(v))
 }
 
 /// Effects from `effect` on each have an included cause of their own that is not taken yet.

@@ -5,6 +5,7 @@
 
 mod answers;
 mod foreign;
+mod handed;
 mod judge;
 mod left_out;
 mod rate;
@@ -12,6 +13,7 @@ mod text;
 
 pub use answers::{Accepted, Answer, Kind, Oracle, Suite, TrueEffect};
 pub use foreign::read_report;
+pub use handed::{FamilyRank, HandedOver};
 pub use judge::Judged;
 pub use left_out::{LeftOut, LeftOutCase};
 pub use rate::{Bin, Calibration, Rate};
@@ -79,6 +81,9 @@ pub struct ScoreCard {
     /// What was said with one effect left out of the catalogue; absent where none was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<LeftOut>,
+    /// What the searches fitted; absent for reports of another tool.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub handed: Option<HandedOver>,
     /// Every case, in the suite's order.
     pub cases: Vec<Judged>,
 }
@@ -169,6 +174,7 @@ impl ScoreCard {
                 percentile_10: quantile(&closures, 0.1),
             },
             left_out: None,
+            handed: None,
             cases,
         }
     }

@@ -1,6 +1,6 @@
 //! The score card as text.
 
-use super::{Judged, Kind, LeftOut, Rate, ScoreCard, Stratum};
+use super::{HandedOver, Judged, Kind, LeftOut, Rate, ScoreCard, Stratum};
 use crate::numbers::{fixed, number};
 use crate::words::verdict_name;
 use gpsindy_core::diagnose::report::Verdict;
@@ -41,12 +41,19 @@ pub(super) fn text(card: &ScoreCard) -> String {
         rate(&mut text, "effect left out of the catalogue: explained", left_out.explained);
         rate(&mut text, "  by what was not called equivalent to it", left_out.wrongly_explained);
     }
+    if let Some(handed) = &card.handed {
+        rate(&mut text, "in the catalogue: the right set was fitted", handed.right_set);
+        rate(&mut text, "fits at rest that gain 0.5 to 2 times their promise", handed.kept);
+    }
     line(&mut text, "");
     figure(&mut text, "mean size of the group of the best cause", card.mean_group_size);
     figure(&mut text, "Brier score of all causes", card.calibration.brier);
     figure(&mut text, "expected calibration error", card.calibration.expected_error);
     figure(&mut text, "closure relative to the oracle, median", card.closure.median);
     figure(&mut text, "closure relative to the oracle, 10th percentile", card.closure.percentile_10);
+    if let Some(handed) = &card.handed {
+        ranks(&mut text, handed);
+    }
     reliability(&mut text, card);
     cases(&mut text, card);
     if let Some(left_out) = &card.left_out {
@@ -83,6 +90,19 @@ fn strata(text: &mut String, strata: &[Stratum]) {
 
 fn figure(text: &mut String, name: &str, value: Option<f64>) {
     line(text, &format!("{name:<52} {:>9}", value.map_or("-".into(), |v| format!("{v:.3}"))));
+}
+
+/// How far each family keeps the order that straight lines promise.
+fn ranks(text: &mut String, handed: &HandedOver) {
+    line(text, "");
+    line(text, "promised and achieved gain     fits   rank correlation");
+    for family in &handed.families {
+        let correlation = family.correlation.map_or("-".into(), |c| format!("{c:.3}"));
+        line(text, &format!("{:<28} {:>6} {correlation:>18}", family.family, family.of));
+    }
+    if !handed.missed.is_empty() {
+        line(text, &format!("the right set was not fitted: {}", handed.missed.join(", ")));
+    }
 }
 
 fn reliability(text: &mut String, card: &ScoreCard) {

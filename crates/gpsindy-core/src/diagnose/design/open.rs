@@ -113,17 +113,18 @@ impl Open {
 pub(crate) fn left_open(judged: &Judged) -> Open {
     let outcome = &judged.outcome;
     let best = &outcome.best;
+    let alone = best.evidence.alone();
     let mut candidates = vec![Candidate::of(best)];
     let mut pairs = Vec::new();
     for seat in &outcome.seats {
         let others = || seat.alternatives.iter().filter(|fit| !fit.has_effects_of(best));
         let mut group = vec![0];
-        for fit in others().filter(|fit| seat.is_twin(fit)) {
+        for fit in others().filter(|fit| seat.is_twin(fit, alone)) {
             pairs.extend(group.iter().map(|&known| (known, candidates.len())));
             group.push(candidates.len());
             candidates.push(Candidate::of(fit));
         }
-        candidates.extend(others().filter(|fit| !seat.is_twin(fit)).take(OTHERS).map(Candidate::of));
+        candidates.extend(others().filter(|fit| !seat.is_twin(fit, alone)).take(OTHERS).map(Candidate::of));
     }
     if best.hypotheses.is_empty() {
         candidates.extend(outcome.singles.iter().take(OTHERS).map(Candidate::of));

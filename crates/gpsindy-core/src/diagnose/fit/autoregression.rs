@@ -50,6 +50,26 @@ impl Colour {
         self.covariance[0]
     }
 
+    /// How many values repeat each other: the sum of the squared correlations of one with all of a stretch of so many.
+    ///
+    /// That many fewer waves fill the band of the process than values were drawn (Bayley and Hammersley 1946, Supplement to the Journal
+    /// of the Royal Statistical Society 8(2), the effective number of independent observations of a variance).
+    pub(crate) fn repetition(&self, longest: usize) -> f64 {
+        let order = self.coefficients.len();
+        let mut last: Vec<f64> = self.covariance.iter().take(order).map(|c| c / self.variance()).collect();
+        let mut sum = 1.0 + 2.0 * last.iter().skip(1).map(|r| r * r).sum::<f64>();
+        for _ in order.max(1)..longest {
+            let next: f64 = self.coefficients.iter().zip(last.iter().rev()).map(|(a, r)| a * r).sum();
+            sum += 2.0 * next * next;
+            if last.is_empty() || !(sum.is_finite()) {
+                break;
+            }
+            last.remove(0);
+            last.push(next);
+        }
+        if sum.is_finite() { sum.max(1.0) } else { longest.max(1) as f64 }
+    }
+
     /// Variance of the innovations, as far as the residual can be noise.
     ///
     /// Differences of samples see a sensor's innovations, whatever its colour (a random walk's as 3.6). Innovations far
@@ -58,5 +78,30 @@ impl Colour {
     /// (a coefficient of 0.975) would keep of it.
     pub(crate) fn noise_like(&self) -> f64 {
         self.error.max((self.variance() / FAR).min(self.error * self.error / ROUGH))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn colour(coefficients: &[f64], covariance: &[f64]) -> Colour {
+        let (coefficients, covariance) = (coefficients.to_vec(), covariance.to_vec());
+        Colour { coefficients, innovation: 1.0, error: 1.0, covariance, count: 1000 }
+    }
+
+    #[test]
+    fn values_repeat_each_other_as_the_squares_of_their_correlations_say() {
+        assert!((colour(&[], &[7.0]).repetition(500) - 1.0).abs() < 1e-12);
+        // Correlations of 0.9^k: (1 + 0.81)/(1 - 0.81), whatever the variance.
+        assert!((colour(&[0.9], &[3.0]).repetition(500) - 1.81 / 0.19).abs() < 1e-9);
+        // A swing of 20 samples a period that hardly decays repeats itself though it has a mean of nothing: half of its values do.
+        let (decay, turn) = (0.999_f64, std::f64::consts::TAU / 20.0);
+        let coefficients = [2.0 * decay * turn.cos(), -decay * decay];
+        let first = coefficients[0] / (1.0 - coefficients[1]);
+        let found = colour(&coefficients, &[1.0, first]).repetition(100);
+        assert!(found > 70.0 && found < 110.0, "{found}");
+        // Correlations reach no further than the stretch.
+        assert!(colour(&[0.999], &[1.0]).repetition(10) < 19.0);
     }
 }

@@ -18,6 +18,7 @@ pub(crate) struct Evidence {
     beliefs: f64,
     complexity: usize,
     spent: usize,
+    effective: f64,
 }
 
 impl Evidence {
@@ -33,7 +34,9 @@ impl Evidence {
         let initial = refined.initial.iter().map(Vec::len).sum::<usize>();
         let spent = initial + free.len() + colours.iter().map(|c| c.coefficients.len() + 1).sum::<usize>();
         let beliefs = prior_cost(&refined.parameters, free);
-        let mut evidence = Self { colours, model_error, strain: 0.0, beliefs, complexity, spent };
+        let longest = experiment.windows.iter().map(|w| w.last - w.first + 1).max().unwrap_or(1);
+        let effective = colours.iter().map(|c| effective_count(c, longest)).sum::<f64>().max(2.0);
+        let mut evidence = Self { colours, model_error, strain: 0.0, beliefs, complexity, spent, effective };
         evidence.strain = tolerance::strain(refined, free, evidence.count());
         evidence
     }
@@ -76,8 +79,27 @@ impl Evidence {
 
     /// Log likelihood with beliefs, less half the logarithm of the sample size for every parameter (BIC/-2).
     pub(crate) fn score(&self) -> f64 {
-        let count = self.count().max(2) as f64;
-        self.likelihood() - 0.5 * self.complexity as f64 * count.ln()
+        self.score_of(1.0)
+    }
+
+    /// Log likelihood and BIC's price where only a share `alone` of the values counts: a quasi-likelihood, its overdispersion that of
+    /// the rest (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section 2.5).
+    pub(crate) fn score_of(&self, alone: f64) -> f64 {
+        let count = (alone * self.count() as f64).max(2.0);
+        alone * self.likelihood() - 0.5 * self.complexity as f64 * count.ln()
+    }
+
+    /// Values that count alone: fewer than there are where what is left is larger than the noise and lasts.
+    ///
+    /// What a fit leaves is noise and a rest, and the rest is a process of its own size and correlation: its values repeat each
+    /// other.
+    pub(crate) fn effective_count(&self) -> f64 {
+        self.effective
+    }
+
+    /// The share of the values that count alone.
+    pub(crate) fn alone(&self) -> f64 {
+        (self.effective_count() / self.count().max(1) as f64).min(1.0)
     }
 
     /// Whether what is left is no noise, however coloured.
@@ -98,6 +120,13 @@ impl Evidence {
         let spectrum = |c: &Colour| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3);
         self.colours.iter().map(spectrum).fold(0.0, f64::max).max(self.misfit())
     }
+}
+
+/// Values of one column that count alone, in windows of so many samples at most.
+fn effective_count(colour: &Colour, longest: usize) -> f64 {
+    // Coloured noise is in the likelihood already; only what is beyond the noise counts here.
+    let rest = (1.0 - 1.0 / colour.variance().max(1.0)).max(0.0);
+    colour.count as f64 * (1.0 - rest + rest / colour.repetition(longest))
 }
 
 /// Log likelihood of the innovations, their variances at their best, up to a constant; the coefficients

@@ -2,8 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::ROUGH;
-use crate::diagnose::limits::{MOST_MOVES, SWAP};
+use crate::diagnose::limits::{MOST_MOVES, NAMED, REST, SWAP};
 use crate::diagnose::steps::charge::charge_tolerated;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::detect::{Suspected, nameless_p_value};
@@ -96,24 +95,22 @@ fn moved(
     fits: &[Contestant],
     is_structured: bool,
 ) -> Option<Contestant> {
-    let first = |fits: Vec<&Contestant>| {
-        let order = |a: &&Contestant, b: &&Contestant| contest.score(a).total_cmp(&contest.score(b));
-        fits.into_iter().max_by(order).cloned()
-    };
     let own = best.hypotheses.len();
     let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = places.iter().filter_map(|place| place.rest.as_ref()).filter(superfluous);
-    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.score(fit) - contest.score(best) > SWAP;
-    let other = first(places.iter().filter_map(|place| place.fits.first()).filter(is_better).collect());
+    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP;
+    let other = contest.best(places.iter().filter_map(|place| place.fits.first()).filter(is_better));
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
-    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, ROUGH));
-    richer(contest, other.as_ref().unwrap_or(best), that_count)
-        .cloned()
-        .or_else(|| first(simpler.collect()))
+    // Where a rest is left anyhow, what removes little of the gap is a use for that.
+    let share = if is_structured { NAMED } else { REST };
+    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share));
+    richer(contest, other.unwrap_or(best), that_count)
+        .or_else(|| contest.best(simpler))
         .or(other)
-        .or_else(|| first(fits.iter().filter(is_one_for_two).collect()))
+        .or_else(|| contest.best(fits.iter().filter(is_one_for_two)))
+        .cloned()
 }
 
 /// Structure that a function without a name (`gains`), or one more effect, would still remove.

@@ -3,7 +3,6 @@
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::list::Effect;
-use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::fit::moved::deviation;
@@ -27,24 +26,9 @@ pub(crate) struct Causes<'a> {
     pub(crate) keep: bool,
 }
 
-/// Values that count alone: fewer than there are where what is left is larger than the noise and lasts.
-///
-/// What a fit leaves is noise and a rest, and the rest is a process of its own size and correlation: its values repeat each
-/// other. Of a column of N values with the variance V and the spectrum S at zero frequency, `N V / S` count.
-fn effective_count(fit: &Contestant) -> f64 {
-    let one = |c: &Colour| {
-        let spectrum = c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-6);
-        let alone = (c.variance() / spectrum).min(1.0);
-        // Coloured noise is in the evidence already; only what is beyond the noise counts here.
-        let rest = (1.0 - 1.0 / c.variance().max(1.0)).max(0.0);
-        c.count as f64 * (1.0 - rest + rest * alone)
-    };
-    fit.evidence.colours.iter().map(one).sum::<f64>().max(2.0)
-}
-
 /// Probability that an effect that removes the mean square `removed` (noise units) is more than a use for the rest of `fit`.
 fn is_real(fit: &Contestant, removed: f64, parameters: usize) -> f64 {
-    let count = effective_count(fit);
+    let count = fit.evidence.effective_count();
     let gain = 0.5 * count * (removed.max(0.0) / fit.evidence.misfit().max(1e-12)).ln_1p();
     let evidence = gain - 0.5 * parameters as f64 * count.ln();
     1.0 / (1.0 + (-evidence).exp())
@@ -53,8 +37,8 @@ fn is_real(fit: &Contestant, removed: f64, parameters: usize) -> f64 {
 /// Posterior weights of contestants that differ in one effect, the evidence counted as often as `at` leaves values that
 /// count alone.
 fn weights(contest: &Contest<'_>, fits: &[Contestant], at: &Contestant) -> Vec<f64> {
-    let alone = effective_count(at) / at.evidence.count().max(1) as f64;
-    let scores: Vec<f64> = fits.iter().map(|f| alone.min(1.0) * contest.score(f)).collect();
+    let alone = at.evidence.alone();
+    let scores: Vec<f64> = fits.iter().map(|f| contest.score_of(f, alone)).collect();
     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let raw: Vec<f64> = scores.iter().map(|s| (s - best).exp()).collect();
     let total: f64 = raw.iter().sum();
@@ -120,7 +104,7 @@ impl Causes<'_> {
         let mut twins: Vec<Twin> = Vec::new();
         let mut rest: Vec<Cause> = Vec::new();
         for (fit, weight) in fits.iter().zip(&weights) {
-            let is_twin = seat.is_twin(fit);
+            let is_twin = seat.is_twin(fit, best.evidence.alone());
             let place = differing(fit);
             let id = fit.hypotheses[place].id().to_string();
             if is_twin || fit.hypotheses[place] == *hypothesis {

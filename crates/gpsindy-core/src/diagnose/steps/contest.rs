@@ -3,11 +3,12 @@
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::joint;
+use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at, unless_refused};
-use crate::diagnose::limits::{Budget, CHANCE, CONVINCING, MATERIAL};
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::suspects::Suspects;
 use crate::error::Result;
@@ -36,14 +37,15 @@ impl<'a> Contest<'a> {
         Self { run, hypotheses, joint, rivals, scene, random, most, fitter }
     }
 
-    /// Log prior odds: families alike, members alike within their family.
+    /// Log prior odds: families alike but for those of time, members alike within their family.
     fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
         let mut families: BTreeMap<_, usize> = BTreeMap::new();
         for h in &self.hypotheses {
             *families.entry(h.family()).or_default() += 1;
         }
         let members = families.get(&hypothesis.family()).copied().unwrap_or(1);
-        -((families.len().max(1) * members) as f64).ln()
+        let clock = if hypothesis.family() == Family::Time { CLOCK } else { 0.0 };
+        -((families.len().max(1) * members) as f64).ln() - clock
     }
 
     /// Log prior odds of a contestant's effects.
@@ -56,6 +58,27 @@ impl<'a> Contest<'a> {
         fitted.evidence.score() + self.prior(fitted)
     }
 
+    /// The same where only a share of the values counts.
+    pub(crate) fn score_of(&self, fitted: &Contestant, alone: f64) -> f64 {
+        fitted.evidence.score_of(alone) + self.prior(fitted)
+    }
+
+    /// Nats by which `one` beats `other`, counted as often as the likelier of them leaves values that count alone.
+    pub(crate) fn lead(&self, one: &Contestant, other: &Contestant) -> f64 {
+        let likelier = if one.evidence.likelihood() >= other.evidence.likelihood() { one } else { other };
+        let alone = likelier.evidence.alone();
+        self.score_of(one, alone) - self.score_of(other, alone)
+    }
+
+    /// The best of some, counted as often as the likeliest of them leaves values that count alone.
+    pub(crate) fn best<'f>(&self, fits: impl Iterator<Item = &'f Contestant>) -> Option<&'f Contestant> {
+        let fits: Vec<&Contestant> = fits.collect();
+        let likelihood = |f: &&&Contestant| f.evidence.likelihood();
+        let likeliest = fits.iter().max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)))?;
+        let alone = likeliest.evidence.alone();
+        fits.into_iter().max_by(|a, b| self.score_of(a, alone).total_cmp(&self.score_of(b, alone)))
+    }
+
     /// The best first.
     pub(crate) fn sort(&self, fits: &mut [Contestant]) {
         fits.sort_by(|a, b| self.score(b).total_cmp(&self.score(a)));
@@ -63,7 +86,7 @@ impl<'a> Contest<'a> {
 
     /// Whether `richer` says enough more than `simpler` to be preferred.
     pub(crate) fn is_convincing(&self, richer: &Contestant, simpler: &Contestant) -> bool {
-        let evidence = self.score(richer) - self.score(simpler);
+        let evidence = self.lead(richer, simpler);
         let (more, less) = (&richer.evidence, &simpler.evidence);
         // An effect also removes what tolerated parameters had to take up without it.
         let released = (less.strain - more.strain).max(0.0);
@@ -111,9 +134,10 @@ impl<'a> Contest<'a> {
 /// Whether noise would rarely give such a gain anywhere in the search; BIC alone is lenient in short logs.
 fn is_significant(richer: &Contestant, simpler: &Contestant) -> bool {
     let (more, less) = (&richer.evidence, &simpler.evidence);
-    let gain = 2.0 * (more.likelihood() - less.likelihood());
+    let alone = more.alone();
+    let gain = 2.0 * alone * (more.likelihood() - less.likelihood());
     let degrees = more.complexity().saturating_sub(less.complexity());
-    let chance = gain_tail(gain, degrees, more.count(), less.spent());
+    let chance = gain_tail(gain, degrees, (alone * more.count() as f64) as usize, less.spent());
     richer.searches_beyond(simpler).pay(chance) <= CHANCE
 }
 

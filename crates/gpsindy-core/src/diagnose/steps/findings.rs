@@ -47,9 +47,9 @@ pub(crate) struct Outcome {
 }
 
 impl Seat {
-    /// Whether `fit`, one of the alternatives, is not told from the best of them.
-    pub(crate) fn is_twin(&self, fit: &Contestant) -> bool {
-        let bic = |fit: &Contestant| -2.0 * fit.evidence.score();
+    /// Whether `fit`, one of the alternatives, is not told from the best of them, where a share `alone` of the values counts.
+    pub(crate) fn is_twin(&self, fit: &Contestant, alone: f64) -> bool {
+        let bic = |fit: &Contestant| -2.0 * fit.evidence.score_of(alone);
         let best = self.alternatives.iter().map(bic).fold(f64::INFINITY, f64::min);
         bic(fit) - best < TWINS || self.is_parted_by_the_engine_alone(fit)
     }

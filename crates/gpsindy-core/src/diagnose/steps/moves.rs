@@ -4,10 +4,11 @@
 //! promise most take a step each, the better ones a few more, and those that may still win are fitted to the end: successive halving,
 //! Jamieson and Talwalkar 2016, AISTATS, "Non-stochastic best arm identification and hyperparameter optimization".
 
-use crate::diagnose::catalogue::hypothesis::{Applied, Start};
+use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Start};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::gains::Gain;
+use crate::diagnose::handed::{Handed, Member};
 use crate::diagnose::limits::{
     Budget, CONVINCING, FINALISTS, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, OF_PLACE, PROMISING, RACED,
     SHORTLIST, STARTS, SUBSTITUTE, SWAPPED, TOGETHER,
@@ -27,6 +28,8 @@ struct Move<'a> {
     applied: Option<&'a Applied>,
     /// Values of the suspects to start from; the nearest is taken.
     values: Vec<Vec<f64>>,
+    /// By how much the sum of squares would fall.
+    promised: f64,
 }
 
 /// Contestants one move away from `base`, best first, chosen by a survey of so many `searches`.
@@ -40,6 +43,8 @@ pub(crate) fn moves(
 ) -> Result<Vec<Contestant>> {
     let mut moves = chosen(contest, base, survey);
     moves.retain(|m| has_room(contest, base, &m.members, &m.out));
+    let promises: Vec<(Vec<&Hypothesis>, f64)> =
+        moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
     let stage = contest.run.stage(stage, moves.len())?;
     let first = |m: Move<'_>| {
         if contest.run.is_out_of_time() {
@@ -50,12 +55,42 @@ pub(crate) fn moves(
         Ok(fit)
     };
     let in_turn = base.fits_in_turn();
-    let fits: Vec<Contestant> = each(in_turn, moves, first)?.into_iter().flatten().collect();
+    let fits = each(in_turn, moves, first)?.into_iter().flatten();
+    // What can't be followed to the end of the logs is no account of them.
+    let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
     let fits = raced(contest, base, fits)?;
+    contest.run.handed.add(fits.iter().filter_map(|fit| handed(base, fit, &promises)));
     if contest.run.is_out_of_time() {
         return Ok(fits);
     }
     with_simpler(contest, nominal, base, fits)
+}
+
+/// The effects of a move, those that stay first.
+fn members<'c>(contest: &'c Contest<'_>, base: &'c Contestant, m: &Move<'_>) -> Vec<&'c Hypothesis> {
+    let kept = base.hypotheses.iter().enumerate().filter(|(place, _)| !m.out.contains(place)).map(|(_, h)| h);
+    kept.chain(m.members.iter().map(|&h| &contest.hypotheses[h])).collect()
+}
+
+/// What a fit of one of the moves came to, of the `promises` of all.
+fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f64)]) -> Option<Handed> {
+    let is_it =
+        |set: &Vec<&Hypothesis>| set.len() == fit.hypotheses.len() && set.iter().all(|h| fit.hypotheses.contains(h));
+    let promised = promises.iter().filter(|(set, _)| is_it(set)).map(|(_, promised)| *promised).reduce(f64::max)?;
+    let newest = fit.hypotheses.iter().rfind(|h| !base.hypotheses.contains(h))?;
+    let states = &base.system.model().states;
+    let member = |h: &Hypothesis| Member {
+        effect: h.id().into(),
+        state: states[h.moves()].name.clone(),
+        variables: h.variables.clone(),
+    };
+    Some(Handed {
+        members: fit.hypotheses.iter().map(member).collect(),
+        family: format!("{:?}", newest.family()),
+        promised,
+        achieved: base.evidence.squares() - fit.evidence.squares(),
+        at_rest: fit.refined.converged,
+    })
 }
 
 /// The first step of a move's fit.
@@ -206,6 +241,7 @@ fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> V
                 out: looked[start][view].places.clone(),
                 applied: Some(&screened.applied),
                 values: from.shortened(&gain.values),
+                promised: gain.gain - looked[start][view].loss,
             };
             // In the place of another effect one start says enough; beside them it is all that there is.
             order.into_iter().take(if view == 0 { STARTS } else { 1 }).map(job).collect::<Vec<_>>()
@@ -213,8 +249,10 @@ fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> V
         suspects[h].as_ref().map(of).unwrap_or_default()
     };
     let pair = |pair: &'a Pair| {
-        let Pair { members, places, values, .. } = pair;
-        Move { members: members.to_vec(), out: places.clone(), applied: None, values: vec![values.clone()] }
+        let Pair { members, places, values, gain } = pair;
+        let loss = looked[start].iter().find(|looked| looked.places == *places).map_or(0.0, |looked| looked.loss);
+        let (members, out, values) = (members.to_vec(), places.clone(), vec![values.clone()]);
+        Move { members, out, applied: None, values, promised: gain - loss }
     };
     wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().map(pair)).collect()
 }

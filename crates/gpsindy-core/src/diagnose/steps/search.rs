@@ -25,12 +25,11 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
 /// The best move: one more effect that convinces or another one that explains more, else one in the place of two that convince no more.
 pub(crate) fn better<'f>(contest: &Contest<'_>, best: &Contestant, fits: &'f [Contestant]) -> Option<&'f Contestant> {
     let own = best.hypotheses.len();
-    let order = |a: &&Contestant, b: &&Contestant| contest.score(a).total_cmp(&contest.score(b));
-    let is_other = |fit: &&Contestant| fit.hypotheses.len() == own && contest.score(fit) > contest.score(best) + SWAP;
-    let other = fits.iter().filter(is_other).max_by(order);
+    let is_other = |fit: &&Contestant| fit.hypotheses.len() == own && contest.lead(fit, best) > SWAP;
+    let other = contest.best(fits.iter().filter(is_other));
     let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     let richer = richer(contest, other.unwrap_or(best), fits.iter());
-    richer.or(other).or_else(|| fits.iter().filter(is_simpler).max_by(order))
+    richer.or(other).or_else(|| contest.best(fits.iter().filter(is_simpler)))
 }
 
 /// The best of the fits with more effects that convince beside `leader`, the best with as many as there are: two in the place of a
@@ -42,5 +41,5 @@ pub(crate) fn richer<'f>(
 ) -> Option<&'f Contestant> {
     let own = leader.hypotheses.len();
     let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, leader);
-    fits.filter(is_richer).max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)))
+    contest.best(fits.filter(is_richer))
 }
