@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::Input;
-use crate::log::LogOptions;
+use crate::options::LogOptions;
 use crate::time::{self, Clock};
 use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;

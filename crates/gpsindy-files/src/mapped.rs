@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::header::Header;
-use crate::log::LogOptions;
 use crate::message::path::{self, Step};
 use crate::near::hint;
+use crate::options::LogOptions;
 
 /// Where a column comes from.
 #[derive(Debug, Clone)]

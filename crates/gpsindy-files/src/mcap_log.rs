@@ -6,7 +6,6 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::Input;
-use crate::log::{LogOptions, Offset, Stamp};
 use crate::mapped::{self, Place};
 use crate::message::kind::Kind;
 use crate::message::path::{self, Step};
@@ -14,18 +13,21 @@ use crate::message::schema::{Many, Schema};
 use crate::message::want::Wants;
 use crate::message::{cdr, json};
 use crate::near::hint;
+use crate::options::{LogOptions, Offset, Stamp};
 use crate::stamps::{self, Series};
 use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
+pub(crate) mod channel;
 mod chunk;
 pub(crate) mod container;
 mod records;
 mod window;
 
-use container::{Channel, Event, scan};
+use channel::Channel;
+use container::{Event, scan};
 
 /// An MCAP log, or the parts of one in their order.
 #[derive(Debug)]

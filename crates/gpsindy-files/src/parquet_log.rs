@@ -5,8 +5,8 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::Input;
-use crate::log::LogOptions;
 use crate::near::hint;
+use crate::options::LogOptions;
 use crate::time::{self, Clock, EPOCH, Tick};
 use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;

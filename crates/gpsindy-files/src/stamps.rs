@@ -1,8 +1,8 @@
 //! Stamps of messages: put in order, counted from the first where they are a calendar's, shifted where asked.
 
 use crate::error::{Error, Result};
-use crate::log::Offset;
 use crate::near::hint;
+use crate::options::Offset;
 use crate::time::EPOCH;
 use crate::topic::Topic;
 

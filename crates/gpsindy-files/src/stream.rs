@@ -2,7 +2,8 @@
 
 use crate::csv_log::{CsvLog, Row, separator};
 use crate::error::{Error, Result};
-use crate::log::{Log, LogOptions};
+use crate::log::Log;
+use crate::options::LogOptions;
 use csv::StringRecord;
 
 /// A row that is put behind each line to see that the line is a whole one; of two cells, which no quotes make into these.

@@ -3,9 +3,9 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::Input;
-use crate::log::{LogOptions, Offset};
 use crate::mapped::{self, Place};
 use crate::near::hint;
+use crate::options::{LogOptions, Offset};
 use crate::stamps::{self, Series};
 use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;

@@ -5,6 +5,7 @@
 //! Source: Bock 1983, Recent advances in parameter identification techniques for ODE; Nocedal and
 //! Wright 2006, Numerical Optimization, section 10.3.
 
+mod blocks;
 mod experiment;
 mod history;
 mod jacobian;

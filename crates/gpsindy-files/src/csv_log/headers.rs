@@ -3,8 +3,8 @@
 use super::{Row, number};
 use crate::error::{Error, Result};
 use crate::header::Header;
-use crate::log::LogOptions;
 use crate::near::{hint, listed};
+use crate::options::LogOptions;
 use std::collections::HashMap;
 
 /// What separates the cells: a comma, or where the header has none, a semicolon or a tab.

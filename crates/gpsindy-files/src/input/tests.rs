@@ -1,8 +1,9 @@
 //! A log gives the same numbers in whatever pieces its bytes come.
 
 use super::*;
-use crate::log::{Log, LogOptions};
+use crate::log::Log;
 use crate::logs::Logs;
+use crate::options::LogOptions;
 use std::io::SeekFrom;
 
 /// Reads one to `most` bytes at a time.

@@ -6,7 +6,7 @@ use crate::csv_log::CsvLog;
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::input::{Input, Kind};
-use crate::log::LogOptions;
+use crate::options::LogOptions;
 use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;
 use std::io::Read;

@@ -4,7 +4,7 @@
 //! are there; and its own reader of summaries hands such records on. Its reader of whole files asks for each record twice,
 //! unpacks and checks each on its own, with which reading took half as long again; so frames and chunks are read here.
 
-use super::container::Channel;
+use super::channel::Channel;
 use super::window::Window;
 use crate::input::Input;
 use mcap::records::{MessageHeader, Record, op};

@@ -3,7 +3,6 @@
 //! Version 3 keeps them as tables below `meta/episodes`, version 2 as lines of JSON in `meta/episodes.jsonl`.
 
 use super::leaf::Table;
-use super::lerobot::parquet_files;
 use crate::error::{Error, Result};
 use crate::input::Input;
 use serde_json::Value;
@@ -131,6 +130,20 @@ fn filled(template: &str, values: &[(&str, i64)]) -> String {
         text = text.replace(&format!("{{{name}}}"), &value.to_string());
     }
     text
+}
+
+/// The tables below a folder.
+pub(super) fn parquet_files(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
+    let failed = |source| Error::Read { file: folder.display().to_string(), source };
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            parquet_files(&path, found)?;
+        } else if path.extension().is_some_and(|e| e == "parquet") {
+            found.push(path);
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

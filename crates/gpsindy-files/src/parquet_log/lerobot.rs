@@ -3,13 +3,13 @@
 //! Source: LeRobotDataset v3, docs/source/lerobot-dataset-v3.mdx of huggingface/lerobot. Folders of version 2, with a file
 //! an episode, have the same columns and are read too. What the data set says of its episodes is compared with the data.
 
-use super::episodes::Episodes;
+use super::episodes::{Episodes, parquet_files};
 use super::{Elements, ParquetLog};
 use crate::error::{Error, Result};
 use crate::input::Input;
-use crate::log::LogOptions;
+use crate::options::LogOptions;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Whether a folder is such a data set.
 pub(crate) fn is(folder: &Path) -> bool {
@@ -64,18 +64,4 @@ fn element_names(names: &Value) -> Option<Vec<String>> {
         _ => return None,
     };
     list.iter().map(|name| name.as_str().map(Into::into)).collect()
-}
-
-/// The tables below a folder.
-pub(super) fn parquet_files(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
-    let failed = |source| Error::Read { file: folder.display().to_string(), source };
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.is_dir() {
-            parquet_files(&path, found)?;
-        } else if path.extension().is_some_and(|e| e == "parquet") {
-            found.push(path);
-        }
-    }
-    Ok(())
 }

@@ -1,12 +1,12 @@
 //! The fit of one kernel: hyperparameters, and whether it predicts what is left out.
 
 use super::cost::Cost;
-use super::fit::FitSettings;
-use super::kernel::Kernel;
-use super::likelihood::{Evaluation, Workspace};
-use super::points::Points;
 use super::search::{polish, search};
+use super::settings::FitSettings;
 use super::start::Bounds;
+use crate::gp::kernel::Kernel;
+use crate::gp::likelihood::{Evaluation, Workspace};
+use crate::gp::points::Points;
 use crate::optimise::Minimum;
 
 /// Jitter ladder, relative to the diagonal; tried only where the one before fails.

@@ -3,6 +3,10 @@
 //!
 //! Source: Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, chapter 4.
 
+pub(super) mod covariance;
+pub(super) mod exp;
+mod profile;
+
 use std::fmt;
 
 /// A covariance function; its hyperparameters are kept apart as one list of logarithms.
@@ -66,6 +70,11 @@ pub enum Role {
 }
 
 impl Kernel {
+    /// Whether it has a state-space form, of linear cost.
+    pub(crate) fn has_state_space(&self) -> bool {
+        matches!(self, Self::Matern12 | Self::Matern32 | Self::Matern52)
+    }
+
     /// `self + other`.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {

@@ -1,11 +1,11 @@
 //! The cost of hyperparameters: negative log marginal likelihood of all runs and weak priors, by
 //! the point, in the coordinates that are free.
 
-use super::fit::FitSettings;
-use super::kernel::{Kernel, Role};
-use super::likelihood::{Evaluation, Workspace};
-use super::points::Points;
+use super::settings::FitSettings;
 use super::start::Bounds;
+use crate::gp::kernel::{Kernel, Role};
+use crate::gp::likelihood::{Evaluation, Workspace};
+use crate::gp::points::Points;
 
 /// The cost as a function of free coordinates: tied lengths are one, a known noise is none.
 pub(super) struct Cost<'a> {

@@ -3,8 +3,8 @@
 // Indices of small matrices read as in the formulas.
 #![allow(clippy::needless_range_loop)]
 
-use super::exp::exp_negative;
 use super::matern::{Form, Matrix};
+use crate::gp::kernel::exp::exp_negative;
 
 /// `I_k = int_0^a s^k e^(-2 s) ds` for k = 0..4, each accurate relative to itself.
 #[inline(always)]

@@ -6,7 +6,7 @@
 
 use super::events::Events;
 use super::matern::{Form, Matrix, Vector};
-use super::state_space::{Scaled, sandwich};
+use super::scaled::{Scaled, sandwich};
 use super::steps::Step;
 
 /// Stretches side by side.

@@ -2,8 +2,8 @@
 //! the slope `h = -2 dk/dq`, so that `dk/d ln length_d = h (lag_d/length_d)^2`, and `m q` with
 //! `m = -2 dh/dq`, so that along time `k' = -h lag/length^2` and `k'' = (m q - h)/length^2`.
 
+use super::Kernel;
 use super::exp::{exp_negative, ln_1p_positive};
-use super::kernel::Kernel;
 
 /// A leaf as a function of the scaled squared distance.
 #[derive(Clone, Copy)]

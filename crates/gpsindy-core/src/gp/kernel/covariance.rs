@@ -1,8 +1,8 @@
 //! Values of a kernel over many lags at once, the sum of its hyperparameter gradients against
 //! weights, and its derivatives along time.
 
+use super::Kernel;
 use super::exp::exp_negative;
-use super::kernel::Kernel;
 use super::profile::{Profile, Shape, fill_rational_quadratic};
 
 /// Lags handled at once; the scratch of a level of `Sum` or `Product` stays on the stack.

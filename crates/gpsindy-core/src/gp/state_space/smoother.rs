@@ -7,15 +7,16 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::events::{Column, Events, Unit};
+use super::filtered::Filtered;
 use super::joint::Remembered;
-use super::kernel::Kernel;
-use super::likelihood::LeaveOneOut;
 use super::matern::{FiveHalves, Form, Half, Matrix, ThreeHalves, Vector};
-use super::points::{Points, all_finite};
-use super::posterior::Quantity;
-use super::state_space::{Scaled, sandwich, times};
+use super::scaled::{Scaled, sandwich, times};
 use super::steps::Steps;
 use super::stretches::{self, Wanted};
+use crate::gp::kernel::Kernel;
+use crate::gp::leave_one_out::LeaveOneOut;
+use crate::gp::points::{Points, all_finite};
+use crate::gp::quantity::Quantity;
 use faer::Mat;
 use std::ops::Range;
 
@@ -32,7 +33,7 @@ pub(crate) fn leave_one_out(kernel: &Kernel, hyper: &[f64], points: &Points, jit
 /// Mean, variance and (where asked for) joint covariance of quantities at times, in any order: means and variances of the
 /// targets as they were before `offset` was taken from them and they were divided by `scale`, the joint covariance of the
 /// standardised ones.
-pub(super) fn posterior(
+pub(in crate::gp) fn posterior(
     kernel: &Kernel,
     hyper: &[f64],
     points: &Points,
@@ -50,7 +51,7 @@ pub(super) fn posterior(
 
 /// Covariances of the value at each of the ascending times `at` with the values at the next two of them, of the standardised
 /// targets.
-pub(super) fn neighbours(
+pub(in crate::gp) fn neighbours(
     kernel: &Kernel,
     hyper: &[f64],
     points: &Points,
@@ -66,19 +67,7 @@ pub(super) fn neighbours(
 }
 
 /// Means, variances and (where asked for) joint covariance.
-pub(super) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
-
-/// What the filter leaves at an event, for unit amplitude.
-#[derive(Clone, Copy)]
-pub(super) struct Filtered<const M: usize> {
-    /// Before the measurement.
-    mean: Vector<M>,
-    pub(super) covariance: Matrix<M>,
-    pub(super) gain: Vector<M>,
-    /// Innovation over its variance, and one over its variance; 0 without measurement.
-    innovation: f64,
-    precision: f64,
-}
+pub(in crate::gp) type Law = (Vec<f64>, Vec<f64>, Option<Mat<f64>>);
 
 /// Events that are filtered and then smoothed at once: what the filter leaves of them stays near the processor.
 const BLOCK: usize = 16_384;

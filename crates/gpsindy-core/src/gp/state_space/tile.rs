@@ -2,7 +2,7 @@
 
 use super::events::Events;
 use super::overlap::LANES;
-use super::state_space::Scaled;
+use super::scaled::Scaled;
 use super::steps::Table;
 
 /// Points of one stretch that are prepared at once.

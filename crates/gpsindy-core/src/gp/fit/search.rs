@@ -8,11 +8,11 @@
 //! the shared part for structure.
 
 use super::cost::Cost;
-use super::fit::FitSettings;
-use super::kernel::Role;
-use super::likelihood::Workspace;
-use super::points::Points;
+use super::settings::FitSettings;
 use super::start::starts;
+use crate::gp::kernel::Role;
+use crate::gp::likelihood::Workspace;
+use crate::gp::points::Points;
 use crate::optimise::{Minimum, Optimiser};
 
 /// Points over several inputs from which on a part of them is searched first.
@@ -240,11 +240,11 @@ impl Round<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Kernel;
-    use super::super::likelihood::Evaluation;
     use super::super::scale::{Scale, standardise};
     use super::super::start::Bounds;
     use super::*;
+    use crate::gp::kernel::Kernel;
+    use crate::gp::likelihood::Evaluation;
     use rand_chacha::ChaCha8Rng;
     use rand_core::{Rng, SeedableRng};
 

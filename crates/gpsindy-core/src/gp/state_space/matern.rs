@@ -110,7 +110,7 @@ impl Form<3> for FiveHalves {
 // Indices of small matrices read as in the formulas.
 #[allow(clippy::needless_range_loop)]
 mod tests {
-    use super::super::state_space::sandwich;
+    use super::super::scaled::sandwich;
     use super::super::steps::moments;
     use super::*;
 

@@ -1,10 +1,10 @@
 //! Ranges, weak priors and starting points of the hyperparameters, from the span and the spacing
 //! of the inputs. Targets are standardised here.
 
-use super::fit::FitSettings;
-use super::kernel::{Kernel, Role};
-use super::points::Points;
 use super::scale::Scale;
+use super::settings::FitSettings;
+use crate::gp::kernel::{Kernel, Role};
+use crate::gp::points::Points;
 
 /// Ranges of the log hyperparameters with priors.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! The events of a smoother: measurements and requested times, in order.
 
-use super::points::Points;
+use crate::gp::points::Points;
 use std::borrow::Cow;
 
 /// Times in order, each with a measurement or without.

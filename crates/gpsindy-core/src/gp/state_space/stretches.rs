@@ -12,7 +12,7 @@ use super::events::{Column, Events};
 use super::lanes::{Lanes, Portable};
 use super::matern::Form;
 use super::overlap::{Border, LANES, Plan};
-use super::state_space::Scaled;
+use super::scaled::Scaled;
 use super::steps::Table;
 use super::tile::{TILE, Tile};
 

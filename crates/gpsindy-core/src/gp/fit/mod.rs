@@ -7,138 +7,26 @@
 //! weak is reported in the result.
 //! Source: Rasmussen & Williams 2006, sections 5.4.1 and 5.4.2.
 
-use super::blocks;
-use super::kernel::{Kernel, Role};
-use super::likelihood::{Engine, Evaluation, has_state_space};
-use super::one::{JITTER, OneFit, fit_one, polished};
-use super::points::Points;
-use super::scale::{Scale, standardise};
-use super::start::Bounds;
+mod blocks;
+mod cost;
+mod one;
+mod result;
+mod scale;
+mod search;
+mod settings;
+mod start;
+
+pub use result::{Candidate, Fit, Weakness};
+pub use settings::FitSettings;
+
 use crate::error::{Error, Result};
+use crate::gp::kernel::{Kernel, Role};
+use crate::gp::likelihood::Evaluation;
+use crate::gp::points::Points;
 use crate::parallel::*;
-use std::fmt;
-
-/// Settings of a fit.
-///
-/// | setting | default | range | purpose |
-/// | --- | --- | --- | --- |
-/// | `noise` | `None` | above 0 | standard deviation of the noise, unit of the targets, where it is known |
-/// | `noise_floor` | 1e-4 | 1e-6 to 0.5 | lowest noise, relative to the standard deviation of the targets |
-/// | `isotropic` | false | | one length for all inputs |
-/// | `dense_limit` | 2000 | at least 1 | points of one run above which only kernels of linear cost are tried |
-#[derive(Debug, Clone)]
-pub struct FitSettings {
-    /// Known standard deviation of the noise, unit of the targets; `None` estimates it.
-    pub noise: Option<f64>,
-    /// Lowest noise, relative to the standard deviation of the targets.
-    pub noise_floor: f64,
-    /// One length for all inputs instead of one each.
-    pub isotropic: bool,
-    /// Points of one run above which kernels without a state-space form are not tried.
-    pub dense_limit: usize,
-}
-
-impl Default for FitSettings {
-    fn default() -> Self {
-        Self { noise: None, noise_floor: 1e-4, isotropic: false, dense_limit: 2000 }
-    }
-}
-
-/// A reason to trust a fit less.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Weakness {
-    /// All targets are equal.
-    Constant,
-    /// Fewer than eight points: the priors decide.
-    FewPoints,
-    /// The noise explains nearly all; what is left is close to a constant.
-    NoSignal,
-    /// The process passes through every point but predicts none that is left out.
-    Interpolates,
-    /// A length or period ended at the end of its range.
-    AtBound,
-    /// The optimiser ran out of iterations.
-    NotConverged,
-    /// The covariance needed jitter.
-    Jitter,
-    /// There were more points than the wanted kernels can take; a Matern kernel replaces them.
-    KernelReplaced,
-    /// There were more points than the fit can take; an even part of them represents all.
-    Thinned,
-}
-
-impl fmt::Display for Weakness {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Constant => "all values are equal",
-            Self::FewPoints => "fewer than 8 points, so the priors dominate",
-            Self::NoSignal => "nearly all of the variation is explained as noise",
-            Self::Interpolates => {
-                "passes through every point but does not predict points that are left out; sample faster or give the noise"
-            }
-            Self::AtBound => "a length scale or period is at the bound of its range",
-            Self::NotConverged => "the optimiser reached its iteration limit",
-            Self::Jitter => "the covariance needed jitter",
-            Self::KernelReplaced => "too many points for the requested kernels; a Matern kernel replaces them",
-            Self::Thinned => "fitted to an evenly spaced subset, because there are too many points",
-        })
-    }
-}
-
-/// What one kernel reached.
-#[derive(Debug, Clone)]
-pub struct Candidate {
-    /// The kernel.
-    pub kernel: Kernel,
-    /// Negative log marginal likelihood of the standardised targets; infinite where the fit failed.
-    pub nll: f64,
-    /// Root-mean-square leave-one-out error, relative to the standard deviation of the targets.
-    pub leave_one_out: f64,
-    /// Whether it passed the check against interpolation.
-    pub predicts: bool,
-    /// Likelihoods of all points with gradient that the optimiser asked for.
-    pub evaluations: usize,
-}
-
-/// A kernel with its hyperparameters, as found in the data.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Fit {
-    /// The kernel of the lowest negative log marginal likelihood.
-    pub kernel: Kernel,
-    /// Log hyperparameters of the kernel, in the units of inputs and targets; see [`Kernel`].
-    pub hyper: Vec<f64>,
-    /// Number of inputs.
-    pub dimension: usize,
-    /// Standard deviation of the noise, unit of the targets.
-    pub noise: f64,
-    /// The floor below which `noise` was not allowed to fall, unit of the targets.
-    pub noise_floor: f64,
-    /// Standard deviation of the targets about the means of their runs.
-    pub scale: f64,
-    /// Mean of all targets; used for a run without points.
-    pub mean: f64,
-    /// Negative log marginal likelihood of the standardised targets.
-    pub nll: f64,
-    /// Jitter that the covariance needed, relative to its diagonal; 0 nearly always.
-    pub jitter: f64,
-    /// How the likelihood of the first run was computed.
-    pub engine: Engine,
-    /// The optimiser reached a tolerance.
-    pub converged: bool,
-    /// Whatever makes the answer weak; empty is good.
-    pub weak: Vec<Weakness>,
-    /// All kernels tried, in the order asked for.
-    pub candidates: Vec<Candidate>,
-}
-
-impl Fit {
-    /// Value of each hyperparameter with its role, in the units of inputs and targets.
-    pub fn parameters(&self) -> Vec<(Role, f64)> {
-        self.kernel.roles(self.dimension).into_iter().zip(self.hyper.iter().map(|h| h.exp())).collect()
-    }
-}
+use one::{JITTER, OneFit, fit_one, polished};
+use scale::{Scale, standardise};
+use start::Bounds;
 
 /// Fewer points than this are a reason to trust a fit less.
 const FEW_POINTS: usize = 8;
@@ -213,7 +101,7 @@ fn by_blocks(
     };
     if let Some(k) = best {
         let kernel = &kernels[k];
-        let again = if has_state_space(kernel) {
+        let again = if kernel.has_state_space() {
             fit_one(kernel, runs, bounds, settings)
         } else if kernel.roles(1).contains(&Role::Period) {
             fits[k].as_ref().and_then(|found| polished(kernel, runs, bounds, settings, found))
@@ -263,7 +151,7 @@ fn affordable(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> (V
         return (kernels.to_vec(), false);
     }
     let ordered = runs.iter().all(Points::ordered);
-    let linear = |k: &Kernel| ordered && has_state_space(k);
+    let linear = |k: &Kernel| ordered && k.has_state_space();
     let kept: Vec<Kernel> = kernels.iter().filter(|k| linear(k)).cloned().collect();
     if !kept.is_empty() || !ordered {
         // Inputs without an order have no engine of linear cost: the caller thins or waits.
@@ -326,11 +214,11 @@ fn finish(
 /// All targets are equal: a process of negligible amplitude and noise about them.
 fn constant_fit(kernel: &Kernel, runs: &[Points], dimension: usize, scale: &Scale) -> Fit {
     let ordered = runs.iter().all(Points::ordered);
-    let kernel = if ordered && !has_state_space(kernel) { &Kernel::Matern52 } else { kernel };
+    let kernel = if ordered && !kernel.has_state_space() { &Kernel::Matern52 } else { kernel };
     let deviation = if scale.mean == 0.0 { 1e-12 } else { 1e-12 * scale.mean.abs() };
     let mut hyper = vec![0.0; kernel.n_hyper(dimension)];
     for (h, role) in hyper.iter_mut().zip(kernel.roles(dimension)) {
-        let span = |d: usize| super::start::span(runs, d);
+        let span = |d: usize| start::span(runs, d);
         match role {
             Role::Length(d) => *h = span(d).ln(),
             Role::Period => *h = span(0).ln(),

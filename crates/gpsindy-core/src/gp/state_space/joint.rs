@@ -4,11 +4,11 @@
 //! Source: de Jong & Mackinnon 1988, Covariances for smoothed estimates in state space models.
 
 use super::events::Events;
+use super::filtered::Filtered;
 use super::matern::{Form, Matrix, Vector};
-use super::posterior::Quantity;
-use super::state_smoother::Filtered;
-use super::state_space::{Scaled, times};
+use super::scaled::{Scaled, times};
 use super::steps::Steps;
+use crate::gp::quantity::Quantity;
 use faer::Mat;
 
 /// What the filter left of every event, and what the later measurements leave of the error.

@@ -6,9 +6,8 @@
 //! point makes a block, twice as long and no dearer.
 //! Source: Varin, Reid and Firth 2011, An overview of composite likelihood methods, section 2.
 
-use super::kernel::{Kernel, Role};
-use super::likelihood::has_state_space;
-use super::points::Points;
+use crate::gp::kernel::{Kernel, Role};
+use crate::gp::points::Points;
 
 /// Points of a block.
 const SIZE: usize = 128;
@@ -23,7 +22,7 @@ const LENGTHS: f64 = 4.0;
 pub(super) fn are_needed(kernels: &[Kernel], runs: &[Points]) -> bool {
     let dear = |run: &&Points| run.ordered() && run.uniform_step().is_none();
     let cost: f64 = runs.iter().filter(dear).map(|run| (run.len() as f64).powi(3)).sum();
-    cost > CHEAP && runs.iter().all(Points::ordered) && kernels.iter().any(|kernel| !has_state_space(kernel))
+    cost > CHEAP && runs.iter().all(Points::ordered) && kernels.iter().any(|kernel| !kernel.has_state_space())
 }
 
 /// Blocks spread evenly over the runs, of every `stride`-th point each.
@@ -68,8 +67,8 @@ pub(super) fn are_short(kernel: &Kernel, hyper: &[f64], runs: &[Points], stride:
 
 #[cfg(test)]
 mod tests {
-    use super::super::{FitSettings, fit};
     use super::*;
+    use crate::gp::{FitSettings, fit};
     use rand_chacha::ChaCha8Rng;
     use rand_core::{Rng, SeedableRng};
 
@@ -119,8 +118,8 @@ mod tests {
             let centred = Points { targets: points.targets.iter().map(|v| v - mean).collect(), ..points.clone() };
             let mut likelihood = |length: f64| {
                 let hyper = [found.hyper[0], found.hyper[1] + length, found.noise.ln()];
-                let evaluation = super::super::Evaluation { kernel: &found.kernel, hyper: &hyper, jitter: 0.0 };
-                evaluation.likelihood(&centred, &mut at, &mut super::super::Workspace::default()).unwrap()
+                let evaluation = crate::gp::Evaluation { kernel: &found.kernel, hyper: &hyper, jitter: 0.0 };
+                evaluation.likelihood(&centred, &mut at, &mut crate::gp::Workspace::default()).unwrap()
             };
             // Within half a factor of e on either side nothing explains all points better by more than odds of 20.
             let here = likelihood(0.0);

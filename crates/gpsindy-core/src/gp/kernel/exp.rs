@@ -17,7 +17,7 @@ const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 
 /// exp(x) for x <= 0; 0 below -200. A value that is not a number stays one.
 #[inline(always)]
-pub(super) fn exp_negative(x: f64) -> f64 {
+pub(in crate::gp) fn exp_negative(x: f64) -> f64 {
     let rounded = x * std::f64::consts::LOG2_E + ROUND;
     let n = rounded - ROUND;
     let r = (x - n * LN2_HIGH) - n * LN2_LOW;

@@ -1,8 +1,8 @@
 //! Standardisation of targets: each run by its own mean, all by one standard deviation.
 
-use super::fit::FitSettings;
-use super::points::Points;
+use super::settings::FitSettings;
 use crate::error::Result;
+use crate::gp::points::Points;
 
 /// Offsets and scale of the targets, and the noise floor that goes with them.
 #[derive(Debug, Clone)]

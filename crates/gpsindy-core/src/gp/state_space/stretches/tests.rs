@@ -1,8 +1,8 @@
 use super::super::events::Unit;
 use super::super::matern::FiveHalves;
 use super::super::overlap::AGREE;
-use super::super::points::Points;
 use super::*;
+use crate::gp::points::Points;
 
 fn points(n: usize) -> Points {
     let time: Vec<f64> = (0..n).map(|i| 0.1 * i as f64 + 0.03 * (1.7 * i as f64).sin()).collect();
