@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Top-level modules of the core and the layer of each.
 const LAYERS: &[(u8, &[&str])] = &[
-    (1, &["data", "error", "excitation", "progress", "parallel", "expression", "optimise"]),
+    (1, &["data", "error", "excitation", "progress", "parallel", "random", "expression", "optimise"]),
     (2, &["gp", "regress", "library", "model"]),
     (3, &["clock", "smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose"]),

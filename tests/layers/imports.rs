@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// One file of a crate, as `diagnose/steps/detect`, and the files that it imports, sorted.
-pub type Arrows = Vec<(String, Vec<String>)>;
+pub(crate) type Arrows = Vec<(String, Vec<String>)>;
 
 /// The sources of a crate by the paths of their modules.
-pub struct Sources {
+pub(crate) struct Sources {
     files: BTreeMap<Vec<String>, Source>,
 }
 
@@ -28,7 +28,7 @@ struct Source {
 
 impl Sources {
     /// Every source below `root`, the folder `src` of a crate.
-    pub fn read(root: &Path) -> Self {
+    pub(crate) fn read(root: &Path) -> Self {
         let mut paths = Vec::new();
         collect(root, &mut paths);
         let named = |path: &PathBuf| {
@@ -39,7 +39,7 @@ impl Sources {
     }
 
     /// Of names of files, as `gp/fit`, and what stands in them.
-    pub fn new(files: impl IntoIterator<Item = (String, String)>) -> Self {
+    pub(crate) fn new(files: impl IntoIterator<Item = (String, String)>) -> Self {
         // Files of tests may look anywhere, like tests at the end of a file.
         let files = files.into_iter().filter(|(name, _)| !name.split('/').any(|part| part == "tests"));
         let source = |(name, text): (String, String)| {
@@ -51,7 +51,7 @@ impl Sources {
     }
 
     /// The arrows of all files.
-    pub fn arrows(&self) -> Arrows {
+    pub(crate) fn arrows(&self) -> Arrows {
         let of = |(module, source): (&Vec<String>, &Source)| {
             let mut found: Vec<String> =
                 imported(&source.code, module).iter().filter_map(|path| self.file_of(path)).collect();
@@ -64,7 +64,7 @@ impl Sources {
     }
 
     /// The arrows between the files of one folder, named from it: `steps/detect` in `diagnose`.
-    pub fn arrows_in(&self, folder: &str) -> Arrows {
+    pub(crate) fn arrows_in(&self, folder: &str) -> Arrows {
         let inside = |name: &str| {
             let rest = name.strip_prefix(folder)?;
             if rest.is_empty() { Some("mod".to_string()) } else { rest.strip_prefix('/').map(str::to_string) }
@@ -157,7 +157,7 @@ fn shown(code: &str) -> Vec<(String, Vec<String>)> {
 }
 
 /// The leaves of one tree of imports, up to where it ends: `a::{b::C, d}` gives `a::b::C` and `a::d`.
-pub fn leaves(tree: &str) -> Vec<Vec<String>> {
+pub(crate) fn leaves(tree: &str) -> Vec<Vec<String>> {
     let name: String = tree.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
     let rest = &tree[name.len()..];
     if let Some(inside) = rest.strip_prefix("::").filter(|_| !name.is_empty()) {
@@ -184,7 +184,7 @@ pub fn leaves(tree: &str) -> Vec<Vec<String>> {
 }
 
 /// A circle of imports, as the files from which they lead back to the first.
-pub fn circle(arrows: &Arrows) -> Option<Vec<String>> {
+pub(crate) fn circle(arrows: &Arrows) -> Option<Vec<String>> {
     let next = |file: &str| arrows.iter().find(|(name, _)| name == file).map_or(&[][..], |(_, imports)| imports);
     arrows.iter().find_map(|(start, _)| {
         let mut reached: Vec<(String, Option<usize>)> = next(start).iter().map(|file| (file.clone(), None)).collect();

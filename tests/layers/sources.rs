@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// All sources below a folder.
-pub fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
+pub(crate) fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
@@ -15,6 +15,6 @@ pub fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 /// What stands before the tests at the end of a file.
-pub fn without_tests(text: &str) -> &str {
+pub(crate) fn without_tests(text: &str) -> &str {
     text.split("mod tests {").next().unwrap_or_default()
 }

@@ -261,6 +261,7 @@ fn a_time_limit_ends_the_search_with_a_report_that_says_so() {
     let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let notes = report["notes"].as_array().unwrap();
     assert!(notes.iter().any(|note| note.as_str().unwrap().starts_with("the time limit of")), "{notes:?}");
+    assert_eq!(report["interrupted"], 1e-6);
     assert!(
         ["unexplained", "partly_explained"].contains(&report["verdict"].as_str().unwrap()),
         "{}",

@@ -13,7 +13,7 @@ mod power;
 mod time_unit;
 mod work;
 
-use super::notes::TIME_UP;
+use super::limits::CONFIDENCE;
 pub use cause::{Cause, Excluded, ModelParameter, Parameter, Stability};
 pub use check::Check;
 pub use closure::{Closure, ClosureState};
@@ -65,6 +65,9 @@ pub struct Diagnosis {
     pub closure: Closure,
     /// File of the nominal model with the included causes added; `None` where there is no such file.
     pub augmented_model: Option<String>,
+    /// The time limit, s, where it ended the search before all was tried.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub interrupted: Option<f64>,
     /// What a reader must know beside the numbers, one sentence or two each.
     pub notes: Vec<String>,
     /// Which effects these logs could reveal, where that was asked for.
@@ -81,12 +84,12 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// Confidence of the intervals; 0.95 where the report does not tell.
     pub fn level(&self) -> f64 {
-        self.confidence.unwrap_or(0.95)
+        self.confidence.unwrap_or(CONFIDENCE)
     }
 
     /// Whether the time limit ended the search before all was tried.
     pub fn is_cut(&self) -> bool {
-        self.notes.iter().any(|note| note.starts_with(TIME_UP))
+        self.interrupted.is_some()
     }
 
     /// The included causes, best first.

@@ -2,7 +2,7 @@
 //!
 //! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
 
-use crate::diagnose::limits::{FAR, ROUGH};
+use crate::diagnose::limits::{FAR, ROUGH, SPECTRUM_FLOOR};
 
 /// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,6 +48,11 @@ impl Colour {
     /// Variance of the residual, in squared noise units.
     pub(crate) fn variance(&self) -> f64 {
         self.covariance[0]
+    }
+
+    /// Spectrum at zero frequency, in squared noise units: what an average over many values sees of the noise.
+    pub(crate) fn spectrum(&self) -> f64 {
+        self.innovation / (1.0 - self.coefficients.iter().sum::<f64>()).powi(2).max(SPECTRUM_FLOOR)
     }
 
     /// Variance of the innovations, as far as the residual can be noise.

@@ -9,6 +9,7 @@ use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::fitter::starts;
 use crate::diagnose::fit::guide::whiten;
 use crate::diagnose::fit::moved::is_strained;
+use crate::diagnose::fit::noise::Noise;
 use crate::diagnose::fit::whitening::Whitener;
 use crate::diagnose::limits::MOST_STRAINED;
 use crate::refine::Starts;
@@ -17,6 +18,7 @@ use std::sync::Arc;
 
 /// Residuals of a fit after whitening and projection, and what is needed to treat columns alike.
 pub(crate) struct Basis {
+    pub(crate) noise: Noise,
     windows: Vec<Projected>,
     first: First,
     /// The fit as it stands, then without some of its effects.
@@ -109,7 +111,7 @@ impl Whitening {
 impl Basis {
     /// Noise as white as the residual is large where `white`, else of the residual's colours; a filter's innovations are what it
     /// expects. One view for each of `outs`, behind that of the fit as it stands.
-    pub(crate) fn new(at: &Linearised<'_>, white: bool, outs: &[Out]) -> Self {
+    pub(crate) fn new(at: &Linearised<'_>, noise: Noise, outs: &[Out]) -> Self {
         let Linearised { contestant: fitted, jacobian, guide, .. } = at;
         let plain = |c: &Colour| Colour {
             coefficients: Vec::new(),
@@ -119,7 +121,7 @@ impl Basis {
             count: c.count,
         };
         let colours: Vec<Colour> =
-            fitted.evidence.colours.iter().map(|c| if white { plain(c) } else { c.clone() }).collect();
+            fitted.evidence.colours.iter().map(|c| if noise == Noise::White { plain(c) } else { c.clone() }).collect();
         let (n, q) = (jacobian.n_states, fitted.free.len());
         let mut strained: Vec<Strained> = (0..q)
             .filter(|&place| is_strained(fitted, place))
@@ -191,7 +193,7 @@ impl Basis {
             let places = out.map_or_else(Vec::new, |out| out.places.clone());
             views.push(View { places, loss: cost - whole, kept, inverse, slope });
         }
-        Self { windows, first, views, strained }
+        Self { noise, windows, first, views, strained }
     }
 
     /// The fit as it stands, and without some of its effects.

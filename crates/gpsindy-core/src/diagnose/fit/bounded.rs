@@ -1,5 +1,6 @@
 //! Maximises the gain `2 s'l - l'G l` over step lengths `l` within bounds.
 
+use crate::diagnose::limits::FLAT;
 use nalgebra::{DMatrix, DVector};
 
 /// Largest `2 s'l - l'G l` with every length within its bounds, and the lengths.
@@ -57,7 +58,7 @@ pub(crate) fn span_gain(gram: &DMatrix<f64>, slope: &DVector<f64>, before: &[f64
     let mut gain = 0.0;
     let mut degrees = 0;
     for (value, part) in eigen.eigenvalues.iter().zip(slope.iter()) {
-        if *value > 1e-6 {
+        if *value > FLAT {
             gain += part * part / value;
             degrees += 1;
         }

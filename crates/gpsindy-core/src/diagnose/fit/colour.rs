@@ -56,14 +56,14 @@ fn autocorrelation(series: &[Vec<f64>], lag: usize) -> f64 {
 mod tests {
     use super::*;
     use crate::diagnose::fit::whitening::Whitener;
+    use crate::random::normal;
     use nalgebra::DVector;
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
+    use rand_core::SeedableRng;
 
     fn noise(seed: u64, count: usize) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-        (0..count).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
+        (0..count).map(|_| normal(&mut random)).collect()
     }
 
     /// Noise with a coefficient of 0.8.

@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::colour::{Colour, colours};
 use crate::diagnose::fit::tolerance;
-use crate::diagnose::limits::{FAR, NEGLIGIBLE};
+use crate::diagnose::limits::{FAR, NEARLY_ALL, NEGLIGIBLE};
 use crate::refine::{Experiment, Free, Refined, prior_cost};
 
 /// What the logs say of one contestant, in numbers.
@@ -92,11 +92,24 @@ impl Evidence {
         self.is_structured() && self.misfit() * self.count() as f64 > FAR * innovation
     }
 
+    /// Values that count alone: fewer than there are where what is left is larger than the noise and lasts.
+    ///
+    /// What a fit leaves is noise and a rest, and the rest is a process of its own size and correlation: its values repeat each
+    /// other. Of a column of N values with the variance V and the spectrum S at zero frequency, `N V / S` count.
+    pub(crate) fn effective_count(&self) -> f64 {
+        let one = |c: &Colour| {
+            let alone = (c.variance() / c.spectrum()).min(1.0);
+            // Coloured noise is in the likelihood already; only what is beyond the noise counts here.
+            let rest = (1.0 - 1.0 / c.variance().max(1.0)).max(0.0);
+            c.count as f64 * (1.0 - rest + rest * alone)
+        };
+        self.colours.iter().map(one).sum::<f64>().max(2.0)
+    }
+
     /// By how much coloured or large residuals carry less than their number.
     pub(crate) fn inflation(&self) -> f64 {
         // A slow quantity averages the noise, so the spectrum at zero frequency counts.
-        let spectrum = |c: &Colour| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3);
-        self.colours.iter().map(spectrum).fold(0.0, f64::max).max(self.misfit())
+        self.colours.iter().map(Colour::spectrum).fold(0.0, f64::max).max(self.misfit())
     }
 }
 
@@ -128,7 +141,7 @@ pub(crate) fn gain_tail(gain: f64, degrees: usize, count: usize, spent: usize) -
 /// A gain under a fixed noise level as one with the level fitted: `-N log(1 - gain/N)`.
 pub(crate) fn with_fitted_level(gain: f64, count: usize) -> f64 {
     let count = count.max(1) as f64;
-    -count * (-(gain / count).min(0.999_999)).ln_1p()
+    -count * (-(gain / count).min(NEARLY_ALL)).ln_1p()
 }
 
 /// Chance that a chi-squared variable with `degrees` degrees of freedom exceeds `value`.

@@ -21,7 +21,7 @@ pub(crate) use linear::Linear;
 use nalgebra::{DMatrix, DVector};
 use pass::Pass;
 
-/// Share of a function's information below which nothing of it is left beside the others: rounding.
+/// Share of a function's information below which nothing of it is left beside the others. Rounding.
 const NOTHING: f64 = 1e-9;
 
 /// Where something acts.

@@ -8,6 +8,7 @@ use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::basis::Basis;
 use crate::diagnose::fit::bounded::{bounded_gain, span_gain};
 use crate::diagnose::fit::contestant::Linearised;
+use crate::diagnose::fit::noise::ByNoise;
 use crate::diagnose::fit::responses::{LANES, responses, responses_to_terms};
 use crate::diagnose::limits::{SHOWN, STEP};
 use nalgebra::{DMatrix, DVector};
@@ -183,8 +184,8 @@ fn are_finite(columns: &[Vec<DVector<f64>>]) -> bool {
     columns.iter().flatten().flatten().all(|value| value.is_finite())
 }
 
-/// Gains of every start of an applied hypothesis: by start, basis and view of the basis.
-pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) -> Vec<Vec<Vec<Gain>>> {
+/// Gains of every start of an applied hypothesis: by start, noise model and view of its basis.
+pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) -> Vec<ByNoise<Vec<Gain>>> {
     let per_pass = |starts: &[Start]| starts.iter().map(|s| s.columns.len()).sum::<usize>();
     let mut all = Vec::with_capacity(applied.starts.len());
     let mut rest = &applied.starts[..];
@@ -194,16 +195,18 @@ pub(crate) fn gains(applied: &Applied, at: &Linearised<'_>, bases: &[&Basis]) ->
         let wanted: Vec<&Vec<f64>> = now.iter().flat_map(|s| &s.columns).collect();
         let Some(mut columns) = responses(applied, at, &wanted) else {
             // It can't be made beside what is there, but perhaps in its place.
-            let nothing = |start: &Start| bases.iter().map(|b| vec![Gain::nothing(start); b.views().len()]).collect();
+            let none = |basis: &Basis, start: &Start| vec![Gain::nothing(start); basis.views().len()];
+            let nothing = |start: &Start| bases.iter().map(|basis| (basis.noise, none(basis, start))).collect();
             return applied.starts.iter().map(nothing).collect();
         };
         for start in now {
             let own: Vec<Vec<DVector<f64>>> = columns.drain(..start.columns.len()).collect();
             let finite = are_finite(&own);
-            let gains = bases.iter().map(|basis| match finite {
+            let of = |basis: &&Basis| match finite {
                 true => basis.gains(start, &applied.fitted, &mut own.clone()),
                 false => vec![Gain::nothing(start); basis.views().len()],
-            });
+            };
+            let gains = bases.iter().map(|basis| (basis.noise, of(basis)));
             all.push(gains.collect());
         }
         rest = later;
@@ -220,7 +223,8 @@ pub(crate) fn gains_of_family(rival: &Rival, scene: &Scene, at: &Linearised<'_>,
             false => vec![Gain::nothing(&start); basis.views().len()],
         };
     }
-    gains(&rival.apply(at.contestant.system.model(), scene), at, &[basis]).swap_remove(0).swap_remove(0)
+    let applied = rival.apply(at.contestant.system.model(), scene);
+    gains(&applied, at, &[basis])[0].of(basis.noise).cloned().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -231,6 +235,7 @@ mod tests {
     use crate::diagnose::fit::contestant::Contestant;
     use crate::diagnose::fit::fitter::Fitter;
     use crate::diagnose::fit::moved::is_strained;
+    use crate::diagnose::fit::noise::Noise;
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fit::tolerance::tolerated;
     use crate::diagnose::fixture::drive;
@@ -251,7 +256,7 @@ mod tests {
         let applied = friction.apply(&model, &scene).unwrap();
         let gain = {
             let at = fitted.linearised().unwrap();
-            gains(&applied, &at, &[&Basis::new(&at, true, &[])])[0][0][0].gain
+            gains(&applied, &at, &[&Basis::new(&at, Noise::White, &[])])[0].of(Noise::White).unwrap()[0].gain
         };
         (gain, fitted)
     }
@@ -265,7 +270,9 @@ mod tests {
         let scene = scene_of(&fitted);
         let all = enumerate(&model, &scene, &[0], &[]).unwrap();
         let applied = all.iter().find(|h| h.id() == "viscous_friction").unwrap().apply(&model, &scene).unwrap();
-        let gain = |at: &Linearised<'_>| gains(&applied, at, &[&Basis::new(at, true, &[])])[0][0][0].gain;
+        let gain = |at: &Linearised<'_>| {
+            gains(&applied, at, &[&Basis::new(at, Noise::White, &[])])[0].of(Noise::White).unwrap()[0].gain
+        };
         let at = fitted.linearised().unwrap();
         let readings = fitted.experiment.n_values();
         let sketch = at.sketch(readings.div_ceil(3)).unwrap();

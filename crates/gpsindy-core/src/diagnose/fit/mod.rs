@@ -15,6 +15,7 @@ pub(crate) mod guide;
 pub(crate) mod innovations;
 pub(crate) mod lagging;
 pub(crate) mod moved;
+pub(crate) mod noise;
 pub(crate) mod outputs;
 pub(crate) mod outs;
 pub(crate) mod peaks;

@@ -11,7 +11,7 @@ use crate::refine::tally::Purpose;
 use crate::refine::{Block, Job, Path, Refined, lanes::Lanes, roll_together, tangent};
 use nalgebra::DVector;
 
-/// Columns that are rolled out at once: the width of the widest vector registers in doubles.
+/// Columns that are rolled out at once: the width of the widest vector registers in doubles. Exact.
 pub(crate) const LANES: usize = 8;
 
 /// Change of the noise-scaled outputs for every column; zero where nothing was measured. `None` for a model that can't be made.

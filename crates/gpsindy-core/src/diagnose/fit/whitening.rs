@@ -8,7 +8,7 @@ use crate::diagnose::fit::autoregression::Colour;
 use crate::diagnose::limits::MAX_ORDER;
 use nalgebra::DVector;
 
-/// Values that are filtered side by side.
+/// Values that are filtered side by side. Exact.
 const BLOCK: usize = 8;
 
 /// What is done with one value.

@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::ROUGH;
+use crate::diagnose::limits::weigh::LEAST_REST;
 use crate::diagnose::limits::{MOST_MOVES, SWAP};
 use crate::diagnose::steps::charge::charge_tolerated;
 use crate::diagnose::steps::contest::Contest;
@@ -108,7 +108,7 @@ fn moved(
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
-    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, ROUGH));
+    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, LEAST_REST));
     richer(contest, other.as_ref().unwrap_or(best), that_count)
         .cloned()
         .or_else(|| first(simpler.collect()))

@@ -3,10 +3,11 @@
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::list::Effect;
-use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::sampling;
+use crate::diagnose::limits::NO_REST;
+use crate::diagnose::limits::verify::BAND_95;
 use crate::diagnose::report::{Cause, Parameter, finite};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Outcome, Seat, Told};
@@ -26,25 +27,10 @@ pub(crate) struct Causes<'a> {
     pub(crate) keep: bool,
 }
 
-/// Values that count alone: fewer than there are where what is left is larger than the noise and lasts.
-///
-/// What a fit leaves is noise and a rest, and the rest is a process of its own size and correlation: its values repeat each
-/// other. Of a column of N values with the variance V and the spectrum S at zero frequency, `N V / S` count.
-fn effective_count(fit: &Contestant) -> f64 {
-    let one = |c: &Colour| {
-        let spectrum = c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-6);
-        let alone = (c.variance() / spectrum).min(1.0);
-        // Coloured noise is in the evidence already; only what is beyond the noise counts here.
-        let rest = (1.0 - 1.0 / c.variance().max(1.0)).max(0.0);
-        c.count as f64 * (1.0 - rest + rest * alone)
-    };
-    fit.evidence.colours.iter().map(one).sum::<f64>().max(2.0)
-}
-
 /// Probability that an effect that removes the mean square `removed` (noise units) is more than a use for the rest of `fit`.
 fn is_real(fit: &Contestant, removed: f64, parameters: usize) -> f64 {
-    let count = effective_count(fit);
-    let gain = 0.5 * count * (removed.max(0.0) / fit.evidence.misfit().max(1e-12)).ln_1p();
+    let count = fit.evidence.effective_count();
+    let gain = 0.5 * count * (removed.max(0.0) / fit.evidence.misfit().max(NO_REST)).ln_1p();
     let evidence = gain - 0.5 * parameters as f64 * count.ln();
     1.0 / (1.0 + (-evidence).exp())
 }
@@ -52,7 +38,7 @@ fn is_real(fit: &Contestant, removed: f64, parameters: usize) -> f64 {
 /// Posterior weights of contestants that differ in one effect, the evidence counted as often as `at` leaves values that
 /// count alone.
 fn weights(contest: &Contest<'_>, fits: &[Contestant], at: &Contestant) -> Vec<f64> {
-    let alone = effective_count(at) / at.evidence.count().max(1) as f64;
+    let alone = at.evidence.effective_count() / at.evidence.count().max(1) as f64;
     let scores: Vec<f64> = fits.iter().map(|f| alone.min(1.0) * contest.score(f)).collect();
     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let raw: Vec<f64> = scores.iter().map(|s| (s - best).exp()).collect();
@@ -205,7 +191,7 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
         probability,
         form: effect.form().into(),
         parameters: vec![
-            one("q", intensity, 4.0 * a + c + 4.0 * b, unit::product(&[(&rate, 2), ("s", 1)])),
+            one("q", intensity, 2.0 * (2.0 * a) + c + 2.0 * (2.0 * b), unit::product(&[(&rate, 2), ("s", 1)])),
             one("tau", told.time, c, "s".into()),
             one("rms", told.deviation, a, rate),
         ],
@@ -217,11 +203,11 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
 
 fn normal_quantile(p: f64) -> f64 {
     use statrs::distribution::{ContinuousCDF, Normal};
-    Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
+    Normal::new(0.0, 1.0).map_or(BAND_95, |n| n.inverse_cdf(p))
 }
 
 /// Energy of the gap above noise in the nominal fit, in noise units.
 pub(crate) fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
     let floor = outcome.best.evidence.misfit().min(1.0);
-    (nominal.evidence.misfit() - floor).max(1e-12)
+    (nominal.evidence.misfit() - floor).max(NO_REST)
 }

@@ -2,7 +2,8 @@
 
 use crate::diagnose::limits::CHANCE;
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::weigh::{LIKELY, ROUGH, TYPICAL};
+use crate::diagnose::limits::verify::PERCENT;
+use crate::diagnose::limits::weigh::{LEAST_REST, LIKELY, TYPICAL};
 use crate::diagnose::report::{Check, Closure, Unexplained};
 use crate::diagnose::steps::findings::{Left, Outcome};
 use crate::diagnose::steps::stability::Stability;
@@ -78,7 +79,7 @@ impl Checked<'_> {
         let is_none = self.unexplained.depends_on.is_empty() && self.unexplained.share < LIKELY;
         // A rest that only the simulated logs see is told by their own check.
         let passed = is_none || left.is_some_and(|left| left.p_value >= CHANCE);
-        let share = 100.0 * self.unexplained.share;
+        let share = PERCENT * self.unexplained.share;
         let says = match left {
             Some(left) if !passed => {
                 format!("A function of {} would still explain {share:.1} % of the gap.", left.depends_on.join(" and "))
@@ -94,7 +95,7 @@ impl Checked<'_> {
 
     fn typicality(&self) -> Option<Check> {
         let Typicality { p_value, drawn } = *self.typicality?;
-        let passed = p_value >= TYPICAL || self.unexplained.share < ROUGH;
+        let passed = p_value >= TYPICAL || self.unexplained.share < LEAST_REST;
         let says = match (p_value >= TYPICAL, passed) {
             (true, _) => {
                 format!("Of {drawn} logs simulated with these causes, enough leave a rest as large as the one seen.")
@@ -117,7 +118,7 @@ impl Checked<'_> {
         let says = match spread {
             Some(spread) => format!(
                 "The predicted 95 % band holds {:.0} % of the held-out errors{}.",
-                100.0 * spread.within,
+                PERCENT * spread.within,
                 if passed { "" } else { ", less than chance allows" }
             ),
             None => "No band could be predicted for the held-out errors.".into(),

@@ -1,7 +1,7 @@
 //! Curves of the report page: held-out rollouts beside the logs, their residuals, and the logs themselves.
 
 use crate::data::Dataset;
-use crate::diagnose::limits::curves::{BAND, LAGS, MOST_RUNS};
+use crate::diagnose::limits::curves::{BAND_99, DRAWN_RUNS, LAGS};
 use crate::diagnose::report::{ResidualCheck, RolloutFigure, SignalFigure, finite, thinned};
 use crate::model::{Model, System};
 use crate::refine::{Experiment, Window};
@@ -91,7 +91,7 @@ pub(crate) fn checks(
         ResidualCheck {
             column: system.model().states[experiment.columns[c]].name.clone(),
             autocorrelation: (1..=LAGS.min(most)).filter_map(|lag| finite(product(lag) / size)).collect(),
-            band: BAND / (count.max(1) as f64).sqrt(),
+            band: BAND_99 / (count.max(1) as f64).sqrt(),
         }
     };
     moving.iter().map(one).collect()
@@ -103,7 +103,7 @@ pub(crate) fn signals(model: &Model, train: &Dataset, holdout: &Dataset) -> Vec<
     let names: Vec<_> = model.controls.iter().map(|c| (&c.name, &c.unit, true)).chain(states).collect();
     let mut all = Vec::new();
     for (data, held_out) in [(train, false), (holdout, true)] {
-        for run in data.runs().iter().take(MOST_RUNS) {
+        for run in data.runs().iter().take(DRAWN_RUNS) {
             let kept = thinned(run.n_samples());
             for &(name, unit, is_control) in &names {
                 let Ok(column) = data.index_of(name) else { continue };

@@ -6,7 +6,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::NOISE;
-use crate::diagnose::limits::floor::{FIRST, LEAST, NEAR, SAME};
+use crate::diagnose::limits::floor::{COPIES, FIRST_SAMPLES, SAME_COMMAND, SAME_START, SAME_TIME};
 use crate::diagnose::steps::start::{beginnings, starts};
 use crate::refine::{Experiment, Jacobian, Log, Point};
 
@@ -89,7 +89,7 @@ fn between_runs(logs: &[Log], noise: &[f64]) -> Option<Vec<f64>> {
     };
     let floor: Option<Vec<f64>> = (0..noise.len()).map(one).collect();
     // Copies of one log are no repetition of the experiment.
-    let is_new = |floor: &Vec<f64>| floor.iter().zip(noise).all(|(floor, noise)| *floor > LEAST * noise);
+    let is_new = |floor: &Vec<f64>| floor.iter().zip(noise).all(|(floor, noise)| *floor > COPIES * noise);
     floor.filter(|floor| !groups.is_empty() && is_new(floor))
 }
 
@@ -97,12 +97,12 @@ fn between_runs(logs: &[Log], noise: &[f64]) -> Option<Vec<f64>> {
 fn repeats(one: &Log, other: &Log, noise: &[f64]) -> bool {
     // One may end a little earlier.
     let samples = one.time.len().min(other.time.len());
-    if 10 * samples < 9 * one.time.len().max(other.time.len()) || samples < 2 * FIRST {
+    if 10 * samples < 9 * one.time.len().max(other.time.len()) || samples < 2 * FIRST_SAMPLES {
         return false;
     }
     let period = (one.time[samples - 1] - one.time[0]) / (samples - 1) as f64;
     let clock = |i: usize| (one.time[i] - one.time[0]) - (other.time[i] - other.time[0]);
-    let same_times = (0..samples).all(|i| clock(i).abs() < 0.05 * period);
+    let same_times = (0..samples).all(|i| clock(i).abs() < SAME_TIME * period);
     same_times && same_controls(one, other, samples) && same_start(one, other, noise)
 }
 
@@ -110,17 +110,18 @@ fn same_controls(one: &Log, other: &Log, samples: usize) -> bool {
     one.controls.iter().zip(&other.controls).all(|(a, b)| {
         let (a, b) = (&a[..samples], &b[..samples]);
         let size = a.iter().fold(0.0, |s: f64, v| s.max(v.abs()));
-        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME * size)
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME_COMMAND * size)
     })
 }
 
 fn same_start(one: &Log, other: &Log, noise: &[f64]) -> bool {
     one.measured.iter().zip(&other.measured).zip(noise).all(|((a, b), &noise)| {
-        let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).filter(|d| d.is_finite()).take(FIRST).collect();
+        let differences: Vec<f64> =
+            a.iter().zip(b).map(|(a, b)| a - b).filter(|d| d.is_finite()).take(FIRST_SAMPLES).collect();
         let count = differences.len() as f64;
         // The mean difference of `count` pairs has the deviation noise*sqrt(2/count).
         !differences.is_empty()
-            && (differences.iter().sum::<f64>() / count).abs() <= NEAR * noise * (2.0 / count).sqrt()
+            && (differences.iter().sum::<f64>() / count).abs() <= SAME_START * noise * (2.0 / count).sqrt()
     })
 }
 
@@ -128,7 +129,7 @@ fn same_start(one: &Log, other: &Log, noise: &[f64]) -> bool {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::power::copies::normal;
+    use crate::random::normal;
     use rand_chacha::ChaCha8Rng;
     use rand_core::SeedableRng;
 

@@ -30,28 +30,27 @@ pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, held: 
         let other = unless_refused(linear(fit))?;
         Ok(other.is_some_and(|other| contest.score(&other) > contest.score(fit) + HOLD))
     };
-    let before = contest.run.notes.mark();
-    let interpolated = if is_better(&held.outcome.best)? {
-        attribute(contest, detect(contest, linear(start)?)?)?
-    } else if is_better(start)? {
+    let attempt = || -> Result<Option<Judged>> {
+        if is_better(&held.outcome.best)? {
+            return Ok(Some(attribute(contest, detect(contest, linear(start)?)?)?));
+        }
+        if !is_better(start)? {
+            return Ok(None);
+        }
         // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
         let suspected = detect(contest, linear(start)?)?;
-        if suspected.detected.gap {
-            return Ok(held);
-        }
-        suspected.without_gap()
-    } else {
-        return Ok(held);
+        Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
     };
+    let (interpolated, said) = contest.run.notes.of_attempt(attempt);
+    let Some(interpolated) = interpolated? else { return Ok(held) };
     let delayed = |judged: &Judged| judged.outcome.best.hypotheses.iter().any(|h| h.is_imitated_by_hold());
     let wins = contest.score(&interpolated.outcome.best) > contest.score(&held.outcome.best) + HOLD;
     // A delay under interpolation that the held control does not need is the phantom of half a sample.
     let phantom = delayed(&interpolated) && !delayed(&held);
     let still_gaping = interpolated.detected.gap && !wins;
     if phantom || still_gaping {
-        contest.run.notes.forget_since(before);
         return Ok(held);
     }
-    contest.run.notes.say(Note::Interpolated);
+    said.into_iter().chain([Note::Interpolated]).for_each(|note| contest.run.notes.say(note));
     Ok(interpolated)
 }

@@ -10,7 +10,8 @@ use crate::diagnose::fit::evidence::chi_squared_tail;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::outputs::trajectories;
 use crate::diagnose::limits::Budget;
-use crate::diagnose::limits::localise::{ALIKE, BINS, MOST_ROWS};
+use crate::diagnose::limits::localise::{BINS, LISTED, LISTED_AT_ALL, MOST_ROWS, ONE_PART, ORDERS};
+use crate::diagnose::limits::verify::BAND_95;
 use crate::diagnose::report::{
     Gap, GapRegion, GapState, GapWindow, ResidualCurve, ResidualFigure, ResidualTrace, thinned,
 };
@@ -49,7 +50,7 @@ pub(crate) fn gap(contest: &Contest<'_>, judged: &Judged, resting: &[usize]) -> 
     let shares = shares(nominal, outcome, rivals, gains, resting);
     let mut located = empty(bare);
     let model = nominal.system.model();
-    let mut order: Vec<usize> = (0..shares.len()).filter(|&j| shares[j] > 0.005).collect();
+    let mut order: Vec<usize> = (0..shares.len()).filter(|&j| shares[j] > LISTED).collect();
     order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
     for &j in &order {
         let state = &model.states[j];
@@ -153,7 +154,7 @@ fn shares(
 ) -> Vec<f64> {
     let mut energy = vec![0.0; nominal.system.n_states()];
     for seat in &outcome.seats {
-        energy[seat.hypothesis.state] += seat.removed.max(1e-9);
+        energy[seat.hypothesis.state] += seat.removed.max(LISTED_AT_ALL);
     }
     if let Some(left) = &outcome.left {
         energy[left.state] += left.energy;
@@ -161,7 +162,7 @@ fn shares(
     if outcome.best.hypotheses.is_empty() {
         for (rival, &(gain, degrees)) in rivals.iter().zip(gains) {
             energy[rival.state] = energy[rival.state]
-                .max(1e-3 * (gain - degrees as f64).max(0.0) / nominal.evidence.count().max(1) as f64);
+                .max(ORDERS * (gain - degrees as f64).max(0.0) / nominal.evidence.count().max(1) as f64);
         }
     }
     resting.iter().for_each(|&j| energy[j] = 0.0);
@@ -259,7 +260,7 @@ fn alike(values: &[f64], size: usize, bound: impl Fn(usize) -> bool) -> Vec<(usi
         let part = (first, last);
         first = last;
         match parts.last_mut() {
-            Some(before) if mean(*before) <= ALIKE * mean(part) && mean(part) <= ALIKE * mean(*before) => {
+            Some(before) if mean(*before) <= ONE_PART * mean(part) && mean(part) <= ONE_PART * mean(*before) => {
                 before.1 = last
             }
             _ => parts.push(part),
@@ -303,7 +304,7 @@ fn figure(nominal: &Contestant, missing: &Missing, j: usize, variable: &str, uni
         .zip(&y)
         .map(|(b, m)| {
             let variance = b.iter().map(|p| (p.1 - m).powi(2)).sum::<f64>() / b.len() as f64;
-            1.96 * (variance / b.len() as f64).sqrt()
+            BAND_95 * (variance / b.len() as f64).sqrt()
         })
         .collect();
     let variable_unit = model

@@ -8,13 +8,14 @@ use crate::diagnose::catalogue::hypothesis::{Applied, Start};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::gains::Gain;
+use crate::diagnose::fit::noise::Noise;
 use crate::diagnose::limits::{
     Budget, CONVINCING, FINALISTS, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, OF_PLACE, PROMISING, RACED,
     SHORTLIST, STARTS, SUBSTITUTE, SWAPPED, TOGETHER,
 };
 use crate::diagnose::steps::contained::contained;
 use crate::diagnose::steps::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::survey::{BASES, Looked, Pair, Screened, Survey};
+use crate::diagnose::steps::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
 use crate::parallel::each;
 
@@ -185,13 +186,14 @@ fn has_room(contest: &Contest<'_>, base: &Contestant, members: &[usize], out: &[
 fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> Vec<Move<'a>> {
     let Survey { suspects, looked, .. } = survey;
     let Some(telling) = suspects.iter().flatten().map(Screened::telling).next() else { return Vec::new() };
-    let (start, mut wanted) = (telling.start, Vec::new());
-    let promise = |s: &Screened| (0..BASES).map(|basis| s.best(basis)).fold(0.0, f64::max);
+    let views = |noise: Noise| looked.of(noise).map_or(&[][..], Vec::as_slice);
+    let (first, mut wanted) = (telling[0], Vec::new());
+    let promise = |s: &Screened| Noise::ALL.iter().map(|&noise| s.best(noise)).fold(0.0, f64::max);
     if suspects.iter().flatten().any(|s| is_promising(base, promise(s))) {
-        telling.clone().for_each(|basis| wanted.extend(more(contest, suspects, basis).into_iter().map(|h| (h, 0))));
+        telling.iter().for_each(|&noise| wanted.extend(more(contest, suspects, noise).into_iter().map(|h| (h, 0))));
     }
-    for basis in telling {
-        wanted.extend(instead(suspects, &looked[basis], basis));
+    for &noise in telling {
+        wanted.extend(instead(suspects, views(noise), noise));
     }
     wanted.sort_unstable();
     wanted.dedup();
@@ -199,11 +201,11 @@ fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> V
         let of = |screened: &'a Screened| {
             let all = screened.applied.starts.iter().zip(&screened.gains);
             let mut order: Vec<(&Start, &Gain)> =
-                all.filter_map(|(values, gains)| Some((values, gains.get(start)?.get(view)?))).collect();
+                all.filter_map(|(values, gains)| Some((values, gains.of(first)?.get(view)?))).collect();
             order.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
             let job = |(from, gain): (&Start, &Gain)| Move {
                 members: screened.members.clone(),
-                out: looked[start][view].places.clone(),
+                out: views(first)[view].places.clone(),
                 applied: Some(&screened.applied),
                 values: from.shortened(&gain.values),
             };
@@ -220,13 +222,13 @@ fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> V
 }
 
 /// The suspects, and the views, that promise most in the place of one or two effects, by one noise model.
-fn instead(suspects: &[Option<Screened>], looked: &[Looked], basis: usize) -> Vec<(usize, usize)> {
+fn instead(suspects: &[Option<Screened>], looked: &[Looked], noise: Noise) -> Vec<(usize, usize)> {
     let mut all: Vec<(usize, usize, f64)> = Vec::new();
     for (view, looked) in looked.iter().enumerate().skip(1) {
         // What takes the place of one may be several that only show together; of two, one.
         let is_fit = |members: usize| looked.places.len() == 1 || members == 1;
         let of = |(h, s): (usize, &Option<Screened>)| {
-            let gain = s.as_ref().filter(|s| is_fit(s.members.len()))?.best_in(basis, view);
+            let gain = s.as_ref().filter(|s| is_fit(s.members.len()))?.best_in(noise, view);
             let promises = gain - looked.loss > -2.0 * IN_SIGHT || gain > SUBSTITUTE * looked.loss;
             promises.then_some((h, view, gain - looked.loss))
         };
@@ -242,21 +244,21 @@ fn instead(suspects: &[Option<Screened>], looked: &[Looked], basis: usize) -> Ve
 }
 
 /// The suspects that promise most beside the effects that are there, by one noise model.
-fn more(contest: &Contest<'_>, suspects: &[Option<Screened>], basis: usize) -> Vec<usize> {
+fn more(contest: &Contest<'_>, suspects: &[Option<Screened>], noise: Noise) -> Vec<usize> {
     let (alone, joint) = suspects.split_at(contest.hypotheses.len());
-    let best = |h: usize| suspects[h].as_ref().map_or(0.0, |s| s.best(basis));
+    let best = |h: usize| suspects[h].as_ref().map_or(0.0, |s| s.best(noise));
     let mut together: Vec<(usize, f64)> = Vec::new();
     for (place, suspect) in joint.iter().enumerate() {
         let Some(suspect) = suspect else { continue };
         let members = suspect.members.iter().map(|&h| best(h)).fold(0.0, f64::max);
-        if suspect.best(basis) > members + CONVINCING {
-            together.push((alone.len() + place, suspect.best(basis)));
+        if suspect.best(noise) > members + CONVINCING {
+            together.push((alone.len() + place, suspect.best(noise)));
         }
     }
     together.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut chosen: Vec<usize> = together.iter().take(TOGETHER).map(|t| t.0).collect();
     let mut order: Vec<(usize, f64)> =
-        alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(basis)))).collect();
+        alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(noise)))).collect();
     order.sort_by(|a, b| b.1.total_cmp(&a.1));
     let largest = order.first().map_or(0.0, |o| o.1);
     chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));

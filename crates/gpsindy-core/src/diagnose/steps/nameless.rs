@@ -2,15 +2,14 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::{Entrant, Searches};
-use crate::diagnose::limits::nameless::CHANCE;
-use crate::diagnose::limits::{Budget, STRUCTURE};
+use crate::diagnose::limits::{Budget, STRUCTURE, STRUCTURED};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Judged, Left, Seat};
 
 /// The outcome with the best function of what is left in it; the same where nothing is left, or it can't be fitted.
 pub(crate) fn kept(contest: &Contest<'_>, mut judged: Judged) -> Judged {
     let outcome = &mut judged.outcome;
-    let is_there = |left: &&Left| left.p_value < CHANCE && left.energy > STRUCTURE;
+    let is_there = |left: &&Left| left.p_value < STRUCTURED && left.energy > STRUCTURE;
     let Some(left) = outcome.left.as_ref().filter(is_there) else { return judged };
     let Some(rival) = contest.rivals.iter().find(|r| r.state == left.state && r.variables == left.depends_on) else {
         return judged;

@@ -1,6 +1,6 @@
 //! The noise of every column and the outliers in it, from the logs alone.
 
-use crate::diagnose::limits::{OUTLIER, SPIKE_LIKE};
+use crate::diagnose::limits::{BENT, OF_MEDIAN, OUTLIER, SPIKE_LIKE, TRIMMED};
 use crate::refine::{Log, present};
 
 /// Noise standard deviation of each column from differences of its samples, in its unit.
@@ -42,10 +42,10 @@ fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
         return 0.0;
     }
     squares.sort_by(f64::total_cmp);
-    // The largest fiftieth may be outliers and jumps; a normal variable keeps 0.857 of its variance without it.
+    // The largest fiftieth may be outliers and jumps; a normal variable keeps most of its variance without it.
     let kept = squares.len() - squares.len() / 50;
     let trimmed = squares[..kept].iter().sum::<f64>() / kept as f64;
-    let share_kept = if squares.len() >= 50 { 0.857 } else { 1.0 };
+    let share_kept = if squares.len() >= 50 { TRIMMED } else { 1.0 };
     (trimmed / share_kept / gain).sqrt()
 }
 
@@ -83,8 +83,7 @@ pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
             let bend: Vec<f64> = there.windows(3).map(bend).collect();
             let mut sizes: Vec<f64> = bend.iter().map(|b| b.abs()).filter(|b| b.is_finite()).collect();
             sizes.sort_by(f64::total_cmp);
-            // Noise alone bends by sqrt(1 + 2/4) of itself, and the median of a normal variable's size is 1/1.4826.
-            let typical = sizes.get(sizes.len() / 2).map_or(0.0, |m| 1.4826 * m).max(1.2 * noise);
+            let typical = sizes.get(sizes.len() / 2).map_or(0.0, |m| OF_MEDIAN * m).max(BENT * noise);
             let spikes: Vec<usize> = (1..bend.len().saturating_sub(1))
                 .filter(|&i| {
                     // A spike bends its neighbours half as much the other way; a corner does not.

@@ -6,6 +6,8 @@
 use crate::diagnose::catalogue::hypothesis::{Added, Start};
 use crate::diagnose::fit::basis::Basis;
 use crate::diagnose::fit::contestant::Linearised;
+use crate::diagnose::fit::gains::Gain;
+use crate::diagnose::fit::noise::{ByNoise, Noise};
 use crate::diagnose::fit::responses::responses;
 use crate::diagnose::limits::{CONVINCING, PAIRED, PAIRS, VIEWS};
 use crate::diagnose::steps::survey::{Looked, Pair, Screened};
@@ -26,14 +28,9 @@ impl Candidate<'_> {
     }
 }
 
-/// The pairs that promise most by the noise model number `number`, beside the effects that are there and in the place of each.
-pub(crate) fn pairs(
-    suspects: &[Option<Screened>],
-    (basis, number): (&Basis, usize),
-    looked: &[Looked],
-    at: &Linearised<'_>,
-) -> Vec<Pair> {
-    let (candidates, mut columns) = candidates(suspects, number, looked.len(), at);
+/// The pairs that promise most by the noise model of `basis`, beside the effects that are there and in the place of each.
+pub(crate) fn pairs(suspects: &[Option<Screened>], basis: &Basis, looked: &[Looked], at: &Linearised<'_>) -> Vec<Pair> {
+    let (candidates, mut columns) = candidates(suspects, basis.noise, looked.len(), at);
     if candidates.len() < 2 {
         return Vec::new();
     }
@@ -46,7 +43,7 @@ pub(crate) fn pairs(
         if looked.places.len() > most {
             continue;
         }
-        let alone = |c: &Candidate<'_>| c.screened.best_in(number, view);
+        let alone = |c: &Candidate<'_>| c.screened.best_in(basis.noise, view);
         let mut own: Vec<Pair> = Vec::new();
         for (i, one) in candidates.iter().enumerate() {
             for other in &candidates[i + 1..] {
@@ -66,17 +63,18 @@ pub(crate) fn pairs(
 /// The suspects with the largest gains in any view, by their best starts, and the columns of these.
 fn candidates<'s>(
     suspects: &'s [Option<Screened>],
-    basis: usize,
+    noise: Noise,
     views: usize,
     at: &Linearised<'_>,
 ) -> (Vec<Candidate<'s>>, Vec<Vec<DVector<f64>>>) {
     let alone = || suspects.iter().flatten().filter(|s| s.members.len() == 1);
     let mut wanted: Vec<(&Screened, usize)> = Vec::new();
     for view in 0..views {
-        let mut order: Vec<(&Screened, f64)> = alone().map(|s| (s, s.best_in(basis, view))).collect();
+        let mut order: Vec<(&Screened, f64)> = alone().map(|s| (s, s.best_in(noise, view))).collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (screened, gain) in order.into_iter().take(PAIRED).filter(|o| o.1 > 0.0) {
-            let start = screened.gains.iter().position(|gains| gains[basis][view].gain >= gain).unwrap_or(0);
+            let has_it = |gains: &ByNoise<Vec<Gain>>| gains.of(noise).is_some_and(|gains| gains[view].gain >= gain);
+            let start = screened.gains.iter().position(has_it).unwrap_or(0);
             if !wanted.iter().any(|(known, _)| known.members == screened.members) {
                 wanted.push((screened, start));
             }

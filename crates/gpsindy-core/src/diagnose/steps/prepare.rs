@@ -5,7 +5,9 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::substeps::choose_substeps;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{Budget, DENSE_NOISE, DENSE_SPREAD, MOST_SAMPLES, ROUNDING, STRETCHES, VERY_LONG};
+use crate::diagnose::limits::{
+    Budget, DENSE_NOISE, DENSE_SPREAD, INTEGRATION, MOST_SAMPLES, STRETCHES, TURN, VERY_LONG, WRAPPED, WRAPPED_BELOW,
+};
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::check;
@@ -78,7 +80,7 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
     let parameters = system.parameter_values();
     let start = guess_initial(system, &experiment);
     let stage = run.stage("length of rollouts", halvings(&experiment))?;
-    experiment = choose_substeps(system, experiment, &parameters, &start, ROUNDING);
+    experiment = choose_substeps(system, experiment, &parameters, &start, INTEGRATION);
     let watch = |done: usize| stage.reach(done);
     let (experiment, cut) = choose_windows(system, experiment, (&parameters, &free), Purpose::Search, &watch)?;
     let experiment = thin(experiment, notes);
@@ -103,9 +105,10 @@ fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
     for state in model.states.iter().filter(|s| s.unit.is_empty() || s.unit == "rad") {
         let Ok(column) = data.index_of(&state.name) else { continue };
         let values = || data.runs().iter().flat_map(|r| r.column(column).iter().copied()).filter(|v| v.is_finite());
-        let within = values().all(|v| v.abs() < 1.02 * PI) || values().all(|v| (-0.02 * PI..1.02 * TAU).contains(&v));
+        let within = values().all(|v| v.abs() < WRAPPED * PI)
+            || values().all(|v| (-WRAPPED_BELOW * PI..WRAPPED * TAU).contains(&v));
         let jumps = |r: &crate::data::Run| {
-            present(r.column(column)).windows(2).any(|w| ((w[1].1 - w[0].1).abs() - TAU).abs() < 0.2 * PI)
+            present(r.column(column)).windows(2).any(|w| ((w[1].1 - w[0].1).abs() - TAU).abs() < TURN * PI)
         };
         if within && data.runs().iter().any(jumps) {
             data.unwrap_angle(&state.name)?;

@@ -8,6 +8,7 @@ use crate::diagnose::fit::basis::{Basis, Out, View};
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::gains::{gains, gains_of_family};
 use crate::diagnose::fit::innovations::Innovations;
+use crate::diagnose::fit::noise::{ByNoise, Noise};
 use crate::diagnose::fit::outs::{in_place, interact, outs};
 use crate::diagnose::fit::peaks::peaks;
 use crate::diagnose::limits::{SCREENED, SKETCHED, SWAPPED};
@@ -37,10 +38,10 @@ pub(crate) fn screen(contest: &Contest<'_>, nominal: &Contestant, base: &Contest
         let Refined { parameters, initial, .. } = &base.refined;
         tangent(&base.system, &base.experiment, parameters, initial);
     }
-    let mut all = screening.run(&at, &[true, false])?;
+    let mut all = screening.run(&at, &[Noise::White, Noise::Coloured])?;
     let innovations = Innovations::of(base, &at.jacobian);
     if let Some(innovations) = &innovations {
-        let more = screening.run(&innovations.linearised(), &[false])?;
+        let more = screening.run(&innovations.linearised(), &[Noise::Innovations])?;
         all.looked.extend(more.looked);
         all.pairs = more.pairs;
         for (all, more) in all.suspects.iter_mut().zip(more.suspects) {
@@ -62,18 +63,18 @@ struct Screening<'a> {
 }
 
 impl Screening<'_> {
-    /// Gains of all suspects under some noise models, white or not.
-    fn run(&self, at: &Linearised<'_>, white: &[bool]) -> Result<Survey> {
-        let Some(sketch) = at.sketch(SKETCHED) else { return self.on(at, white, &|_| true, false) };
-        let mut rough = self.on(&sketch.linearised(), white, &|_| true, true)?.suspects;
-        let leaders = leaders(self.contest, &rough, white.len());
-        let mut whole = self.on(at, white, &|place| leaders.contains(&place), false)?;
-        for basis in 0..white.len() {
-            for view in 0..whole.looked[basis].len() {
+    /// Gains of all suspects by some noise models.
+    fn run(&self, at: &Linearised<'_>, models: &[Noise]) -> Result<Survey> {
+        let Some(sketch) = at.sketch(SKETCHED) else { return self.on(at, models, &|_| true, false) };
+        let mut rough = self.on(&sketch.linearised(), models, &|_| true, true)?.suspects;
+        let leaders = leaders(self.contest, &rough, models);
+        let mut whole = self.on(at, models, &|place| leaders.contains(&place), false)?;
+        for &noise in models {
+            for view in 0..whole.looked.of(noise).map_or(0, Vec::len) {
                 let last =
-                    whole.suspects.iter().flatten().map(|s| s.best_in(basis, view)).fold(f64::INFINITY, f64::min);
+                    whole.suspects.iter().flatten().map(|s| s.best_in(noise, view)).fold(f64::INFINITY, f64::min);
                 let all = rough.iter_mut().flatten().flat_map(|s| &mut s.gains);
-                for gain in all.filter_map(|g| g[basis].get_mut(view)) {
+                for gain in all.filter_map(|gains| gains.of_mut(noise)?.get_mut(view)) {
                     gain.gain = (gain.gain / sketch.share).min(last);
                     gain.deviation = gain.deviation.map(|deviation| deviation * sketch.share.sqrt());
                 }
@@ -88,12 +89,18 @@ impl Screening<'_> {
     }
 
     /// The same for some of the suspects; of a part of the windows, `is_rough`, no pairs.
-    fn on(&self, at: &Linearised<'_>, white: &[bool], which: &dyn Fn(usize) -> bool, is_rough: bool) -> Result<Survey> {
+    fn on(
+        &self,
+        at: &Linearised<'_>,
+        models: &[Noise],
+        which: &dyn Fn(usize) -> bool,
+        is_rough: bool,
+    ) -> Result<Survey> {
         let outs = outs(self.nominal, at, &self.contest.scene);
-        let bases: Vec<Basis> = white.iter().map(|&white| Basis::new(at, white, &outs)).collect();
+        let bases: Vec<Basis> = models.iter().map(|&noise| Basis::new(at, noise, &outs)).collect();
         let looked = |basis: &Basis| {
             let of = |view: &View| Looked { places: view.places.clone(), loss: view.loss };
-            basis.views().iter().map(of).collect()
+            (basis.noise, basis.views().iter().map(of).collect())
         };
         let looked = bases.iter().map(looked).collect();
         let bases: Vec<&Basis> = bases.iter().collect();
@@ -103,10 +110,10 @@ impl Screening<'_> {
             .into_par_iter()
             .map(|members| members.map_or(Ok(None), |members| self.one(members, at, (&bases, &outs))))
             .collect();
-        let (suspects, looked): (_, Vec<Vec<Looked>>) = (suspects?, looked);
+        let (suspects, looked): (_, ByNoise<Vec<Looked>>) = (suspects?, looked);
         let mut found: Vec<Pair> = Vec::new();
-        for (number, (basis, looked)) in bases.iter().zip(&looked).enumerate().filter(|_| !is_rough) {
-            for pair in pairs(&suspects, (basis, number), looked, at) {
+        for (basis, (_, looked)) in bases.iter().zip(looked.iter()).filter(|_| !is_rough) {
+            for pair in pairs(&suspects, basis, looked, at) {
                 if !found.iter().any(|known| (&known.members, &known.places) == (&pair.members, &pair.places)) {
                     found.push(pair);
                 }
@@ -139,7 +146,8 @@ impl Screening<'_> {
             }
             let Some(columns) = in_place(nominal, at, hypothesis, out, (&self.scene, &contest.scene)) else { continue };
             for ((gains, start), columns) in gains.iter_mut().zip(&applied.starts).zip(columns) {
-                for (gains, basis) in gains.iter_mut().zip(bases) {
+                for basis in bases {
+                    let Some(gains) = gains.of_mut(basis.noise) else { continue };
                     gains[1 + number] = basis.gain_in(1 + number, start, &applied.fitted, &mut columns.clone());
                 }
             }
@@ -149,17 +157,17 @@ impl Screening<'_> {
     }
 }
 
-/// The suspects with the largest gains in any view by any of so many noise models, and the best of every family.
-fn leaders(contest: &Contest<'_>, screened: &[Option<Screened>], models: usize) -> Vec<usize> {
-    let views = |basis: usize| {
-        let count = |s: &Screened| s.gains.iter().filter_map(|g| Some(g.get(basis)?.len())).max();
+/// The suspects with the largest gains in any view by any of these noise models, and the best of every family.
+fn leaders(contest: &Contest<'_>, screened: &[Option<Screened>], models: &[Noise]) -> Vec<usize> {
+    let views = |noise: Noise| {
+        let count = |s: &Screened| s.gains.iter().filter_map(|gains| Some(gains.of(noise)?.len())).max();
         screened.iter().flatten().filter_map(count).max().unwrap_or(0)
     };
     let mut all = Vec::new();
-    for (basis, view) in (0..models).flat_map(|basis| (0..views(basis)).map(move |view| (basis, view))) {
+    for (noise, view) in models.iter().flat_map(|&noise| (0..views(noise)).map(move |view| (noise, view))) {
         let mut order: Vec<(usize, &Screened)> =
             screened.iter().enumerate().filter_map(|(place, s)| Some((place, s.as_ref()?))).collect();
-        order.sort_by(|a, b| b.1.best_in(basis, view).total_cmp(&a.1.best_in(basis, view)));
+        order.sort_by(|a, b| b.1.best_in(noise, view).total_cmp(&a.1.best_in(noise, view)));
         let mut families = Vec::new();
         let most = if view == 0 { SCREENED } else { SWAPPED };
         for (rank, (place, suspect)) in order.into_iter().enumerate() {
@@ -188,13 +196,13 @@ pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(
         let found = gains_of_family(rival, &contest.scene, at, coloured);
         found.first().map_or((0.0, 1), |g| (g.gain, g.degrees))
     };
-    let coloured = Basis::new(&at, false, &[]);
+    let coloured = Basis::new(&at, Noise::Coloured, &[]);
     let is_dear = contest.rivals.len() > SCREENED;
     let Some(sketch) = is_dear.then(|| at.sketch(SKETCHED)).flatten() else {
         return Ok(contest.rivals.par_iter().map(|rival| gain(rival, &at, &coloured)).collect());
     };
     let part = sketch.linearised();
-    let rough_noise = Basis::new(&part, false, &[]);
+    let rough_noise = Basis::new(&part, Noise::Coloured, &[]);
     let mut all: Vec<(f64, usize)> = contest.rivals.par_iter().map(|rival| gain(rival, &part, &rough_noise)).collect();
     let mut order: Vec<usize> = (0..all.len()).collect();
     order.sort_by(|&a, &b| all[b].0.total_cmp(&all[a].0));

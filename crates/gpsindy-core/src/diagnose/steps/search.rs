@@ -1,7 +1,7 @@
 //! Search: from one set of effects to a better one, a move at a time.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, SWAP};
+use crate::diagnose::limits::{MOST_MOVES, NO_REST, SWAP};
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::round::{Expansion, expand};
 use crate::error::Result;
@@ -13,7 +13,7 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
     for number in 1..=MOST_MOVES {
         let Some(next) = better(contest, &best, &round.fits) else { break };
         best = next.clone();
-        if contest.run.is_out_of_time() || best.evidence.misfit() < 1e-12 {
+        if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
             round.fits.clear();
             break;
         }

@@ -5,13 +5,13 @@
 //! that were seen.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::verify::{BAND, COVERED, SPREADS};
+use crate::diagnose::limits::verify::{BAND_95, COVERED, SPREADS};
 use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::diagnose::steps::start::starts;
+use crate::random::normal;
 use crate::refine::{Experiment, Path};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 
 /// How well a band holds the held-out errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +65,7 @@ pub(crate) fn of(
             let measured = own.logs[window.log].measured[c][window.first + sample];
             if moving.contains(&c) && measured.is_finite() {
                 let error = measured - after[w][row];
-                band.push(Value { window: w, row, half_width: BAND * deviation(w, row), error });
+                band.push(Value { window: w, row, half_width: BAND_95 * deviation(w, row), error });
             }
         }
     }
@@ -95,7 +95,7 @@ fn drawn(
             let slow = forcing.errors.iter().filter(|told| told.state == column);
             let slow: Vec<Vec<f64>> = slow.map(|told| process(told, times, random)).collect();
             for (i, error) in errors.iter_mut().skip(c).step_by(n_columns).enumerate() {
-                *error += experiment.noise[c] * standard(random) + slow.iter().map(|values| values[i]).sum::<f64>();
+                *error += experiment.noise[c] * normal(random) + slow.iter().map(|values| values[i]).sum::<f64>();
             }
         }
     }
@@ -104,17 +104,13 @@ fn drawn(
 
 /// An Ornstein-Uhlenbeck process at so many times, s.
 fn process(told: &Told, times: &[f64], random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut value = told.deviation * standard(random);
+    let mut value = told.deviation * normal(random);
     let mut before = times.first().copied().unwrap_or(0.0);
     let next = |&t: &f64| {
         let kept = (-(t - before) / told.time).exp();
-        value = kept * value + (1.0 - kept * kept).max(0.0).sqrt() * told.deviation * standard(random);
+        value = kept * value + (1.0 - kept * kept).max(0.0).sqrt() * told.deviation * normal(random);
         before = t;
         value
     };
     times.iter().map(next).collect()
-}
-
-fn standard(random: &mut ChaCha8Rng) -> f64 {
-    StandardNormal.sample(random)
 }

@@ -8,7 +8,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::elimination::{eliminate, gain};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::whitening::Whitener;
-use crate::diagnose::limits::stability::{ALIKE, DISAGREES, MOST_RUNS, NOTHING};
+use crate::diagnose::limits::stability::{DISAGREES, MOST_PARTS, NOTHING, SAME_SIZE};
 use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter, System};
 use crate::refine::{Free, Jacobian, Point};
@@ -215,7 +215,7 @@ fn questions(best: &Contestant, gated: &Gated, own: &[usize], runs: usize) -> Ve
 
 /// Which part log number `log` belongs to.
 fn part_of(log: usize, logs: usize) -> usize {
-    if logs <= MOST_RUNS { log } else { log * MOST_RUNS / logs }
+    if logs <= MOST_PARTS { log } else { log * MOST_PARTS / logs }
 }
 
 /// Products of all columns among themselves and with the residual, whitened, the initial states eliminated.
@@ -235,7 +235,7 @@ impl Products {
         let point = Point { parameters, initial: best.refined.initial.clone() };
         let jacobian = Jacobian::new(&gated.system, &best.experiment, &point, &gated.free).ok()?;
         let logs = best.experiment.logs.len();
-        let runs = logs.min(MOST_RUNS);
+        let runs = logs.min(MOST_PARTS);
         let (n, q) = (jacobian.n_states, gated.free.len());
         let width = q + runs * own.len();
         let mut all = Self {
@@ -301,7 +301,7 @@ impl Products {
             eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
         }
         // By how much the effect as a whole moves the outputs beyond what the others can, with a size that differs by a little.
-        let moved = gram[(own[0], own[0])].max(0.0) * (ALIKE * size).powi(2);
+        let moved = gram[(own[0], own[0])].max(0.0) * (SAME_SIZE * size).powi(2);
         for &i in own.iter().filter(|i| is_inside(i)) {
             eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
         }

@@ -7,7 +7,10 @@
 use crate::diagnose::fit::colour::colours;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::limits::Budget;
-use crate::diagnose::limits::start::{BEGINNING, CHANCE, FEWEST, LONGER, ROUGH, ROUNDS, SHORTEST, STEPS, UNTOLD};
+use crate::diagnose::limits::start::{
+    BEGINNING, FEWEST_SAMPLES, LONGER_PARABOLA, PARABOLA_OFF, PARABOLA_ROUGH, SHORTEST_PARABOLA, START_ROUNDS,
+    START_STEPS, UNTOLD,
+};
 use crate::model::System;
 use crate::refine::{Experiment, Jacobian, Log, Point, Window, guess_initial, guess_starts};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -45,7 +48,7 @@ pub(crate) fn starts(
     let from = followed.map(|guess| with_lagging(system, &beginning, guess, nominal_states));
     let free = settings.fit(system, &beginning, parameters, &[], Some(from.as_ref().unwrap_or(&believed)));
     let mut initial = free.map_or_else(|_| believed.clone(), |fit| fit.initial);
-    for _ in 0..ROUNDS {
+    for _ in 0..START_ROUNDS {
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);
     }
     initial
@@ -53,7 +56,7 @@ pub(crate) fn starts(
 
 /// The windows' beginnings, on which their starts are refined.
 pub(crate) fn beginnings(experiment: &Experiment) -> Vec<Window> {
-    let fewest = FEWEST * experiment.rows_a_value();
+    let fewest = FEWEST_SAMPLES * experiment.rows_a_value();
     let of = |w: &Window| {
         let samples = (BEGINNING * (w.last - w.first) as f64) as usize;
         Window { last: w.last.min(w.first + samples.max(fewest)), ..*w }
@@ -106,20 +109,21 @@ fn line(log: &Log, c: usize, window: &Window, noise: f64, is_held: bool) -> Opti
     let sample = *there.first()?;
     let points: Vec<(f64, f64)> = there.iter().map(|&i| (log.time[i] - log.time[sample], log.measured[c][i])).collect();
     let mut found = None;
-    let mut count = SHORTEST;
+    let mut count = SHORTEST_PARABOLA;
     while count <= points.len() && !is_held {
         let Some((line, excess)) = parabola(&points[..count], noise, sample) else { break };
-        if excess > CHANCE * (2.0 / (count - 3) as f64).sqrt() {
+        if excess > PARABOLA_OFF * (2.0 / (count - 3) as f64).sqrt() {
             break;
         }
         found = Some(line);
-        count = ((count as f64 * LONGER) as usize).max(count + 1);
+        count = ((count as f64 * LONGER_PARABOLA) as usize).max(count + 1);
     }
     let first = || {
         let end = points.get(2).or(points.last()).filter(|p| p.0 > 0.0);
-        let slope = end
-            .map(|p| ((p.1 - points[0].1) / p.0, ROUGH * (2f64.sqrt() * noise).max((p.1 - points[0].1).abs()) / p.0));
-        Line { sample, value: (points[0].1, ROUGH * noise), slope: slope.unwrap_or((0.0, f64::INFINITY)) }
+        let slope = end.map(|p| {
+            ((p.1 - points[0].1) / p.0, PARABOLA_ROUGH * (2f64.sqrt() * noise).max((p.1 - points[0].1).abs()) / p.0)
+        });
+        Line { sample, value: (points[0].1, PARABOLA_ROUGH * noise), slope: slope.unwrap_or((0.0, f64::INFINITY)) }
     };
     Some(found.unwrap_or_else(first))
 }
@@ -137,7 +141,7 @@ fn parabola(points: &[(f64, f64)], noise: f64, sample: usize) -> Option<(Line, f
     let found = inverse * right;
     let squares: f64 = points.iter().map(|&(t, v)| (v - row(t).dot(&found)).powi(2)).sum();
     let excess = squares / ((points.len() - 3) as f64 * noise * noise) - 1.0;
-    let deviation = |i: usize| ROUGH * noise * inverse[(i, i)].max(0.0).sqrt();
+    let deviation = |i: usize| PARABOLA_ROUGH * noise * inverse[(i, i)].max(0.0).sqrt();
     let slope = (found[1] / span, deviation(1) / span);
     Some((Line { sample, value: (found[0], deviation(0)), slope }, excess))
 }
@@ -167,7 +171,7 @@ fn refined(
     let normal = |jacobian: &Jacobian, initial: &[Vec<f64>], w: usize| {
         Posterior::new(jacobian, w, &initial[w], &beliefs[w], &weights[w], &beginning.noise, beginning.windows[w].first)
     };
-    for _ in 0..STEPS {
+    for _ in 0..START_STEPS {
         let mut next = initial.clone();
         for (w, start) in next.iter_mut().enumerate() {
             if let Some(step) = normal(&jacobian, &initial, w).step() {
@@ -192,8 +196,7 @@ fn refined(
 /// By how much the residuals of each column count: one where they are noise, less where they are larger or last longer.
 fn weights(residuals: &[f64], n_columns: usize) -> Vec<f64> {
     let one = |colour: &crate::diagnose::fit::colour::Colour| {
-        let slow = colour.innovation / (1.0 - colour.coefficients.iter().sum::<f64>()).powi(2).max(1e-6);
-        let size = slow.max(colour.variance()).max(1.0);
+        let size = colour.spectrum().max(colour.variance()).max(1.0);
         if size.is_finite() { 1.0 / size } else { 0.0 }
     };
     colours(std::slice::from_ref(&residuals.to_vec()), n_columns).iter().map(one).collect()

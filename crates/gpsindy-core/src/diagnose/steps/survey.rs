@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::gains::Gain;
-use std::ops::Range;
+use crate::diagnose::fit::noise::{ByNoise, Noise};
 
 /// What a screening says of one hypothesis.
 #[derive(Debug, Clone, Default)]
@@ -13,14 +13,11 @@ pub(crate) struct Summary {
     pub(crate) resolution: Option<(f64, String)>,
 }
 
-/// Noise models of a screening: white, coloured, and a filter's innovations, which only a simulator that steps has.
-pub(crate) const BASES: usize = 3;
-
 /// Hypotheses screened together (most alone): their gains by start, noise model and view.
 pub(crate) struct Screened {
     pub(crate) members: Vec<usize>,
     pub(crate) applied: Applied,
-    pub(crate) gains: Vec<Vec<Vec<Gain>>>,
+    pub(crate) gains: Vec<ByNoise<Vec<Gain>>>,
 }
 
 /// What a screening looks for: one more effect, or another one in the place of some.
@@ -37,32 +34,32 @@ pub(crate) struct Survey {
     /// In the order of the hypotheses, then of the sets that apply together.
     pub(crate) suspects: Vec<Option<Screened>>,
     /// By noise model and view.
-    pub(crate) looked: Vec<Vec<Looked>>,
+    pub(crate) looked: ByNoise<Vec<Looked>>,
     /// Two suspects together, by the noise models that tell.
     pub(crate) pairs: Vec<Pair>,
 }
 
 impl Screened {
-    /// The largest gain of any start: under white (0) or coloured (1) noise, or of the innovations (2), where these are looked at.
-    pub(crate) fn best(&self, basis: usize) -> f64 {
-        self.best_in(basis, 0)
+    /// The largest gain of any start by one noise model; none by one that was not looked at.
+    pub(crate) fn best(&self, noise: Noise) -> f64 {
+        self.best_in(noise, 0)
     }
 
     /// The same in the place of the effects that a view leaves out.
-    pub(crate) fn best_in(&self, basis: usize, view: usize) -> f64 {
-        let of = |gains: &Vec<Vec<Gain>>| Some(gains.get(basis)?.get(view)?.gain);
+    pub(crate) fn best_in(&self, noise: Noise, view: usize) -> f64 {
+        let of = |gains: &ByNoise<Vec<Gain>>| Some(gains.of(noise)?.get(view)?.gain);
         self.gains.iter().filter_map(of).fold(0.0, f64::max)
     }
 
     /// The noise models by which suspects are chosen: rollouts far from the log point nowhere, so that of a simulator that steps
     /// the innovations alone count.
-    pub(crate) fn telling(&self) -> Range<usize> {
-        let has_innovations = self.gains.first().is_some_and(|gains| gains.len() == BASES);
-        if has_innovations { BASES - 1..BASES } else { 0..BASES - 1 }
+    pub(crate) fn telling(&self) -> &'static [Noise] {
+        let has_innovations = self.gains.first().is_some_and(|gains| gains.of(Noise::Innovations).is_some());
+        if has_innovations { &[Noise::Innovations] } else { &[Noise::White, Noise::Coloured] }
     }
 
     pub(crate) fn summary(&self) -> Summary {
-        let all = self.gains.iter().map(|g| &g[1][0]);
+        let all = self.gains.iter().filter_map(|gains| gains.of(Noise::Coloured)?.first());
         let Some(best) = all.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Summary::default() };
         let unit = self.applied.fitted.first().map(|(_, a)| a.unit.clone()).unwrap_or_default();
         let resolution = best.deviation.map(|deviation| (deviation, unit));

@@ -11,17 +11,18 @@ use crate::diagnose::fit::basis::{Basis, Out};
 use crate::diagnose::fit::colour::Colour;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::gains::{Gain, gains_of_family};
+use crate::diagnose::fit::noise::Noise;
 use crate::diagnose::limits::weigh::SIMULATED;
 use crate::diagnose::limits::{NOISE, SKETCHED};
 use crate::diagnose::steps::contest::Contest;
 use crate::error::Result;
 use crate::parallel::*;
+use crate::random::normal;
 use nalgebra::DVector;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 
-/// The constant of Euler and Mascheroni: the mean of the standard distribution of largest values.
+/// The constant of Euler and Mascheroni: the mean of the standard distribution of largest values. Exact.
 const EULER: f64 = 0.577_215_664_901_532_9;
 
 /// What the simulations say.
@@ -44,7 +45,7 @@ pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Typi
     let at = sketch.as_ref().map_or(whole, |sketch| sketch.linearised());
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let simulated: Vec<Out> = (0..SIMULATED).map(|_| drawn(&at, &mut random)).collect();
-    let basis = Basis::new(&at, false, &simulated);
+    let basis = Basis::new(&at, Noise::Coloured, &simulated);
     let largest = |rival: &Rival| {
         if contest.run.is_out_of_time() {
             return Vec::new();
@@ -103,7 +104,7 @@ fn noise<'r>(colour: &Colour, random: &'r mut ChaCha8Rng) -> impl FnMut() -> f64
     let mut last = vec![0.0; coefficients.len()];
     let mut next = move || {
         let predicted: f64 = coefficients.iter().zip(&last).map(|(a, v)| a * v).sum();
-        let value = predicted + spread * standard(random);
+        let value = predicted + spread * normal(random);
         if !last.is_empty() {
             last.rotate_right(1);
             last[0] = value;
@@ -113,10 +114,6 @@ fn noise<'r>(colour: &Colour, random: &'r mut ChaCha8Rng) -> impl FnMut() -> f64
     // The series has forgotten its start by then.
     (0..50).for_each(|_| _ = next());
     next
-}
-
-fn standard(random: &mut ChaCha8Rng) -> f64 {
-    StandardNormal.sample(random)
 }
 
 #[cfg(test)]

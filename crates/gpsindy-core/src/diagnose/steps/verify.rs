@@ -5,7 +5,7 @@
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
-use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, NO_GAP, RARELY, ROUNDING};
+use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY};
 use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
 use crate::diagnose::steps::findings::Judged;
@@ -166,7 +166,7 @@ pub(crate) fn moves(logs: &[Log], column: usize) -> bool {
     let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
     let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     let size = low.abs().max(high.abs());
-    high - low > (1.0 + ROUNDING) * resolution(logs, column).max(ROUNDING * size)
+    high - low > (1.0 + LOG_DIGITS) * resolution(logs, column).max(LOG_DIGITS * size)
 }
 
 /// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
@@ -301,7 +301,7 @@ fn is_lost(experiment: &Experiment, blocks: &[Block], c: usize) -> bool {
     }
     let error: f64 = blocks.iter().map(|b| b.after[c]).sum::<f64>() / blocks.iter().map(|b| b.count[c]).sum::<f64>();
     // Noise alone is no motion.
-    !(error <= (0.25 * squares / count).max(4.0))
+    !(error <= (LOST * squares / count).max(LOST_NOISE))
 }
 
 #[cfg(test)]
@@ -313,6 +313,7 @@ mod tests {
     use crate::expression::Expression;
     use crate::model::{Control, Model, State};
     use crate::progress::Silent;
+    use crate::random::normal;
     use faer::Mat;
 
     #[test]
@@ -320,12 +321,11 @@ mod tests {
         // x' = 2x + 0.8u, held upright by its own noisy reading; the nominal model expects all of u.
         let (noise, step) = (0.02, 0.02_f64);
         let mut random = ChaCha8Rng::seed_from_u64(3);
-        let mut normal = || (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0;
         let runs = (0..4usize).map(|run| {
             let (mut x, mut values) = (0.1, Vec::new());
             for i in 0..500_usize {
                 let wish = if (i / (40 + 7 * run)).is_multiple_of(2) { 0.5 } else { -0.5 };
-                let read = x + noise * normal();
+                let read = x + noise * normal(&mut random);
                 let u = -5.0 * (read - wish) - 2.5 * wish;
                 values.push([read, u]);
                 let rest = -0.4 * u;

@@ -69,16 +69,15 @@ pub(super) fn are_short(kernel: &Kernel, hyper: &[f64], runs: &[Points], stride:
 mod tests {
     use super::*;
     use crate::gp::{FitSettings, fit};
+    use crate::random::{normal, uniform};
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
+    use rand_core::SeedableRng;
 
     /// Noisy values of two tones, `per_tone` points a second of the faster one, at times off a grid by up to a third of a step.
     fn jittered(n: usize, step: f64, seed: u64) -> Points {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut uniform = move || (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-        let time: Vec<f64> = (0..n).map(|i| step * (i as f64 + 0.3 * uniform())).collect();
-        let mut normal = || (-2.0 * (1.0 - uniform()).ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
-        let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.5 * (2.3 * t).cos() + 0.05 * normal()).collect();
+        let time: Vec<f64> = (0..n).map(|i| step * (i as f64 + 0.3 * uniform(&mut rng))).collect();
+        let values: Vec<f64> = time.iter().map(|t| t.sin() + 0.5 * (2.3 * t).cos() + 0.05 * normal(&mut rng)).collect();
         Points::in_time(&time, &values)
     }
 

@@ -245,16 +245,9 @@ mod tests {
     use super::*;
     use crate::gp::kernel::Kernel;
     use crate::gp::likelihood::Evaluation;
+    use crate::random::{normal, uniform};
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
-
-    fn uniform(rng: &mut ChaCha8Rng) -> f64 {
-        (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn normal(rng: &mut ChaCha8Rng) -> f64 {
-        (-2.0 * (1.0 - uniform(rng)).ln()).sqrt() * (std::f64::consts::TAU * uniform(rng)).cos()
-    }
+    use rand_core::SeedableRng;
 
     #[test]
     fn two_hundred_random_starts_reach_the_best_likelihood() {
@@ -340,7 +333,7 @@ mod tests {
 
     #[test]
     fn a_part_of_the_points_leads_to_the_minimum_of_all() {
-        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
         let places: Vec<Vec<f64>> = (0..2).map(|_| (0..200).map(|_| 4.0 * uniform(&mut rng)).collect()).collect();
         let value = |i: usize| (1.5 * places[0][i]).sin() * places[1][i];
         let targets = (0..200).map(|i| value(i) + 0.1 * normal(&mut rng)).collect();

@@ -7,7 +7,8 @@ use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace,
 use crate::diagnose::fit::functions::courses;
 use crate::diagnose::limits::CONVINCING;
 use crate::diagnose::limits::forcing::{
-    CLIMBED, DURATIONS, LAWFUL, LEVELS, LONGEST, MOST_PATHS, MOST_READINGS, REST, SAME, SKETCHED, STEPS, UNSEEN,
+    CLIMB_STEPS, CLIMBED, CURVED, DURATIONS, LAST_STEP, LAWFUL, LEVELS, LONGEST, MOST_PATHS, MOST_READINGS, SETTLED,
+    SKETCHED_READINGS, SLOPED, UNSEEN,
 };
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Told};
@@ -57,7 +58,7 @@ impl Account {
         let rows = (0..fit.nominal_states()).filter(|&j| !model.is_kinematic(j)).map(Acts::Row);
         let places: Vec<Acts> = rows.chain(columns(fit)).collect();
         let Some(whole) = Self::of(contest, fit, &[])? else { return Ok(None) };
-        let part = Self { most: most(fit, SKETCHED), ..whole };
+        let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
         let part = part.charged_anew(contest).map(|part| part.grown(contest, &places)).transpose()?;
         let Some(part) = part else { return Ok(None) };
         if part.functions(contest)? < LAWFUL {
@@ -144,28 +145,26 @@ impl Account {
     ///
     /// The filter knows deviations beside that of the sensors' noise, whose own size is found last.
     pub(super) fn told(&self, p_value: f64) -> Forcing {
-        // Wide enough to see the curve beside the rounding, narrow enough to be one.
-        const WIDE: f64 = 0.1;
         let one = |place: usize| {
             let process = &self.processes[place];
             let at = |a: f64, b: f64| {
                 let mut processes = self.processes.clone();
-                processes[place].deviation *= (a * WIDE).exp();
-                processes[place].time *= (b * WIDE).exp();
+                processes[place].deviation *= (a * CURVED).exp();
+                processes[place].time *= (b * CURVED).exp();
                 self.filtered(&processes, Pace::Likelihood)
             };
             let centre = at(0.0, 0.0)?;
             let sides = [at(1.0, 0.0)?, at(-1.0, 0.0)?, at(0.0, 1.0)?, at(0.0, -1.0)?];
             let corners = [at(1.0, 1.0)?, at(-1.0, -1.0)?, at(1.0, -1.0)?, at(-1.0, 1.0)?];
             let second = |plus: &Filtered, minus: &Filtered| {
-                -(plus.likelihood + minus.likelihood - 2.0 * centre.likelihood) / (WIDE * WIDE)
+                -(plus.likelihood + minus.likelihood - 2.0 * centre.likelihood) / (CURVED * CURVED)
             };
             let mixed =
                 -(corners[0].likelihood + corners[1].likelihood - corners[2].likelihood - corners[3].likelihood)
-                    / (4.0 * WIDE * WIDE);
+                    / (2.0 * CURVED).powi(2);
             let information = Matrix2::new(second(&sides[0], &sides[1]), mixed, mixed, second(&sides[2], &sides[3]));
             // The logarithm of the noise's deviation moves with both, and has an error of its own.
-            let moved = |plus: &Filtered, minus: &Filtered| 0.5 * (plus.level / minus.level).ln() / (2.0 * WIDE);
+            let moved = |plus: &Filtered, minus: &Filtered| 0.5 * (plus.level / minus.level).ln() / (2.0 * CURVED);
             let own = Matrix2::new(1.0 + moved(&sides[0], &sides[1]), moved(&sides[2], &sides[3]), 0.0, 1.0);
             let level = Matrix2::new(0.5 / centre.count.max(1) as f64, 0.0, 0.0, 0.0);
             let covariance = information.cholesky().map(|c| own * c.inverse() * own.transpose() + level);
@@ -276,9 +275,6 @@ fn range(contest: &Contest<'_>, fit: &Contestant, acts: Acts) -> Range {
     }
 }
 
-/// Step of a logarithm in the slope of a cost: half of the digits of a likelihood.
-const STEP: f64 = 1e-4;
-
 /// The logarithms of every process's standard deviation and correlation time.
 fn logarithms(processes: &[Process]) -> Vec<f64> {
     processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
@@ -311,7 +307,7 @@ impl Sketch {
                 return None;
             }
             processes = climb.top(&processes, usize::MAX)?;
-            if before - climb.cost_of(&processes, usize::MAX) < SAME {
+            if before - climb.cost_of(&processes, usize::MAX) < SETTLED {
                 break;
             }
         }
@@ -329,15 +325,15 @@ struct Climb {
 impl Climb {
     /// The samples of a sketch.
     fn sketched(&self) -> usize {
-        most(&self.account.fit, SKETCHED)
+        most(&self.account.fit, SKETCHED_READINGS)
     }
 
     /// Where the processes cost least on the first `most` samples, from `start` on.
     fn top(&self, start: &[Process], most: usize) -> Option<Vec<Process>> {
         let climb = Optimiser {
-            tolerance_cost: REST,
-            tolerance_gradient: REST,
-            max_iterations: STEPS,
+            tolerance_cost: LAST_STEP,
+            tolerance_gradient: LAST_STEP,
+            max_iterations: CLIMB_STEPS,
             longest_move: 1.0,
             ..Optimiser::default()
         };
@@ -350,8 +346,8 @@ impl Climb {
                     self.cost_of(&self.processes(&aside), most)
                 };
                 // Where the range ends, backwards.
-                let ahead = (at(STEP) - cost) / STEP;
-                *slope = if ahead.is_finite() { ahead } else { (cost - at(-STEP)) / STEP };
+                let ahead = (at(SLOPED) - cost) / SLOPED;
+                *slope = if ahead.is_finite() { ahead } else { (cost - at(-SLOPED)) / SLOPED };
             }
             cost.is_finite().then_some(cost)
         })?;

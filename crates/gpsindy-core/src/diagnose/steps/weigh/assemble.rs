@@ -5,7 +5,9 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::SHOWN;
+use crate::diagnose::limits::weigh::QUIET_GAIN;
 use crate::diagnose::report::{Cause, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, finite};
+use crate::diagnose::run::Ending;
 use crate::diagnose::steps::augment::equations;
 use crate::diagnose::steps::contest::Contest;
 use crate::diagnose::steps::curves;
@@ -43,6 +45,10 @@ pub(crate) fn assemble(
         checks: if keep { checks } else { Vec::new() },
         closure: verification.closure,
         augmented_model: Some("augmented.toml".into()),
+        interrupted: match contest.run.ending() {
+            Ending::Interrupted { after } => Some(after),
+            Ending::Complete => None,
+        },
         notes: contest.run.notes.all().iter().map(ToString::to_string).collect(),
         power: None,
         work: Vec::new(),
@@ -78,7 +84,7 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
         let Some((deviation, unit)) = &summary.resolution else { continue };
         // Not the same effect in the same equation, whatever it depends on: a reader would see a contradiction.
         let is_same = |h: &Hypothesis| h.id() == hypothesis.id() && h.state == hypothesis.state;
-        let is_quiet = summary.gain < 9.0 && !outcome.best.hypotheses.iter().any(is_same);
+        let is_quiet = summary.gain < QUIET_GAIN && !outcome.best.hypotheses.iter().any(is_same);
         if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
             let state = model.states[hypothesis.moves()].name.clone();
             let (variables, place) = (hypothesis.variables.clone(), hypothesis.place());

@@ -3,9 +3,10 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::verify::QUIET;
-use crate::diagnose::limits::weigh::{COUNTS, CROWDING, FEW, LIKELY, MANY, PART, REAL, REST_LEFT, ROUGH, TYPICAL};
+use crate::diagnose::limits::weigh::{COUNTS, CROWDING, FEW, LEAST_REST, LIKELY, MANY, PART, REAL, REST_LEFT, TYPICAL};
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::report::{Check, Unexplained, Verdict};
+use crate::diagnose::run::Ending;
 use crate::diagnose::steps::causes::gap_energy;
 use crate::diagnose::steps::checks::Checked;
 use crate::diagnose::steps::contest::Contest;
@@ -71,10 +72,11 @@ impl Decided {
         let worth: Vec<(f64, f64)> =
             credible.iter().zip(&outcome.seats).map(|(&credible, seat)| (credible, seat.removed / gap)).collect();
         let are_credible = are_believed(&worth);
+        let is_interrupted = contest.run.ending() != Ending::Complete;
         let verdict = match verdict(judged, &checks, are_credible, verification) {
             // A search that was cut short has not shown that nothing else is there.
-            Verdict::Explained if contest.run.is_cut() => Verdict::PartlyExplained,
-            Verdict::NoGap if contest.run.is_cut() => Verdict::Unexplained,
+            Verdict::Explained if is_interrupted => Verdict::PartlyExplained,
+            Verdict::NoGap if is_interrupted => Verdict::Unexplained,
             verdict => verdict,
         };
         let keep = has_function || matches!(verdict, Verdict::Explained | Verdict::PartlyExplained);
@@ -120,7 +122,7 @@ fn unexplained(
     let relative = share / REST;
     let odds = (size * size).min(relative * relative);
     // Simulated logs say how surely it is no noise, of whatever size; below that of rounding it is none all the same.
-    let seen = typicality.filter(|_| share >= ROUGH).map_or(0.0, |t| 1.0 / (1.0 + (t.p_value / TYPICAL).powi(2)));
+    let seen = typicality.filter(|_| share >= LEAST_REST).map_or(0.0, |t| 1.0 / (1.0 + (t.p_value / TYPICAL).powi(2)));
     let structure = (significant * odds / (1.0 + odds)).max(seen);
     let probability = 1.0 - (1.0 - structure) * (1.0 - missed);
     let depends_on = if structure > LIKELY { left.depends_on.clone() } else { Vec::new() };
