@@ -5,36 +5,24 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod align;
-mod csv_log;
 mod effects;
 mod error;
+mod formats;
 mod header;
 mod input;
 mod inspect;
 mod log;
 mod logs;
 mod map_file;
-#[cfg(any(feature = "mcap", feature = "ulog"))]
-mod mapped;
-#[cfg(feature = "mcap")]
-mod mcap_log;
 mod merge;
-#[cfg(any(feature = "mcap", feature = "ulog"))]
-mod message;
 mod model;
 mod near;
 mod options;
 mod output;
-#[cfg(feature = "parquet")]
-mod parquet_log;
-#[cfg(any(feature = "mcap", feature = "ulog"))]
-mod stamps;
 mod stream;
 mod table;
 mod time;
 mod topic;
-#[cfg(feature = "ulog")]
-mod ulog;
 
 pub use align::TopicOffset;
 pub use effects::{parse_effects, read_effects};

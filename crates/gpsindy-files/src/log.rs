@@ -1,7 +1,7 @@
 //! One log of any format.
 
-use crate::csv_log::CsvLog;
 use crate::error::{Error, Result};
+use crate::formats::csv_log::CsvLog;
 use crate::header::Header;
 use crate::input::{Input, Kind};
 use crate::options::{LogOptions, Offset};
@@ -157,7 +157,7 @@ pub(crate) fn parts(folder: &Path) -> Result<Vec<Input>> {
 
 #[cfg(feature = "mcap")]
 fn mcap(inputs: Vec<Input>, file: &str, options: &LogOptions, progress: &dyn Progress) -> Result<Arc<dyn Source>> {
-    Ok(Arc::new(crate::mcap_log::McapLog::open(inputs, file, options, progress)?))
+    Ok(Arc::new(crate::formats::mcap_log::McapLog::open(inputs, file, options, progress)?))
 }
 
 #[cfg(not(feature = "mcap"))]
@@ -168,7 +168,7 @@ fn mcap(_: Vec<Input>, file: &str, _: &LogOptions, _: &dyn Progress) -> Result<A
 #[cfg(feature = "parquet")]
 fn parquet(input: Input, options: &LogOptions) -> Result<Arc<dyn Source>> {
     let file = input.file.clone();
-    Ok(Arc::new(crate::parquet_log::ParquetLog::open(vec![input], &file, options, &HashMap::new())?))
+    Ok(Arc::new(crate::formats::parquet_log::ParquetLog::open(vec![input], &file, options, &HashMap::new())?))
 }
 
 #[cfg(not(feature = "parquet"))]
@@ -178,7 +178,7 @@ fn parquet(input: Input, _: &LogOptions) -> Result<Arc<dyn Source>> {
 
 #[cfg(feature = "parquet")]
 fn data_set(path: &Path, options: &LogOptions) -> Result<Option<Arc<dyn Source>>> {
-    use crate::parquet_log::lerobot;
+    use crate::formats::parquet_log::lerobot;
     if !lerobot::is(path) {
         return Ok(None);
     }
@@ -192,7 +192,7 @@ fn data_set(_: &Path, _: &LogOptions) -> Result<Option<Arc<dyn Source>>> {
 
 #[cfg(feature = "ulog")]
 fn ulog(input: Input, options: &LogOptions) -> Result<Arc<dyn Source>> {
-    Ok(Arc::new(crate::ulog::Ulog::open(input, options)?))
+    Ok(Arc::new(crate::formats::ulog::Ulog::open(input, options)?))
 }
 
 #[cfg(not(feature = "ulog"))]

@@ -1,7 +1,7 @@
 //! A growing log: one line at a time, with the same rules and messages as a whole file.
 
-use crate::csv_log::{CsvLog, Row, separator};
 use crate::error::{Error, Result};
+use crate::formats::csv_log::{CsvLog, Row, separator};
 use crate::log::Log;
 use crate::options::LogOptions;
 use csv::StringRecord;

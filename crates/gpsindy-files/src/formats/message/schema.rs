@@ -3,7 +3,7 @@
 //! Written by hand: the crates that read it build on the arrow crate or need a newer compiler than the workspace's.
 //! Source: docs.ros.org, "About ROS 2 interfaces"; mcap.dev, registry of well-known schema encodings.
 
-use crate::message::kind::Kind;
+use crate::formats::message::kind::Kind;
 use std::collections::HashMap;
 
 /// Messages that use each other, the first one is that of the topic.

@@ -4,17 +4,17 @@
 //! kept only for as long as its wanted numbers take to be read.
 
 use crate::error::{Error, Result};
+use crate::formats::mapped::{self, Place};
+use crate::formats::message::kind::Kind;
+use crate::formats::message::path::{self, Step};
+use crate::formats::message::schema::{Many, Schema};
+use crate::formats::message::want::Wants;
+use crate::formats::message::{cdr, json};
+use crate::formats::stamps::{self, Series};
 use crate::header::Header;
 use crate::input::Input;
-use crate::mapped::{self, Place};
-use crate::message::kind::Kind;
-use crate::message::path::{self, Step};
-use crate::message::schema::{Many, Schema};
-use crate::message::want::Wants;
-use crate::message::{cdr, json};
 use crate::near::hint;
 use crate::options::{LogOptions, Offset, Stamp};
-use crate::stamps::{self, Series};
 use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
@@ -308,7 +308,7 @@ pub(crate) fn stamp_of(schema: &Schema) -> Option<[Vec<Step>; 2]> {
     };
     let times = |index: usize| {
         let fields = &schema.messages[index].fields;
-        let number = |f: &crate::message::schema::Field| f.many == Many::One && f.kind.size() == Some(4);
+        let number = |f: &crate::formats::message::schema::Field| f.many == Many::One && f.kind.size() == Some(4);
         fields.len() == 2 && fields[0].name == "sec" && fields[1].name == "nanosec" && fields.iter().all(number)
     };
     let step = |names: &[&str]| names.iter().map(|n| Step::Field((*n).to_string())).collect::<Vec<_>>();

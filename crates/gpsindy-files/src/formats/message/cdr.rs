@@ -2,11 +2,11 @@
 //!
 //! Source: OMG, DDS-XTypes 1.3, section 7.4 (PLAIN_CDR and PLAIN_CDR2).
 
-use crate::message::kind::{Kind, number};
-use crate::message::layout::Marks;
-use crate::message::path::Step;
-use crate::message::schema::{Many, Schema};
-use crate::message::want::{Item, LISTS, Node, Slot, Wants};
+use crate::formats::message::kind::{Kind, number};
+use crate::formats::message::layout::Marks;
+use crate::formats::message::path::Step;
+use crate::formats::message::schema::{Many, Schema};
+use crate::formats::message::want::{Item, LISTS, Node, Slot, Wants};
 use std::cell::RefCell;
 
 /// Elements of an array of numbers that are shown one by one.

@@ -7,7 +7,7 @@ use crate::header::Header;
 use crate::input::Input;
 use crate::near::hint;
 use crate::options::LogOptions;
-use crate::time::{self, Clock, EPOCH, Tick};
+use crate::time;
 use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
@@ -17,9 +17,13 @@ mod footer;
 mod guard;
 mod leaf;
 pub(crate) mod lerobot;
+mod names;
+mod times;
 
 use episodes::Episodes;
 use leaf::{Leaf, Rows, TEXT, Table};
+use names::{columns, names};
+use times::Times;
 
 /// Elements of a list that become columns.
 const WIDEST: usize = 256;
@@ -157,102 +161,6 @@ impl ParquetLog {
         (&self.time_header, &self.time.leaf.told)
     }
 
-    /// The times, s, and what to say about them.
-    fn times(&self) -> Result<Times> {
-        let mut notes = Vec::new();
-        let leaf = &self.time.leaf;
-        if leaf.told == TEXT && !leaf.listed {
-            return self.written_times();
-        }
-        if leaf.whole && !leaf.listed {
-            let mut stamps: Vec<i64> = Vec::new();
-            for table in self.tables() {
-                stamps.extend(table?.integers(leaf)?);
-            }
-            let first = stamps.first().copied().unwrap_or(0);
-            let by_size = Tick::of(first as f64, &self.time_header.unit).filter(|_| leaf.seconds.is_none());
-            notes.extend(
-                by_size.map(|tick| format!("{}: {}", self.file, tick.note(&self.time_header, &first.to_string()))),
-            );
-            let (times, parts) = leaf.seconds.unwrap_or((1.0, by_size.map_or(1.0, Tick::per_second)));
-            let origin = if first.unsigned_abs() as f64 * times / parts >= EPOCH { first } else { 0 };
-            let seconds = |t: i64| {
-                if t == i64::MIN { f64::NAN } else { (i128::from(t) - i128::from(origin)) as f64 * times / parts }
-            };
-            let stamps: Vec<f64> = stamps.into_iter().map(seconds).collect();
-            if leaf.seconds.is_none() && by_size.is_none() {
-                notes.extend(self.doubt(&stamps));
-            }
-            return Ok(Times { stamps, origin: origin as f64 * times / parts, notes });
-        }
-        let mut stamps = self.column(&self.time)?;
-        if let Some((rate, frames)) = self.frames {
-            let frames = self.column(self.place(frames))?;
-            // What LeRobot itself tolerates; a float32 at an hour is twice as coarse.
-            let near = |(t, frame): (&f64, &f64)| (t - frame / rate).abs() <= 1e-4 + t.abs() * 1.2e-7;
-            if stamps.iter().zip(&frames).all(near) {
-                notes.push(format!(
-                    "{}: the stamps are {}; they were made again as frame_index / {rate} Hz, with which they agree",
-                    self.file, leaf.told
-                ));
-                stamps = frames.iter().map(|frame| frame / rate).collect();
-            } else {
-                notes.push(format!(
-                    "{}: the stamps do not agree with frame_index / {rate} Hz; they were taken as they stand, {}",
-                    self.file, leaf.told
-                ));
-            }
-        }
-        if self.lacks_rate && leaf.told == "float32" {
-            notes.push(format!(
-                "{}: meta/info.json tells no `fps` above 0; the stamps were taken as they stand, float32, and not made again from frame_index",
-                self.file
-            ));
-        }
-        let first = stamps.first().copied().unwrap_or(0.0);
-        let origin = if first.abs() >= EPOCH { first } else { 0.0 };
-        let by_size = Tick::of(first, &self.time_header.unit);
-        notes
-            .extend(by_size.map(|tick| format!("{}: {}", self.file, tick.note(&self.time_header, &first.to_string()))));
-        let per_second = by_size.map_or(1.0, Tick::per_second);
-        stamps.iter_mut().for_each(|t| *t = (*t - origin) / per_second);
-        if by_size.is_none() {
-            notes.extend(self.doubt(&stamps));
-        }
-        Ok(Times { stamps, origin: origin / per_second, notes })
-    }
-
-    /// Times that are written as text: dates, or numbers.
-    fn written_times(&self) -> Result<Times> {
-        let mut texts: Vec<String> = Vec::new();
-        for table in self.tables() {
-            texts.extend(table?.texts(&self.time.leaf)?);
-        }
-        let time = &self.time_header;
-        let first = texts.first().map(|text| text.trim()).unwrap_or_default();
-        let wrong = |row: usize, text: &str, remedy: &str| {
-            let place = format!("row {}, column `{}`", row + 1, time.name);
-            Error::file(
-                &self.file,
-                format!("{place}: not a time: {:?}; {remedy}", text.chars().take(40).collect::<String>()),
-            )
-        };
-        let clock = Clock::of(first, &time.unit);
-        let clock =
-            clock.ok_or_else(|| wrong(0, first, "write it as 2024-05-01T12:00:00 or as a number of seconds"))?;
-        let stamp = |(row, text): (usize, &String)| match text.trim() {
-            "" => Ok(f64::NAN),
-            text => clock.seconds(text).ok_or_else(|| wrong(row, text, "write it as in the first row")),
-        };
-        let stamps = texts.iter().enumerate().map(stamp).collect::<Result<_>>()?;
-        let notes = clock.note(time, first).into_iter().map(|note| format!("{}: {note}", self.file)).collect();
-        Ok(Times { stamps, origin: clock.origin(), notes })
-    }
-
-    fn doubt(&self, stamps: &[f64]) -> Option<String> {
-        Some(format!("{}: {}", self.file, time::doubt(&self.time_header, stamps)?))
-    }
-
     fn column(&self, place: &Place) -> Result<Vec<f64>> {
         let mut values = Vec::new();
         for table in self.tables() {
@@ -280,37 +188,6 @@ impl ParquetLog {
         }
         Ok(runs)
     }
-
-    fn check_times(&self, times: &[f64], run: &str, rows: &[usize]) -> Result<()> {
-        let name = &self.time_header.name;
-        let whose = if run.is_empty() { String::new() } else { format!("run `{run}`: ") };
-        let wrong = |message: String| Err(Error::file(&self.file, format!("{whose}{message}")));
-        if rows.len() < 2 {
-            return wrong(format!("{}; a run needs at least 2", ["no sample", "1 sample"][rows.len()]));
-        }
-        if let Some(row) = rows.iter().find(|&&row| !times[row].is_finite()) {
-            return wrong(format!(
-                "row {}, column `{name}`: the time is missing; fill it in or leave the row out when you write the table",
-                row + 1
-            ));
-        }
-        for pair in rows.windows(2) {
-            let (before, after) = (times[pair[0]], times[pair[1]]);
-            if after <= before {
-                let how = if after < before { "goes back" } else { "stands still" };
-                let cure = if run.is_empty() {
-                    "sort the rows, or tell the runs apart with --run"
-                } else {
-                    "sort or thin the rows"
-                };
-                return wrong(format!(
-                    "row {}, column `{name}`: time {how}, from {before} to {after}; {cure}",
-                    pair[1] + 1
-                ));
-            }
-        }
-        Ok(())
-    }
 }
 
 impl Source for ParquetLog {
@@ -336,13 +213,6 @@ impl Source for ParquetLog {
         let leaf = &self.time.leaf;
         (leaf.seconds.is_none() && leaf.told != TEXT).then_some(&self.time_header)
     }
-}
-
-/// The times of all rows.
-struct Times {
-    stamps: Vec<f64>,
-    origin: f64,
-    notes: Vec<String>,
 }
 
 /// Columns that were read.
@@ -408,61 +278,6 @@ impl ParquetLog {
         };
         Ok(Gathered { topics: runs.into_iter().map(topic).collect(), origin, notes })
     }
-}
-
-/// The columns of a leaf: itself, or the elements of a list by name or number.
-fn columns(leaf: &Leaf, width: usize, names: Option<&Vec<String>>) -> Vec<(Header, Option<usize>)> {
-    if !leaf.listed {
-        return vec![(Header::parse(&leaf.name), None)];
-    }
-    let plain =
-        |text: &str| text.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect::<String>();
-    let element = |i: usize| {
-        let item = names.and_then(|n| n.get(i)).cloned().unwrap_or_else(|| i.to_string());
-        let name = format!("{}_{}", plain(&leaf.name), plain(&item));
-        (Header { text: format!("{}[{item}]", leaf.name), name, unit: String::new() }, Some(i))
-    };
-    (0..width).map(element).collect()
-}
-
-/// Renames and maps the columns of a table; each name once.
-fn names(file: &str, headers: &mut [Header], places: &[Place], options: &LogOptions) -> Result<()> {
-    let known: Vec<String> = headers.iter().map(|h| h.text.clone()).collect();
-    let renames = options.rename.iter().map(|(old, new)| (old, new, false));
-    let maps = options.map.iter().map(|(new, old)| (old, new, true));
-    for (old, new, mapped) in renames.chain(maps) {
-        let at =
-            headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));
-        // An element may be named by its number where it has a name, too.
-        let at = at.or_else(|| {
-            let (list, number) = old.trim().strip_suffix(']')?.rsplit_once('[')?;
-            let element = number.parse().ok()?;
-            places.iter().position(|p| p.leaf.name == list && p.element == Some(element))
-        });
-        match at {
-            Some(at) => headers[at].name.clone_from(new),
-            None if mapped && headers.iter().any(|h| h.name == *new) => {}
-            None => {
-                let option = if mapped { format!("--map {new}={old}") } else { format!("--rename {old}={new}") };
-                let found = hint(old, known.iter().map(String::as_str));
-                return Err(Error::file(file, format!("{option}: there is no column `{old}`{found}")));
-            }
-        }
-    }
-    for (name, unit) in &options.unit {
-        headers.iter_mut().filter(|h| h.name == *name).for_each(|h| h.unit.clone_from(unit));
-    }
-    let mut seen: HashMap<&str, &Header> = HashMap::with_capacity(headers.len());
-    for header in headers.iter() {
-        if let Some(other) = seen.insert(&header.name, header) {
-            let message = format!(
-                "the columns `{}` and `{}` have the same name, `{}`; name one otherwise with --rename '{}=...'",
-                other.text, header.text, header.name, header.text
-            );
-            return Err(Error::file(file, message));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Messages in JSON: the same paths, found in each message anew.
 
-use crate::message::cdr::Leaf;
-use crate::message::path::Step;
-use crate::message::want::LISTS;
+use crate::formats::message::cdr::Leaf;
+use crate::formats::message::path::Step;
+use crate::formats::message::want::LISTS;
 use serde_json::Value;
 
 /// Elements of an array that are shown one by one.
@@ -38,7 +38,7 @@ pub(crate) fn number(message: &Value, path: &[Step]) -> Option<f64> {
     }
 }
 
-/// The fields of a message, as in [`crate::message::cdr::leaves`].
+/// The fields of a message, as in [`crate::formats::message::cdr::leaves`].
 pub(crate) fn leaves(message: &Value) -> Vec<Leaf> {
     let mut found = Vec::new();
     walk(message, &mut Vec::new(), &[], &mut found);

@@ -4,8 +4,8 @@
 //! Source: docs.px4.io, "ULog File Format".
 
 use crate::error::{Error, Result};
+use crate::formats::message::kind::{Kind, number};
 use crate::input::Input;
-use crate::message::kind::{Kind, number};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 use std::io::{BufReader, Read, Seek, SeekFrom};

@@ -1,12 +1,12 @@
 //! ULog, the log of PX4: topics with their instances, stamps in microseconds since the start of the board.
 
 use crate::error::{Error, Result};
+use crate::formats::mapped::{self, Place};
+use crate::formats::stamps::{self, Series};
 use crate::header::Header;
 use crate::input::Input;
-use crate::mapped::{self, Place};
 use crate::near::hint;
 use crate::options::{LogOptions, Offset};
-use crate::stamps::{self, Series};
 use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;
 use std::collections::HashMap;

@@ -1,9 +1,9 @@
 //! What a task takes from a message: the paths to its numbers, checked against the schema and joined into one tree.
 
-use crate::message::kind::Kind;
-use crate::message::layout::Layout;
-use crate::message::path::{Step, shown};
-use crate::message::schema::{Field, Many, Schema};
+use crate::formats::message::kind::Kind;
+use crate::formats::message::layout::Layout;
+use crate::formats::message::path::{Step, shown};
+use crate::formats::message::schema::{Field, Many, Schema};
 use crate::near::hint;
 
 /// Fields that name the elements of the arrays beside and below them.

@@ -1,8 +1,8 @@
 //! Columns that a map takes from the topics of a log.
 
 use crate::error::{Error, Result};
+use crate::formats::message::path::{self, Step};
 use crate::header::Header;
-use crate::message::path::{self, Step};
 use crate::near::hint;
 use crate::options::LogOptions;
 

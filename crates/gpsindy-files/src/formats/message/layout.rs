@@ -3,7 +3,7 @@
 //! The counts of arrays and texts, and the names in a list, decide where everything stands. The messages of a topic nearly
 //! always agree in them, so the places that were found in one serve for the next, without a walk through its fields.
 
-use crate::message::kind::{Kind, number};
+use crate::formats::message::kind::{Kind, number};
 use std::ops::Range;
 
 /// Most parts of a message that decide its shape. Beyond, a comparison costs as much as a walk.

@@ -1,6 +1,6 @@
 //! A channel of a log, and the schema of its messages.
 
-use crate::message::schema::Schema;
+use crate::formats::message::schema::Schema;
 
 /// A source of messages of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
