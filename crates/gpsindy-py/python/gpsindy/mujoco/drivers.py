@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.settings import Setting
 

@@ -11,7 +11,7 @@ import pytest
 
 import gpsindy
 
-DATA = pathlib.Path(__file__).parents[3] / "data"
+DATA = pathlib.Path(__file__).parents[4] / "data"
 
 
 def test_the_equations_come_back(fitted):

@@ -10,7 +10,7 @@ from typing import Any, Union
 
 import numpy as np
 
-from gpsindy._tables import Array, readonly
+from gpsindy.data._tables import Array, readonly
 from gpsindy.diagnosis import Cause, Diagnosis
 from gpsindy.model import Model
 

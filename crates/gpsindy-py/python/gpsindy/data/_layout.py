@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array, Table, names_of, tables, times
-from gpsindy.dataset import Dataset, inner_dataset, read_csv
+from gpsindy.data._tables import Array, Table, names_of, tables, times
+from gpsindy.data.dataset import Dataset, inner_dataset, read_csv
 
 RATE = "_dot"
 

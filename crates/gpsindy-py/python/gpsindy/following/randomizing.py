@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._events import EVENTS
-from gpsindy.dataset import Path
+from gpsindy.data.dataset import Path
 from gpsindy.diagnosis import Diagnosis
+from gpsindy.following._events import EVENTS
 from gpsindy.model import Model
 from gpsindy.parts import Parameter
 from gpsindy.stepper import seconds_late

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from gpsindy import _gpsindy
-from gpsindy._layout import lay_out
-from gpsindy._tables import Array, names_of
+from gpsindy.data._layout import lay_out
+from gpsindy.data._tables import Array, names_of
 from gpsindy.model import Model, Progress
 
 

@@ -15,7 +15,7 @@ import gpsindy
 #: A split log: stamps in whole ms, and the columns at them.
 Topic = tuple[np.ndarray, dict[str, np.ndarray]]
 
-CAR = pathlib.Path(__file__).parents[4] / "shared" / "data" / "jetracer"
+CAR = pathlib.Path(__file__).parents[5] / "shared" / "data" / "jetracer"
 
 MODEL = """
 schema = "gpsindy.model/1"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gpsindy
-from test_stepper import carts, stepper
+from carts import carts, stepper
 
 LIMITS = {"u": (-3.0, 3.0)}
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array, floats, names_of
-from gpsindy.dataset import as_dataset
+from gpsindy.data._tables import Array, floats, names_of
+from gpsindy.data.dataset import as_dataset
 from gpsindy.model import Progress
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Union
 
 from gpsindy import _gpsindy
-from gpsindy._bags import as_mcap
-from gpsindy._tables import names_of
-from gpsindy.dataset import Dataset
+from gpsindy.data._bags import as_mcap
+from gpsindy.data._tables import names_of
+from gpsindy.data.dataset import Dataset
 from gpsindy.errors import DataWarning
 
 Path = Union[str, "os.PathLike[str]"]

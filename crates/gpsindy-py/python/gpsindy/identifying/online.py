@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._settings import count, number
-from gpsindy._tables import Array, contiguous, floats, names_of
+from gpsindy.data._tables import Array, contiguous, floats, names_of
 from gpsindy.errors import NotFittedError
+from gpsindy.identifying._settings import count, number
 from gpsindy.model import Hold, Model, rounded
 
 

@@ -351,7 +351,7 @@ def test_a_wrong_name_suggests_the_right_one(tmp_path: Path) -> None:
 
 
 def test_the_offset_of_a_clock_is_estimated_and_told() -> None:
-    data = Path(__file__).parents[3] / "data"
+    data = Path(__file__).parents[4] / "data"
     read = {"map_file": data / "pendulum_map.toml", "controls": "u"}
     with pytest.warns(gpsindy.DataWarning, match="were added to the stamps of `/joint_commands`"):
         found = gpsindy.read_log(data / "pendulum.mcap", offset={"/joint_commands": "auto"}, **read)

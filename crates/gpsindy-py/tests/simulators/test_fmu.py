@@ -16,7 +16,7 @@ import gpsindy
 pytest.importorskip("fmpy")
 
 #: Source and description of a driven pendulum.
-FOLDER = pathlib.Path(__file__).parents[3] / "data" / "pendulum_fmu"
+FOLDER = pathlib.Path(__file__).parents[4] / "data" / "pendulum_fmu"
 
 
 def built(tmp_path_factory, *variants):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gpsindy import mjcf
+from gpsindy.following import mjcf
 
 TEXT = """<mujoco>
   <default><joint damping="1"/></default>

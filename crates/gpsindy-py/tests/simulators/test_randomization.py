@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import gpsindy
-from gpsindy import randomizing
-from test_mujoco import HINGE, real_log
+from gpsindy.following import randomizing
+from hinge import HINGE, real_log
 
 mujoco = pytest.importorskip("mujoco")
 gm = pytest.importorskip("gpsindy.mujoco")

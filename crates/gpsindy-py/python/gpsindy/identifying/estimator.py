@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._layout import Layout, chosen, lay_out, runs_of
-from gpsindy._settings import Settings, count, number
-from gpsindy._tables import Array, is_list_of_runs, names_of, readonly, tables
-from gpsindy.dataset import Dataset
+from gpsindy.data._layout import Layout, chosen, lay_out, runs_of
+from gpsindy.data._tables import Array, is_list_of_runs, names_of, readonly, tables
+from gpsindy.data.dataset import Dataset
 from gpsindy.errors import NotFittedError
+from gpsindy.identifying._settings import Settings, count, number
 from gpsindy.model import Hold, Model, Progress, rounded
 from gpsindy.scoring import score
 

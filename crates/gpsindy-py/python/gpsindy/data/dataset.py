@@ -10,7 +10,7 @@ from typing import Any, Union, overload
 
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array, Table, contiguous, frame, is_list_of_runs, names_of, tables, times
+from gpsindy.data._tables import Array, Table, contiguous, frame, is_list_of_runs, names_of, tables, times
 from gpsindy.errors import DataWarning
 
 Path = Union[str, "os.PathLike[str]"]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array
-from gpsindy.dataset import Path
+from gpsindy.data._tables import Array
+from gpsindy.data.dataset import Path
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gpsindy
-from test_mujoco import HINGE, real_log
+from hinge import HINGE, real_log
 
 
 def command(*arguments, folder=None, **environment):

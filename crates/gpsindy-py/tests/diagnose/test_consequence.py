@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpsindy
-from test_stepper import by_hand, cart, stepper
+from carts import by_hand, cart, stepper
 
 DRAG, LATE = 0.6, 0.06
 T = np.arange(0, 8, 0.02)

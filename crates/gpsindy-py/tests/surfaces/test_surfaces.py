@@ -13,7 +13,7 @@ import pytest
 
 import gpsindy
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 SUFFIX = ".exe" if sys.platform == "win32" else ""
 COMMAND = ROOT / "target" / "release" / f"gpsindy{SUFFIX}"
 EXAMPLE = ROOT / "target" / "release" / "examples" / f"identify{SUFFIX}"

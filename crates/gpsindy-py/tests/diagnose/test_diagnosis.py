@@ -11,7 +11,7 @@ import pytest
 
 import gpsindy
 
-DATA = pathlib.Path(__file__).parents[3] / "data"
+DATA = pathlib.Path(__file__).parents[4] / "data"
 SUSPECTS = ["bias", "viscous_friction", "coulomb_friction", "quadratic_drag", "input_gain"]
 
 
