@@ -42,17 +42,18 @@ use design::open::left_open;
 use power::study::{Found, Study};
 use run::{Ending, Run};
 use std::sync::Arc;
-use steps::attribute::attribute;
-use steps::augment::{augment, without};
-use steps::contest::Contest;
-use steps::detect::detect;
+use steps::attribution::attribute::attribute;
+use steps::attribution::contest::Contest;
+use steps::attribution::detect::detect;
+use steps::attribution::forcing::forced;
+use steps::attribution::hold::reconsider_hold;
+use steps::attribution::nameless;
+use steps::attribution::suspects::{Choice, suspects};
 use steps::findings::Judged;
-use steps::forcing::forced;
-use steps::hold::reconsider_hold;
-use steps::prepare::{Known, Prepared, prepare};
-use steps::suspects::{Choice, suspects};
-use steps::verify::Verification;
-use steps::{localise, nameless, typicality, verify, weigh};
+use steps::logs::prepare::{Known, Prepared, prepare};
+use steps::verdict::augment::{augment, without};
+use steps::verdict::verify::Verification;
+use steps::verdict::{localise, typicality, verify, weigh};
 
 /// Settings of a diagnosis.
 ///

@@ -1,6 +1,6 @@
 //! The evidence of a contestant: the likelihood of its residuals, the priors of its parameters, and the significance of gains.
 
-use crate::diagnose::fit::colour::{Colour, colours};
+use crate::diagnose::fit::colours::colour::{Colour, colours};
 use crate::diagnose::fit::tolerance;
 use crate::diagnose::limits::{FAR, NEARLY_ALL, NEGLIGIBLE};
 use crate::refine::{Experiment, Free, Refined, prior_cost};

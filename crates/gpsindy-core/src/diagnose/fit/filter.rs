@@ -12,7 +12,7 @@ mod driven;
 mod linear;
 mod pass;
 
-use crate::diagnose::fit::elimination;
+use crate::diagnose::fit::linear::elimination;
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State, System};

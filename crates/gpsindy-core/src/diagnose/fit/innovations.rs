@@ -157,10 +157,10 @@ fn follow(states: &mut [Vec<f64>], j: usize, readings: &[(usize, f64)]) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::fit::basis::Basis;
+    use crate::diagnose::fit::colours::noise::Noise;
     use crate::diagnose::fit::fitter::Fitter;
     use crate::diagnose::fit::guide::whiten;
-    use crate::diagnose::fit::noise::Noise;
+    use crate::diagnose::fit::linear::basis::Basis;
     use crate::diagnose::limits::Budget;
     use crate::model::stepping::{Stepping, drawn};
 
@@ -195,7 +195,7 @@ mod tests {
             let own = all.iter().filter(|h| h.id() == *id);
             let gains = own.flat_map(|h| {
                 let applied = h.apply(model, &scene).unwrap();
-                crate::diagnose::fit::gains::gains(&applied, &at, &[&basis])
+                crate::diagnose::fit::linear::gains::gains(&applied, &at, &[&basis])
             });
             let best = gains
                 .filter_map(|gains| gains.of(Noise::Innovations).cloned())

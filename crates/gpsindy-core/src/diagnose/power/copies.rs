@@ -2,13 +2,13 @@
 
 use crate::data::{Dataset, Run};
 use crate::diagnose::catalogue::planting::Planted;
-use crate::diagnose::fit::colour::Colour;
+use crate::diagnose::fit::colours::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::lagging::start_of;
 use crate::diagnose::fit::tolerance::tolerated;
 use crate::diagnose::limits::{Budget, CLOSE, COPIED, FAR_WEAKER, LEFT_LOG, NOISE, RANGE, SHORTEST, STRONGER, WEAKER};
 use crate::diagnose::report::PowerNoise;
-use crate::diagnose::steps::noise::resolution;
+use crate::diagnose::steps::logs::noise::resolution;
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
 use crate::random::normal;
