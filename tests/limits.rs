@@ -1,4 +1,5 @@
-//! Every threshold of the diagnosis is in its `limits`, once, and says where its value comes from; none is anywhere else.
+//! Every threshold of the diagnosis is in its `limits`, once, and says where its value comes from; none is anywhere else. Those of an
+//! identification and of a fleet say where they come from, too.
 #![allow(clippy::unwrap_used)]
 
 #[path = "layers/sources.rs"]
@@ -75,14 +76,24 @@ fn constants(source: &str) -> Vec<(String, String)> {
     found
 }
 
-/// Thresholds without a label, and names that stand for two.
+/// Thresholds without a label.
 fn unlabelled(files: &[(String, String)]) -> Vec<String> {
-    let (mut wrong, mut known) = (Vec::new(), BTreeMap::<String, String>::new());
+    let mut wrong = Vec::new();
     for (file, source) in files {
         for (name, doc) in constants(source) {
             if !LABELS.iter().any(|label| doc.rsplit_once(label).is_some_and(|(_, after)| !after.contains(". "))) {
                 wrong.push(format!("{file}: {name} does not say whether it is an Argument, a Convention or Data"));
             }
+        }
+    }
+    wrong
+}
+
+/// Names that stand for two thresholds.
+fn ambiguous(files: &[(String, String)]) -> Vec<String> {
+    let (mut wrong, mut known) = (Vec::new(), BTreeMap::<String, String>::new());
+    for (file, source) in files {
+        for (name, _) in constants(source) {
             if let Some(other) = known.insert(name.clone(), file.clone()) {
                 wrong.push(format!("{file}: {name} is also in {other}"));
             }
@@ -147,7 +158,12 @@ fn bare(source: &str) -> Vec<(usize, f64)> {
 fn every_threshold_has_one_name_and_says_where_it_comes_from() {
     let files: Vec<(String, String)> = all().into_iter().filter(|(file, _)| file.starts_with("limits/")).collect();
     assert!(files.iter().map(|(_, source)| constants(source).len()).sum::<usize>() > 100);
-    let wrong = unlabelled(&files);
+    let mut wrong = [unlabelled(&files), ambiguous(&files)].concat();
+    for other in ["identify/limits.rs", "fleet/limits.rs"] {
+        let source = std::fs::read_to_string(diagnosis().join("..").join(other)).unwrap();
+        assert!(constants(&source).len() > 10);
+        wrong.extend(unlabelled(&[(other.to_string(), source)]));
+    }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
@@ -187,5 +203,5 @@ fn a_bare_number_and_a_threshold_without_a_label_would_be_seen() {
     assert_eq!(unlabelled(&file("/// What counts.\npub(crate) const A: f64 = 3.0;")).len(), 1);
     let twice =
         "/// One. Argument.\npub(crate) const A: f64 = 3.0;\n\n/// Two. Argument.\npub(crate) const A: f64 = 4.0;";
-    assert_eq!(unlabelled(&file(twice)).len(), 1);
+    assert_eq!(ambiguous(&file(twice)).len(), 1);
 }
