@@ -9,7 +9,16 @@ import pytest
 
 import gpsindy
 
-NAMES = ("dataset", "diagnosis", "estimator", "model", "online", "scoring", "simulation", "smoothing")
+NAMES = (
+    "data.dataset",
+    "diagnosis",
+    "identifying.estimator",
+    "identifying.online",
+    "identifying.smoothing",
+    "model",
+    "scoring",
+    "simulation",
+)
 MODULES = ["gpsindy", *(f"gpsindy.{name}" for name in NAMES)]
 
 
