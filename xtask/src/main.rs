@@ -31,9 +31,11 @@ cargo xtask wheel         wheel and source package: twine, auditwheel, and each 
 cargo xtask deny          licences, doubles, sources and advisories of all dependencies (cargo-deny)
 cargo xtask semver [REV]  the public interface against a tag or commit; without REV the latest tag (cargo-semver-checks)
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
-cargo xtask long [TASK]   what takes too long for every change, all of it or one task: faults (kills, a full disk, two runs in one
-                          folder), features (the readers of logs with each format alone and with none, warnings as errors), package,
-                          wheel, site
+cargo xtask fmt           format everything, also the files of effects, which a macro names
+cargo xtask long [TASK]   what takes too long for every change, all of it or one task: design (of 24 drawn pairs, how many one designed
+                          run distinguishes; kept in tests/records), faults (kills, a full disk, two runs in one folder), features (the
+                          readers of logs with each format alone and with none, warnings as errors), package, wheel, site; and only by
+                          its name mjlab (more than 6 GB from the package index: the generated events in the real mjlab)
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg and docs/pendulum.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
@@ -52,6 +54,7 @@ fn main() -> ExitCode {
         "package" => package::check(),
         "wheel" => wheel::check(),
         "deny" => tools::deny(),
+        "fmt" => format(&[]),
         "semver" => tools::semver(argument.as_deref()),
         "msrv" => tools::msrv(),
         "long" => long::run(argument.as_deref()),
@@ -86,10 +89,19 @@ fn data() -> Result<(), String> {
     shell::run("cargo", "run --package xtask --features data -- data".split(' '), &[])
 }
 
+/// Formats the sources, or only looks. `cargo fmt` follows `mod` lines; the files of effects are named by a macro.
+fn format(how: &[&str]) -> Result<(), String> {
+    shell::run("cargo", ["fmt", "--all"].iter().chain(if how.is_empty() { &[][..] } else { &["--"] }).chain(how), &[])?;
+    let effects = files::files(&shell::root().join("crates/gpsindy-core/src/diagnose/catalogue/effects"), "rs")?;
+    let effects: Vec<String> = effects.iter().map(|path| path.to_string_lossy().into_owned()).collect();
+    let edition = ["--edition", "2024"].into_iter();
+    shell::run("rustfmt", edition.chain(how.iter().copied()).chain(effects.iter().map(String::as_str)), &[])
+}
+
 /// Formatting, clippy, tests with documentation tests, documentation: one profile, so that dependencies are built once.
 fn rust() -> Result<(), String> {
     let cargo = |arguments: &str| shell::run("cargo", arguments.split(' '), &[]);
-    cargo("fmt --all --check")?;
+    format(&["--check"])?;
     cargo("clippy --release --workspace --all-targets --features xtask/data -- -D warnings")?;
     // With the extension module, which has no test of its own here: the wheel then shares what is built for the tests. Without the
     // examples: clippy has compiled them, and to link each of them takes a minute in all.

@@ -33,7 +33,7 @@ pub(crate) fn check() -> Result<(), String> {
 }
 
 /// A new environment with these packages and what they need; its Python.
-fn bare(folder: &Path, packages: &[&str]) -> Result<PathBuf, String> {
+pub(crate) fn bare(folder: &Path, packages: &[&str]) -> Result<PathBuf, String> {
     clear(folder)?;
     let system = std::env::var("PYTHON").unwrap_or_else(|_| "python3".into());
     run(system, ["-m", "venv", &folder.to_string_lossy()], &[])?;

@@ -334,13 +334,10 @@ mod tests {
     #[test]
     fn the_noise_on_a_smooth_signal_is_told_by_differences_of_any_order() {
         use rand_chacha::ChaCha8Rng;
-        use rand_core::{Rng, SeedableRng};
+        use rand_core::SeedableRng;
         let mut random = ChaCha8Rng::seed_from_u64(4);
-        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
-        // Sums of twelve uniforms are normal enough.
-        let mut values: Vec<f64> = (0..4000)
-            .map(|i| (0.01 * f64::from(i)).sin() + 0.1 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0))
-            .collect();
+        let mut values: Vec<f64> =
+            (0..4000).map(|i| (0.01 * f64::from(i)).sin() + 0.1 * crate::random::normal(&mut random)).collect();
         values[700] = f64::NAN;
         for order in 1..=5 {
             let noise = difference_noise([&values[..2000], &values[2000..]], order);

@@ -156,7 +156,7 @@ pub enum Error {
         jitter: f64,
     },
     /// A trajectory left all bounds.
-    #[error("{what} diverged at t = {time} s: {state} is {value:e}")]
+    #[error("{what} diverged at t = {time} s: {state} {}", left(*value))]
     Diverged {
         /// The model or run.
         what: String,
@@ -202,6 +202,16 @@ fn known_names(known: &[String]) -> String {
         return String::new();
     }
     format!("; known: {}", known.join(", "))
+}
+
+/// What became of a state that left all bounds, and what to look at.
+fn left(value: f64) -> String {
+    match value.is_finite() {
+        true => format!("is {value:e}"),
+        false => "is no number any more; check the parameters (a division by 0, a root or logarithm below 0?) and the \
+                  initial values"
+            .into(),
+    }
 }
 
 impl Error {

@@ -128,6 +128,7 @@ mod optimise;
 mod paired;
 mod parallel;
 mod progress;
+mod random;
 pub mod refine;
 pub mod regress;
 mod score;

@@ -251,11 +251,12 @@ mod tests {
     use crate::data::Channel;
     use crate::model::{Control, Parameter, State};
     use crate::progress::Silent;
+    use crate::random::{normal, uniform};
     use crate::refine::Hold;
     use crate::simulate::Excitation;
     use faer::Mat;
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
+    use rand_core::SeedableRng;
 
     /// A cart with the equation given for its speed.
     fn cart(equation: &str) -> Model {
@@ -273,14 +274,12 @@ mod tests {
         let runs = seeds.map(|seed| {
             let mut levels = ChaCha8Rng::seed_from_u64(seed);
             let mut random = ChaCha8Rng::seed_from_u64(1000 + seed);
-            let uniform = |random: &mut ChaCha8Rng| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
             let level: Vec<f64> = (0..10).map(|_| 6.0 * uniform(&mut levels) - 3.0).collect();
             let time: Vec<f64> = (0..200).map(|i| 0.04 * f64::from(i)).collect();
             let u = Mat::from_fn(200, 1, |i, _| level[i / 20]);
             let excitation = Excitation::new(&system, &time, u.as_ref(), Hold::Zero).unwrap();
             let rollout = Simulate::default().rollout(&system, &excitation, &[0.2, 0.0]).unwrap();
-            // Twelve uniform variables: as good as normal here.
-            let mut error = || noise * ((0..12).map(|_| uniform(&mut random)).sum::<f64>() - 6.0);
+            let mut error = || noise * normal(&mut random);
             let values = Mat::from_fn(200, 3, |i, j| if j == 2 { u[(i, 0)] } else { rollout.states[(i, j)] + error() });
             Run { name: format!("run {seed}"), time, values }
         });

@@ -282,26 +282,19 @@ fn mean_slope_of_band(time: &[f64], value: &Posterior, neighbours: &[[f64; 2]]) 
 mod tests {
     use super::*;
     use crate::progress::Silent;
+    use crate::random::normal;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     fn data(n: usize, noise: f64, missing: usize) -> Dataset {
         let time: Vec<f64> = (0..n).map(|i| 10.0 * i as f64 / n as f64).collect();
-        let mut seed = 1u64;
-        let mut normal = || {
-            // Sum of twelve uniforms: enough for a test.
-            (0..12)
-                .map(|_| {
-                    seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (seed >> 11) as f64 / (1u64 << 53) as f64
-                })
-                .sum::<f64>()
-                - 6.0
-        };
+        let mut random = ChaCha8Rng::seed_from_u64(1);
         let values = Mat::from_fn(n, 2, |i, j| {
             let v = if j == 0 { time[i].sin() } else { 50.0 * (0.7 * time[i]).cos() };
             if missing > 0 && i % missing == j {
                 f64::NAN
             } else {
-                v + noise * normal() * if j == 0 { 1.0 } else { 50.0 }
+                v + noise * normal(&mut random) * if j == 0 { 1.0 } else { 50.0 }
             }
         });
         Dataset::new(vec![Channel::new("a"), Channel::new("b")], vec![Run { name: "r".into(), time, values }]).unwrap()

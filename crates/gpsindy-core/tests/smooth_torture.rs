@@ -4,21 +4,20 @@
 #![allow(clippy::unwrap_used)]
 
 use faer::Mat;
+use gpsindy_beside::random::Random;
 use gpsindy_core::gp::{Kernel, Weakness};
 use gpsindy_core::{Channel, Dataset, Run, Silent, Smoother};
-use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
-struct Random(ChaCha8Rng);
+struct Draw(Random);
 
-impl Random {
+impl Draw {
     fn uniform(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+        self.0.uniform(0.0, 1.0)
     }
 
     fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+        self.0.normal()
     }
 
     fn below(&mut self, n: usize) -> usize {
@@ -74,7 +73,7 @@ const SORTS: [Sort; 18] = [
     Sort::FastOscillation,
 ];
 
-fn series(sort: Sort, random: &mut Random, longest: usize) -> (Vec<f64>, Vec<f64>) {
+fn series(sort: Sort, random: &mut Draw, longest: usize) -> (Vec<f64>, Vec<f64>) {
     let n = match sort {
         Sort::OnePoint => 1,
         Sort::TwoPoints => 2,
@@ -120,7 +119,7 @@ fn series(sort: Sort, random: &mut Random, longest: usize) -> (Vec<f64>, Vec<f64
 
 /// What is wrong with the smoother's answer, if anything.
 fn complaint(seed: u64, longest: usize) -> Option<String> {
-    let mut random = Random(ChaCha8Rng::seed_from_u64(seed));
+    let mut random = Draw(Random::new(seed));
     let sort = SORTS[seed as usize % SORTS.len()];
     let (time, values) = series(sort, &mut random, longest);
     let n = time.len();

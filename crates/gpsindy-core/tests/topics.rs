@@ -2,10 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 use faer::Mat;
+use gpsindy_beside::random::Random;
 use gpsindy_core::diagnose::{Diagnose, Diagnosis, Verdict};
 use gpsindy_core::{Channel, Control, Dataset, Excitation, Expression, Hold, Model, Run, Silent, Simulate, State};
-use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
 
 /// Rows a second: of these, each column has every tenth.
 const RATE: f64 = 500.0;
@@ -21,14 +20,6 @@ enum Rows {
     Own,
 }
 
-fn uniform(random: &mut ChaCha8Rng) -> f64 {
-    (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-}
-
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| uniform(random)).sum::<f64>() - 6.0
-}
-
 fn model(equations: &[(&str, &str)]) -> Model {
     Model {
         states: equations.iter().map(|(name, rate)| State::new(*name, Expression::parse(rate).unwrap())).collect(),
@@ -38,12 +29,12 @@ fn model(equations: &[(&str, &str)]) -> Model {
 }
 
 /// Four runs of a machine under a command that changes every half second; `reading` makes a sensor's value of the state's.
-fn logs(machine: &Model, sensors: &[&str], rows: Rows, reading: &dyn Fn(f64, &mut ChaCha8Rng) -> f64) -> Dataset {
+fn logs(machine: &Model, sensors: &[&str], rows: Rows, reading: &dyn Fn(f64, &mut Random) -> f64) -> Dataset {
     let system = machine.compile().unwrap();
     let time: Vec<f64> = (0..ROWS).map(|i| i as f64 / RATE).collect();
     let one = |seed: u64| {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let levels: Vec<f64> = (0..ROWS / 250 + 1).map(|_| 4.0 * uniform(&mut random) - 2.0).collect();
+        let mut random = Random::new(seed);
+        let levels: Vec<f64> = (0..ROWS / 250 + 1).map(|_| 4.0 * random.uniform(0.0, 1.0) - 2.0).collect();
         let controls = Mat::from_fn(ROWS, 1, |i, _| levels[i / 250]);
         let excitation = Excitation::new(&system, &time, controls.as_ref(), Hold::Zero).unwrap();
         let start = vec![0.1; machine.states.len()];
@@ -79,7 +70,7 @@ fn explained_in_both(
     machine: &Model,
     nominal: &Model,
     sensors: &[&str],
-    reading: &dyn Fn(f64, &mut ChaCha8Rng) -> f64,
+    reading: &dyn Fn(f64, &mut Random) -> f64,
     effect: &str,
     size: f64,
 ) {
@@ -104,16 +95,16 @@ fn two_positions_on_topics_of_their_own_reveal_a_drag_on_a_speed_that_nobody_log
         let first = format!("u - 1.5*x - 0.2*v + y - x{drag}");
         model(&[("x", "v"), ("v", &first), ("y", "w"), ("w", "x - y - 0.2*w")])
     };
-    let reading = |value: f64, random: &mut ChaCha8Rng| value + 0.005 * normal(random);
+    let reading = |value: f64, random: &mut Random| value + 0.005 * random.normal();
     explained_in_both(&plant(" - 0.3*v*abs(v)"), &plant(""), &["x", "y"], &reading, "quadratic_drag", 0.3);
 }
 
 #[test]
 fn spikes_of_sensors_that_share_no_row_are_outliers_all_the_same() {
     let plant = |drag: &str| model(&[("x", "v"), ("v", &format!("u - 1.5*x - 0.2*v{drag}"))]);
-    let reading = |value: f64, random: &mut ChaCha8Rng| {
-        let spike = if uniform(random) < 0.004 { 0.8 } else { 0.0 };
-        value + spike + 0.01 * normal(random)
+    let reading = |value: f64, random: &mut Random| {
+        let spike = if random.uniform(0.0, 1.0) < 0.004 { 0.8 } else { 0.0 };
+        value + spike + 0.01 * random.normal()
     };
     explained_in_both(&plant(" - 0.35*v*abs(v)"), &plant(""), &["x", "v"], &reading, "quadratic_drag", 0.35);
 }
@@ -129,7 +120,7 @@ fn an_angle_that_wraps_is_unwrapped_although_another_topic_has_rows_between_its_
     }
     use std::f64::consts::{PI, TAU};
     let data = |rows| {
-        let mut data = logs(&machine, &["phi", "omega"], rows, &|value, random| value + 0.01 * normal(random));
+        let mut data = logs(&machine, &["phi", "omega"], rows, &|value, random| value + 0.01 * random.normal());
         data = Dataset::new(
             data.channels().to_vec(),
             data.runs()

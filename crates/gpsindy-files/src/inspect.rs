@@ -1,7 +1,7 @@
 //! What a log holds, and which of its flaws would harm an identification.
 
 use crate::error::Result;
-use crate::log::LogOptions;
+use crate::options::LogOptions;
 use gpsindy_core::Progress;
 use serde::Serialize;
 use std::path::Path;

@@ -5,45 +5,35 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod align;
-mod csv_log;
 mod effects;
 mod error;
+mod formats;
 mod header;
 mod input;
 mod inspect;
 mod log;
 mod logs;
 mod map_file;
-#[cfg(any(feature = "mcap", feature = "ulog"))]
-mod mapped;
-#[cfg(feature = "mcap")]
-mod mcap_log;
 mod merge;
-#[cfg(any(feature = "mcap", feature = "ulog"))]
-mod message;
 mod model;
 mod near;
+mod options;
 mod output;
-#[cfg(feature = "parquet")]
-mod parquet_log;
-#[cfg(any(feature = "mcap", feature = "ulog"))]
-mod stamps;
 mod stream;
 mod table;
 mod time;
 mod topic;
-#[cfg(feature = "ulog")]
-mod ulog;
 
 pub use align::TopicOffset;
 pub use effects::{parse_effects, read_effects};
 pub use error::{Error, Result, shortened};
 pub use header::Header;
 pub use inspect::{ClockReport, ColumnReport, Finding, Inspection, TopicReport, inspect};
-pub use log::{Log, LogOptions, Offset, Stamp};
+pub use log::Log;
 pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 pub use near::hint;
+pub use options::{LogOptions, Offset, Stamp};
 pub use output::{finish_writing, write_together, write_whole};
 pub use stream::{Sample, Stream};
 pub use table::Table;

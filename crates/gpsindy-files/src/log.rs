@@ -1,90 +1,15 @@
-//! One log of any format, and how its columns are found.
+//! One log of any format.
 
-use crate::csv_log::CsvLog;
 use crate::error::{Error, Result};
+use crate::formats::csv_log::CsvLog;
 use crate::header::Header;
 use crate::input::{Input, Kind};
+use crate::options::{LogOptions, Offset};
 use crate::topic::{Reading, Source};
 use gpsindy_core::{Progress, Silent};
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
-
-/// How columns of a log are found.
-#[derive(Debug, Clone, Default)]
-pub struct LogOptions {
-    /// The time column of a table; default `t`, else `time` in any case, else `__time`.
-    pub time: Option<String>,
-    /// The column whose value distinguishes the runs of a file; default: a file is a run.
-    pub run: Option<String>,
-    /// Columns that get another name: (name or whole header, new name).
-    pub rename: Vec<(String, String)>,
-    /// Where a column comes from: (its name, topic and field, or a table's column).
-    pub map: Vec<(String, String)>,
-    /// Units of columns whose format has none: (name, unit).
-    pub unit: Vec<(String, String)>,
-    /// The clock of messages.
-    pub stamp: Stamp,
-    /// What is added to the stamps of a topic.
-    pub offset: Vec<(String, Offset)>,
-}
-
-impl LogOptions {
-    /// Refuses a map that names a column twice, and an offset for a log that is one table.
-    pub(crate) fn check(&self, file: &str, table: bool) -> Result<()> {
-        for (i, (name, _)) in self.map.iter().enumerate() {
-            if self.map[..i].iter().any(|(other, _)| other == name) {
-                return Err(Error::file(file, format!("--map: `{name}` is mapped twice; map each name once")));
-            }
-        }
-        match self.offset.first() {
-            Some((topic, _)) if table => {
-                let message = format!("--offset {topic}: the log is a table, with one clock for all of its columns");
-                Err(Error::file(file, message))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// The unit that the options give a column, empty where they give none.
-    #[cfg(any(feature = "mcap", feature = "ulog"))]
-    pub(crate) fn unit_of(&self, name: &str) -> String {
-        self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()
-    }
-}
-
-/// What is added to the stamps of a topic.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Offset {
-    /// So many seconds.
-    Seconds(f64),
-    /// What makes its columns agree with those of the other topics best.
-    Auto,
-}
-
-impl std::str::FromStr for Offset {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        if text == "auto" {
-            return Ok(Self::Auto);
-        }
-        let seconds = text.parse().ok().filter(|s: &f64| s.is_finite());
-        seconds.map(Self::Seconds).ok_or_else(|| format!("`{text}` is neither a number of seconds nor `auto`"))
-    }
-}
-
-/// The clock of messages.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Stamp {
-    /// The stamp in the message's header where there is one, else the time of recording.
-    #[default]
-    Auto,
-    /// The stamp in the message's header; a topic without one is refused.
-    Header,
-    /// The time of recording.
-    Log,
-}
 
 /// A log that was opened; its columns are read when they are asked for.
 ///
@@ -232,7 +157,7 @@ pub(crate) fn parts(folder: &Path) -> Result<Vec<Input>> {
 
 #[cfg(feature = "mcap")]
 fn mcap(inputs: Vec<Input>, file: &str, options: &LogOptions, progress: &dyn Progress) -> Result<Arc<dyn Source>> {
-    Ok(Arc::new(crate::mcap_log::McapLog::open(inputs, file, options, progress)?))
+    Ok(Arc::new(crate::formats::mcap_log::McapLog::open(inputs, file, options, progress)?))
 }
 
 #[cfg(not(feature = "mcap"))]
@@ -243,7 +168,7 @@ fn mcap(_: Vec<Input>, file: &str, _: &LogOptions, _: &dyn Progress) -> Result<A
 #[cfg(feature = "parquet")]
 fn parquet(input: Input, options: &LogOptions) -> Result<Arc<dyn Source>> {
     let file = input.file.clone();
-    Ok(Arc::new(crate::parquet_log::ParquetLog::open(vec![input], &file, options, &HashMap::new())?))
+    Ok(Arc::new(crate::formats::parquet_log::ParquetLog::open(vec![input], &file, options, &HashMap::new())?))
 }
 
 #[cfg(not(feature = "parquet"))]
@@ -253,7 +178,7 @@ fn parquet(input: Input, _: &LogOptions) -> Result<Arc<dyn Source>> {
 
 #[cfg(feature = "parquet")]
 fn data_set(path: &Path, options: &LogOptions) -> Result<Option<Arc<dyn Source>>> {
-    use crate::parquet_log::lerobot;
+    use crate::formats::parquet_log::lerobot;
     if !lerobot::is(path) {
         return Ok(None);
     }
@@ -267,7 +192,7 @@ fn data_set(_: &Path, _: &LogOptions) -> Result<Option<Arc<dyn Source>>> {
 
 #[cfg(feature = "ulog")]
 fn ulog(input: Input, options: &LogOptions) -> Result<Arc<dyn Source>> {
-    Ok(Arc::new(crate::ulog::Ulog::open(input, options)?))
+    Ok(Arc::new(crate::formats::ulog::Ulog::open(input, options)?))
 }
 
 #[cfg(not(feature = "ulog"))]

@@ -2,8 +2,9 @@
 
 use crate::align::{TopicOffset, align};
 use crate::error::{Error, Result};
-use crate::log::{Log, LogOptions};
+use crate::log::Log;
 use crate::merge::{Roles, merge};
+use crate::options::LogOptions;
 use gpsindy_core::{Channel, Dataset, Hold, Progress, Run, Silent};
 use std::collections::HashSet;
 use std::io::Read;

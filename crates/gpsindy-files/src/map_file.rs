@@ -1,7 +1,7 @@
 //! The map of a whole project: where each column comes from, its unit, and the clocks, in one TOML file.
 
 use crate::error::{Error, Result};
-use crate::log::{LogOptions, Offset, Stamp};
+use crate::options::{LogOptions, Offset, Stamp};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;

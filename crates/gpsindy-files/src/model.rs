@@ -191,6 +191,9 @@ v = 0.0
                 "cart.toml:17: name or unit: character 2 is U+000A, which does not show; write one line of plain text",
             ),
             ("\"cart\"", "\"a\\u001b[31m\"", "cart.toml:2: name or unit: character 2 is U+001B, which does not show"),
+            // No width of their own.
+            ("\"cart\"", "\"a\\ufeff\"", "cart.toml:2: name or unit: character 2 is U+FEFF, which does not show"),
+            ("\"cart\"", "\"a\\u00ad\"", "cart.toml:2: name or unit: character 2 is U+00AD, which does not show"),
             ("[initial]", "[inital]", "cart.toml:33: unknown field `inital`"),
             ("name = \"k\"", "name = \"v\"", "cart.toml: name `v` appears twice"),
         ] {

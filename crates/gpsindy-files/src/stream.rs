@@ -1,8 +1,9 @@
 //! A growing log: one line at a time, with the same rules and messages as a whole file.
 
-use crate::csv_log::{CsvLog, Row, separator};
 use crate::error::{Error, Result};
-use crate::log::{Log, LogOptions};
+use crate::formats::csv_log::{CsvLog, Row, separator};
+use crate::log::Log;
+use crate::options::LogOptions;
 use csv::StringRecord;
 
 /// A row that is put behind each line to see that the line is a whole one; of two cells, which no quotes make into these.

@@ -46,7 +46,7 @@ pub fn effect_page(effect: Effect, caption: &str, cases: &[GalleryCase]) -> Stri
     let asked = if effect.is_only_if_asked() { "only if `--effects` names it" } else { "always" };
     row("tested", asked);
     row("in `augmented.toml`", &exported(effect));
-    row("in a MuJoCo model", in_mjcf(effect).unwrap_or("a comment at the top"));
+    row("in a MuJoCo model", effect.in_mjcf().unwrap_or("a comment at the top"));
     if !effect.about().is_empty() {
         let _ = write!(page, "\n{}\n", effect.about());
     }
@@ -97,7 +97,7 @@ pub fn effects_index() -> String {
     );
     for effect in Effect::ALL {
         let mark = if effect.is_only_if_asked() { " *" } else { "" };
-        let field = in_mjcf(*effect).map_or(String::new(), |field| format!("; MuJoCo: {field}"));
+        let field = effect.in_mjcf().map_or(String::new(), |field| format!("; MuJoCo: {field}"));
         let _ = writeln!(
             page,
             "| {} | [{}]({}.md){mark} | `--effects {}` | {}{field} |",
@@ -143,20 +143,6 @@ fn quoted(form: &str) -> String {
 /// Whether a form is a sentence and no formula.
 fn is_words(form: &str) -> bool {
     ["a ", "the ", "u becomes a "].into_iter().any(|start| form.starts_with(start))
-}
-
-/// The field of an MJCF file that carries an effect, if it has one.
-fn in_mjcf(effect: Effect) -> Option<&'static str> {
-    Some(match effect.id() {
-        "parameter_error" => "the field: `kp`, `kv`, `mass` ...",
-        "coulomb_friction" => "`frictionloss` of the joint",
-        "viscous_friction" => "`damping` of the joint",
-        "linear_stiffness" => "`stiffness` of the joint",
-        "inertia" => "`armature` of the joint",
-        "input_delay" => "`delay` of the actuator, in whole steps",
-        "input_saturation" => "`ctrlrange` of the actuator, if symmetric",
-        _ => return None,
-    })
 }
 
 fn cell(text: &str) -> String {

@@ -21,7 +21,6 @@ mod numbers;
 mod pictures;
 mod power;
 mod provenance;
-mod scenes;
 pub mod scorecard;
 mod summary;
 mod words;

@@ -1,8 +1,7 @@
 //! What an effect looks like in a log: the simulator and a machine with the effect in it, moved in the same way.
 
 use crate::chart::{Chart, Mark};
-use crate::scenes::{Scene, scene};
-use gpsindy_core::diagnose::Effect;
+use gpsindy_core::diagnose::{Effect, Example};
 use gpsindy_core::{Control, Error, Excitation, Expression, Hold, Model, Simulate, State};
 use std::fmt::Write;
 
@@ -26,12 +25,12 @@ pub struct EffectPicture {
 /// The picture of an effect: the same motion of a simulator and of a machine that has the effect.
 ///
 /// # Errors
-/// [`Error::UnknownName`] for an effect without a scene; else what the simulation says.
+/// What the simulation says.
 pub fn effect_picture(effect: Effect) -> Result<EffectPicture, Error> {
-    let scene = scene(effect).ok_or_else(|| unknown("scene of", effect.id()))?;
-    let time: Vec<f64> = (0..SAMPLES).map(|i| scene.until * i as f64 / (SAMPLES - 1) as f64).collect();
-    let before = rollout(&scene, false, &time)?;
-    let after = rollout(&scene, true, &time)?;
+    let example = effect.example();
+    let time: Vec<f64> = (0..SAMPLES).map(|i| example.until * i as f64 / (SAMPLES - 1) as f64).collect();
+    let before = rollout(example, false, &time)?;
+    let after = rollout(example, true, &time)?;
     let all = || before.iter().chain(&after).copied();
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
     let margin = 0.06 * (high - low);
@@ -40,45 +39,45 @@ pub fn effect_picture(effect: Effect) -> Result<EffectPicture, Error> {
         title: format!("What {} looks like in a log", effect.name()),
         description: format!(
             "Dashed: {} in the simulator. Solid: in a machine with {}. {}.",
-            scene.column,
+            example.column,
             effect.name(),
             effect.signature()
         ),
         x_label: "t (s)".into(),
-        y_label: scene.column.into(),
+        y_label: example.column.into(),
         marks: vec![Mark::Line("before", &time, present(before)), Mark::Line("after", &time, present(after))],
         shades: Vec::new(),
         y_range: (low - margin, high + margin),
     };
-    Ok(EffectPicture { svg: alone(&chart.draw(0).into_string(), effect.name()), caption: caption(&scene) })
+    Ok(EffectPicture { svg: alone(&chart.draw(0).into_string(), effect.name()), caption: caption(example) })
 }
 
 /// The column over time; in the machine with what the effect changes.
-fn rollout(scene: &Scene, machine: bool, time: &[f64]) -> Result<Vec<f64>, Error> {
+fn rollout(example: &Example, machine: bool, time: &[f64]) -> Result<Vec<f64>, Error> {
     let mut model = Model { controls: vec![Control::new("u")], ..Model::default() };
     let mut initial = Vec::new();
-    for &(name, start, equation) in scene.simulator {
+    for &(name, start, equation) in example.simulator {
         model.states.push(State::new(name, Expression::parse(equation)?));
         initial.push(start);
     }
     if machine {
-        for &(name, equation) in scene.machine {
+        for &(name, equation) in example.machine {
             let equation = Expression::parse(equation)?;
             match model.states.iter_mut().find(|state| state.name == name) {
                 Some(state) => state.equation = equation,
                 None => {
-                    initial.push(scene.own_start);
+                    initial.push(example.own_start);
                     model.states.push(State::new(name, equation));
                 }
             }
         }
     }
-    let column = model.state_index(scene.column).ok_or_else(|| unknown("state", scene.column))?;
-    if machine && !scene.reads.is_empty() {
-        model.states[column].measured = Some(Expression::parse(scene.reads)?);
+    let column = model.state_index(example.column).ok_or_else(|| unknown("state", example.column))?;
+    if machine && !example.reads.is_empty() {
+        model.states[column].measured = Some(Expression::parse(example.reads)?);
     }
     let system = model.compile()?;
-    let controls = gpsindy_core::faer::Mat::from_fn(time.len(), 1, |i, _| scene.drive.at(time[i], scene.until));
+    let controls = gpsindy_core::faer::Mat::from_fn(time.len(), 1, |i, _| example.drive.at(time[i], example.until));
     let excitation = Excitation::new(&system, time, controls.as_ref(), Hold::Zero)?;
     let rollout = Simulate::default().rollout(&system, &excitation, &initial)?;
     Ok((0..time.len()).map(|i| rollout.outputs[(i, column)]).collect())
@@ -101,11 +100,12 @@ fn alone(chart: &str, effect: &str) -> String {
 }
 
 /// What was simulated, in Markdown.
-fn caption(scene: &Scene) -> String {
-    let mut words = format!("The same machine twice, {}. Simulator: ", scene.drive.words());
-    let equations: Vec<String> = scene.simulator.iter().map(|(name, _, f)| format!("`{name}' = {f}`")).collect();
-    let changed = scene.machine.iter().map(|(name, f)| format!("`{name}' = {f}`"));
-    let reads = (!scene.reads.is_empty()).then(|| format!("the column `{}` reads `{}`", scene.column, scene.reads));
+fn caption(example: &Example) -> String {
+    let mut words = format!("The same machine twice, {}. Simulator: ", example.drive.words());
+    let equations: Vec<String> = example.simulator.iter().map(|(name, _, f)| format!("`{name}' = {f}`")).collect();
+    let changed = example.machine.iter().map(|(name, f)| format!("`{name}' = {f}`"));
+    let reads =
+        (!example.reads.is_empty()).then(|| format!("the column `{}` reads `{}`", example.column, example.reads));
     let changed: Vec<String> = changed.chain(reads).collect();
     // Writing to a String can't fail.
     let _ = write!(words, "{}. Machine: {}.", equations.join(", "), changed.join(", "));
@@ -121,9 +121,9 @@ mod tests {
         let mut hidden = Vec::new();
         for &effect in Effect::ALL {
             let picture = effect_picture(effect).unwrap_or_else(|e| panic!("{}: {e}", effect.id()));
-            let scene = scene(effect).unwrap();
-            let time: Vec<f64> = (0..120).map(|i| scene.until * f64::from(i) / 119.0).collect();
-            let [before, after] = [false, true].map(|machine| rollout(&scene, machine, &time).unwrap());
+            let example = effect.example();
+            let time: Vec<f64> = (0..120).map(|i| example.until * f64::from(i) / 119.0).collect();
+            let [before, after] = [false, true].map(|machine| rollout(example, machine, &time).unwrap());
             let span = |values: &[f64]| {
                 values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
                     - values.iter().copied().fold(f64::INFINITY, f64::min)
@@ -134,7 +134,7 @@ mod tests {
                 hidden.push(format!("{}: {apart} of {}", effect.id(), span(&before)));
             }
             assert!(picture.svg.starts_with("<svg xmlns=") && picture.svg.len() < 12_000, "{}", effect.id());
-            assert!(picture.caption.contains("Machine: `") || !scene.reads.is_empty(), "{}", effect.id());
+            assert!(picture.caption.contains("Machine: `") || !example.reads.is_empty(), "{}", effect.id());
         }
         assert!(hidden.is_empty(), "{hidden:?}");
     }

@@ -176,14 +176,17 @@ fn closure(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     if report.verdict == Verdict::NoGap {
         return;
     }
-    if report.included().next().is_none() {
+    if closure.before.is_none() && closure.after.is_none() {
+        // Not one rollout gave a number, so none is compared.
+        text.say("Closure", &closure_sentence(report, time_unit));
+    } else if report.included().next().is_none() {
         let before = number_or(closure.before, "diverged");
         text.say(
             "Closure",
             &format!("rollout error {before} times the noise, floor {}", number_or(closure.floor, "unknown")),
         );
         text.say("", &closure_sentence(report, time_unit));
-    } else if closure.before.is_some() || closure.after.is_some() {
+    } else {
         let source =
             if closure.floor_source.is_empty() { String::new() } else { format!(" ({})", closure.floor_source) };
         text.say(
@@ -196,8 +199,6 @@ fn closure(report: &Diagnosis, time_unit: &str, text: &mut Text) {
             ),
         );
         text.say("", &closure_sentence(report, time_unit));
-    } else {
-        text.say("Closure", &closure_sentence(report, time_unit));
     }
 }
 

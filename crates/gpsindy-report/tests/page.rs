@@ -41,7 +41,7 @@ fn a_search_that_was_cut_off_blames_its_limit_and_not_the_catalogue() {
         summary(report, 200, false).split_whitespace().collect::<Vec<_>>().join(" ")
     };
     assert!(said(&report).contains("An effect outside the catalogue may be the true cause."), "{}", said(&report));
-    report.notes.push("the time limit of 10 s ended the search early".into());
+    report.interrupted = Some(10.0);
     let cut = said(&report);
     assert!(cut.contains("The time limit ended the search") && !cut.contains("outside the catalogue"), "{cut}");
 }

@@ -1,8 +1,10 @@
-//! Requirements of tests outside the repository: logs of real machines, compilers and interpreters.
+//! What tests share: random numbers, and what they need outside the repository: logs of real machines, compilers and interpreters.
 //!
-//! If one is missing, the test prints a line `skipped: ...` that no test runner hides, and `cargo xtask test` counts these
+//! If something is missing, the test prints a line `skipped: ...` that no test runner hides, and `cargo xtask test` counts these
 //! lines at its end. So a passing run reports what it did not test.
 #![forbid(unsafe_code)]
+
+pub mod random;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -100,6 +100,14 @@ fn what_a_diagnosis_leaves_open_is_parted_by_the_run_that_it_asks_for() {
     let effects = "--effects viscous_friction,quadratic_drag --hold zero --out diagnosis";
     folder.run(&format!("diagnose nominal.toml run_0.csv run_1.csv run_2.csv {effects}")).done();
     assert!(folder.read("diagnosis/open.json").contains("quadratic_drag"));
+    // Nothing open is said, and the nearest candidates are told apart once more.
+    let mut open: serde_json::Value = serde_json::from_str(&folder.read("diagnosis/open.json")).unwrap();
+    let kept = folder.read("diagnosis/open.json");
+    open["pairs"] = serde_json::json!([]);
+    folder.write("diagnosis/open.json", &open.to_string());
+    let ran = folder.run("design diagnosis --limit u=-2:2 --duration 1 --rate 20 --out next.csv").done();
+    assert!(ran.stderr.contains("the diagnosis leaves nothing open"), "{}", ran.stderr);
+    folder.write("diagnosis/open.json", &kept);
     let line = "design diagnosis --limit u=-2:2 --separate viscous_friction,quadratic_drag --json";
     let ran = folder.run(line).done();
     let found: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();

@@ -259,6 +259,7 @@ fn a_time_limit_ends_the_search_with_a_report_that_says_so() {
     let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     let notes = report["notes"].as_array().unwrap();
     assert!(notes.iter().any(|note| note.as_str().unwrap().starts_with("the time limit of")), "{notes:?}");
+    assert_eq!(report["interrupted"], 1e-6);
     assert!(
         ["unexplained", "partly_explained"].contains(&report["verdict"].as_str().unwrap()),
         "{}",
@@ -266,4 +267,17 @@ fn a_time_limit_ends_the_search_with_a_report_that_says_so() {
     );
     let ran = folder.run(&format!("diagnose slider.toml {LOGS} --time-limit -1"));
     assert!(ran.refused().contains("`time_limit` must be above 0 s"), "{ran:?}");
+}
+
+#[test]
+fn a_gap_of_which_no_rollout_gives_a_number_is_not_explained() {
+    let folder = lab(0.3);
+    let rows: String =
+        (0..200).map(|i| format!("{},{}\n", 0.05 * f64::from(i), 1e15 + (-0.01 * f64::from(i)).exp())).collect();
+    folder.write("far.csv", &format!("t,v\n{rows}"));
+    let ran = folder.run(&format!("diagnose slider.toml far.csv {SUSPECTS} --out report")).done();
+    let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
+    assert!(report["closure"]["after"].is_null(), "{}", report["closure"]);
+    assert_ne!(report["verdict"], "explained");
+    assert!(!ran.stdout.contains("diverged times the noise"), "{}", ran.stdout);
 }

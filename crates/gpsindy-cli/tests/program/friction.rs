@@ -1,6 +1,7 @@
 //! Dry friction and drag of a swinging mass: effects that only show together, and a friction law of the user's own.
 
 use crate::common::Folder;
+use gpsindy_beside::random::Random;
 use serde_json::Value;
 
 /// Stiffness of the truth and of the nominal model, 1/s^2: 0.8 swings a second.
@@ -28,13 +29,9 @@ fn release(start: f64, brakes: &Brakes) -> String {
     const STEP: f64 = 1e-4;
     let mut text = String::from("t [s],x [m]\n");
     let (mut x, mut v) = (start, 0.0_f64);
-    let mut random = (start * 1e6) as u64;
-    let mut uniform = || {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (random >> 11) as f64 / (1u64 << 53) as f64
-    };
+    let mut random = Random::new((start * 1e6) as u64);
     for i in 0..500 {
-        let noise = 0.001 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let noise = 0.001 * random.normal();
         text += &format!("{:.2},{:.6}\n", 0.02 * f64::from(i), x + noise);
         for _ in 0..200 {
             let spring = -STIFFNESS * x;

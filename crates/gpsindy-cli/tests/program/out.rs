@@ -132,3 +132,25 @@ mod unix {
         assert_eq!(std::fs::read_dir(folder.path().join("report")).unwrap().count(), names, "a part was left");
     }
 }
+
+/// A limit on the size of files answers with a signal, which would end the program without a word.
+#[cfg(unix)]
+#[test]
+fn a_file_that_may_not_grow_is_one_line_and_leaves_the_old_report_whole() {
+    let folder = lab();
+    folder.run(&format!("diagnose slider.toml {DIAGNOSE} --quiet")).done();
+    let report = || {
+        let names = std::fs::read_dir(folder.path().join("report")).unwrap().map(|e| e.unwrap().file_name());
+        let mut files: Vec<_> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+        files.sort();
+        files.into_iter().map(|name| (name.clone(), folder.read(&format!("report/{name}")))).collect::<Vec<_>>()
+    };
+    let before = report();
+    // Blocks of 512 bytes, or of 1024: less than the page takes, more than the other files do.
+    let line = format!("ulimit -f 24; exec {} diagnose slider.toml {DIAGNOSE} --quiet", env!("CARGO_BIN_EXE_gpsindy"));
+    let ran = std::process::Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output().unwrap();
+    let said = String::from_utf8(ran.stderr).unwrap();
+    assert_eq!(ran.status.code(), Some(1), "{said}");
+    assert!(said.lines().count() == 1 && said.starts_with("error: report/"), "{said}");
+    assert_eq!(report(), before);
+}

@@ -3,17 +3,17 @@
 use super::*;
 use crate::progress::Silent;
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
 
 struct Draw(ChaCha8Rng);
 
 impl Draw {
     fn uniform(&mut self) -> f64 {
-        ((self.0.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        crate::random::uniform(&mut self.0)
     }
 
     fn normal(&mut self) -> f64 {
-        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+        crate::random::normal(&mut self.0)
     }
 }
 

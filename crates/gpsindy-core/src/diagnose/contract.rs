@@ -198,7 +198,8 @@ const MISSED: &[Effect] = &[Effect::PeriodicDisturbance];
 
 /// What is named in an effect's place on its bench without being stated as equivalent: a hold is half a period late on average,
 /// and its steps are below the noise here.
-const IN_ITS_PLACE: &[(Effect, Effect)] = &[(Effect::InputHold, Effect::InputDelay)];
+const IN_ITS_PLACE: &[(Effect, Effect)] =
+    &[(Effect::InputHold, Effect::InputDelay), (Effect::InputHold, Effect::InputLag)];
 
 #[test]
 fn a_whole_diagnosis_names_the_planted_effect_or_says_that_it_is_a_twin() {

@@ -10,11 +10,12 @@ use crate::diagnose::fit::outputs::trajectories;
 use crate::diagnose::limits::Budget;
 use crate::expression::Expression;
 use crate::model::{Control, Model, Parameter, State, System};
+use crate::random::normal;
 use crate::refine::{Experiment, Hold, guess_initial};
 use crate::simulate::{Excitation, Simulate};
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
 
 /// Time between two samples, s.
 const STEP: f64 = 0.05;
@@ -53,7 +54,6 @@ pub(crate) fn drive_of(
         ..Model::default()
     };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut normal = || (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0;
     let runs = (0..n_runs).map(|run| {
         let input = |i: usize| if ((i + 9 * run) / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut x = vec![0.0];
@@ -66,7 +66,7 @@ pub(crate) fn drive_of(
                 x + h / 6.0 * (a + 2.0 * b + 2.0 * c + slope(x + h * c))
             }));
         }
-        let read: Vec<f64> = x.iter().map(|x| x + noise * normal()).collect();
+        let read: Vec<f64> = x.iter().map(|x| x + noise * normal(&mut random)).collect();
         Run {
             name: format!("run {run}"),
             time: (0..n_samples).map(|i| STEP * i as f64).collect(),
@@ -163,11 +163,10 @@ impl Bench {
         let n = self.model.states.len();
         let spread: Vec<f64> = (0..n).map(|j| spread(&readings, j)).collect();
         let mut random = ChaCha8Rng::seed_from_u64(9);
-        let mut normal = || (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0;
         let mut runs: Vec<Run> = Vec::new();
         for (run, readings) in readings.iter().enumerate() {
             let time: Vec<f64> = (0..SAMPLES).map(|i| STEP * i as f64).collect();
-            let noisy = Mat::from_fn(SAMPLES, n, |i, j| readings[(i, j)] + noise * spread[j] * normal());
+            let noisy = Mat::from_fn(SAMPLES, n, |i, j| readings[(i, j)] + noise * spread[j] * normal(&mut random));
             let drive: Vec<Vec<f64>> = time.iter().map(|&t| (self.drive)(run, t)).collect();
             let values =
                 Mat::from_fn(SAMPLES, n + drive[0].len(), |i, j| if j < n { noisy[(i, j)] } else { drive[i][j - n] });

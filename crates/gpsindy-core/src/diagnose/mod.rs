@@ -25,6 +25,7 @@ mod run;
 mod steps;
 
 pub use catalogue::custom::{CustomEffect, CustomParameter};
+pub use catalogue::example::{Drive, Example};
 pub use catalogue::list::Effect;
 pub use catalogue::place::Family;
 pub use design::open::{Candidate, Open};
@@ -36,6 +37,7 @@ pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
+use crate::diagnose::limits::{CONFIDENCE, CONFIDENCES, TRAINED};
 use crate::error::{Error, Result};
 use crate::model::unit::{has_seconds, in_time_unit};
 use crate::model::{Dynamics, Model, System};
@@ -43,19 +45,20 @@ use crate::progress::Progress;
 use crate::refine::Hold;
 use design::open::left_open;
 use power::study::{Found, Study};
-use run::Run;
+use run::{Ending, Run};
 use std::sync::Arc;
-use steps::attribute::attribute;
-use steps::augment::{augment, without};
-use steps::contest::Contest;
-use steps::detect::detect;
+use steps::attribution::attribute::attribute;
+use steps::attribution::contest::Contest;
+use steps::attribution::detect::detect;
+use steps::attribution::forcing::forced;
+use steps::attribution::hold::{begun, reconsider_hold};
+use steps::attribution::nameless;
+use steps::attribution::suspects::{Choice, suspects};
 use steps::findings::Judged;
-use steps::forcing::forced;
-use steps::hold::{begun, reconsider_hold};
-use steps::prepare::{Known, Prepared, prepare};
-use steps::suspects::{Choice, suspects};
-use steps::verify::Verification;
-use steps::{localise, nameless, typicality, verify, weigh};
+use steps::logs::prepare::{Known, Prepared, prepare};
+use steps::verdict::augment::{augment, without};
+use steps::verdict::verify::Verification;
+use steps::verdict::{localise, typicality, verify, weigh};
 
 /// Settings of a diagnosis.
 ///
@@ -119,7 +122,7 @@ impl Default for Diagnose {
             only: Vec::new(),
             allow_place: false,
             all_suspects: false,
-            confidence: 0.95,
+            confidence: CONFIDENCE,
             most_effects: 6,
             hold: None,
             model_error: Vec::new(),
@@ -197,7 +200,7 @@ pub fn hold_out(data: &Dataset) -> Result<(Dataset, Dataset)> {
         return Err(Error::TooFewSamples { what: format!("run `{}`", run.name), needed: 16, found: run.n_samples() });
     }
     let (first, last) = (run.time[0], run.time[run.n_samples() - 1]);
-    let split = first + 0.75 * (last - first);
+    let split = first + TRAINED * (last - first);
     Ok((data.filter_samples(|_, t| t <= split)?, data.filter_samples(|_, t| t > split)?))
 }
 
@@ -282,7 +285,9 @@ impl Diagnose {
         // What is random leaves a rest that the noise does not.
         let has_causes = judged.detected.gap && !judged.outcome.best.hypotheses.is_empty() && judged.forcing.is_none();
         let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?.flatten();
-        contest.run.say_if_cut();
+        if let Ending::Interrupted { after } = contest.run.ending() {
+            contest.run.notes.say(Note::TimeUp { seconds: after });
+        }
         let found = weigh::Found { judged: &judged, typicality, verification: verified, located: gap };
         let (mut diagnosis, augmented) = weigh::report(self.confidence, &contest, found, logs, augmented);
         let resting: Vec<&str> = resting.iter().map(String::as_str).collect();
@@ -324,7 +329,7 @@ impl Diagnose {
     }
 
     fn check(&self) -> Result<()> {
-        if !(0.5..=0.999).contains(&self.confidence) {
+        if !(CONFIDENCES.0..=CONFIDENCES.1).contains(&self.confidence) {
             return Err(Error::range("confidence", "between 0.5 and 0.999", self.confidence));
         }
         if !(1..=6).contains(&self.most_effects) {

@@ -2,9 +2,6 @@
 
 use std::sync::{Mutex, PoisonError};
 
-/// How the note begins that a search was cut off: a report that was read back is known by it, too.
-pub(crate) const TIME_UP: &str = "the time limit of";
-
 /// Something that a diagnosis did, or met, that its reader must know. [`std::fmt::Display`] says it in a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -179,7 +176,7 @@ impl std::fmt::Display for Note {
             ),
             Self::TimeUp { seconds } => write!(
                 f,
-                "{TIME_UP} {seconds:.0} s ended the search early; the result is the best so far, and a longer search may find other causes"
+                "the time limit of {seconds:.0} s ended the search early; the result is the best so far, and a longer search may find other causes"
             ),
             Self::Resting { columns } => write!(
                 f,
@@ -215,19 +212,22 @@ impl Notes {
         }
     }
 
+    /// Adds several, each once.
+    pub(crate) fn say_all(&self, notes: impl IntoIterator<Item = Note>) {
+        notes.into_iter().for_each(|note| self.say(note));
+    }
+
     /// All notes so far.
     pub(crate) fn all(&self) -> Vec<Note> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// How many notes there are; [`Notes::forget_since`] goes back to here.
-    pub(crate) fn mark(&self) -> usize {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
-    }
-
-    /// Takes back what was said since a mark: it belonged to something that was dropped.
-    pub(crate) fn forget_since(&self, mark: usize) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).truncate(mark);
+    /// What an attempt gives, and the notes of it alone: who keeps the attempt says them.
+    pub(crate) fn of_attempt<T>(&self, attempt: impl FnOnce() -> T) -> (T, Vec<Note>) {
+        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = std::mem::take(&mut *lock());
+        let result = attempt();
+        (result, std::mem::replace(&mut *lock(), before))
     }
 }
 
@@ -236,12 +236,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn notes_are_kept_in_their_order_and_those_of_a_dropped_attempt_are_taken_back() {
+    fn notes_are_kept_in_their_order_and_those_of_an_attempt_are_its_own() {
         let notes = Notes::default();
         notes.say(Note::Outliers { count: 2 });
-        let mark = notes.mark();
-        notes.say(Note::Lengthened);
-        notes.forget_since(mark);
+        let (result, said) = notes.of_attempt(|| {
+            notes.say(Note::Lengthened);
+            notes.all().len()
+        });
+        assert_eq!((result, said), (1, vec![Note::Lengthened]));
         notes.say(Note::Interpolated);
         assert_eq!(notes.all(), [Note::Outliers { count: 2 }, Note::Interpolated]);
     }

@@ -14,7 +14,7 @@ mod power;
 mod time_unit;
 mod work;
 
-use super::notes::TIME_UP;
+use super::limits::CONFIDENCE;
 pub use cause::{BetweenRuns, Cause, Excluded, ModelParameter, Parameter, RunValue, Stability, Twin};
 pub use check::Check;
 pub use closure::{Closure, ClosureState};
@@ -70,6 +70,9 @@ pub struct Diagnosis {
     pub closure: Closure,
     /// File of the nominal model with the included causes added; `None` where there is no such file.
     pub augmented_model: Option<String>,
+    /// The time limit, s, where it ended the search before all was tried.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub interrupted: Option<f64>,
     /// What a reader must know beside the numbers, one sentence or two each.
     pub notes: Vec<String>,
     /// Which effects these logs could reveal, where that was asked for.
@@ -86,12 +89,12 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// Confidence of the intervals; 0.95 where the report does not tell.
     pub fn level(&self) -> f64 {
-        self.confidence.unwrap_or(0.95)
+        self.confidence.unwrap_or(CONFIDENCE)
     }
 
     /// Whether the time limit ended the search before all was tried.
     pub fn is_cut(&self) -> bool {
-        self.notes.iter().any(|note| note.starts_with(TIME_UP))
+        self.interrupted.is_some()
     }
 
     /// The included causes, best first.

@@ -1,7 +1,8 @@
 //! What all steps of one diagnosis share: progress, time limit, notes, and the account of the work.
 
 use crate::diagnose::handed::Handed;
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::limits::FOREVER;
+use crate::diagnose::notes::Notes;
 use crate::diagnose::report::StageWork;
 use crate::error::Result;
 use crate::progress::{Progress, step};
@@ -10,8 +11,17 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Seconds of a limit that is none, a century: clocks can't count much further.
-const FOREVER: f64 = 3e9;
+/// How a search ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ending {
+    /// All was tried.
+    Complete,
+    /// Something was left out because time was up.
+    Interrupted {
+        /// The limit, s.
+        after: f64,
+    },
+}
 
 /// One diagnosis under way.
 pub(crate) struct Run<'a> {
@@ -74,15 +84,11 @@ impl<'a> Run<'a> {
         is_over
     }
 
-    /// Whether time was up before the search came to its end.
-    pub(crate) fn is_cut(&self) -> bool {
-        self.is_cut.load(Ordering::Relaxed)
-    }
-
-    /// Says that the search was cut, where it was.
-    pub(crate) fn say_if_cut(&self) {
-        if let Some(seconds) = self.time_limit.filter(|_| self.is_cut()) {
-            self.notes.say(Note::TimeUp { seconds });
+    /// How the search has ended.
+    pub(crate) fn ending(&self) -> Ending {
+        match self.time_limit.filter(|_| self.is_cut.load(Ordering::Relaxed)) {
+            Some(after) => Ending::Interrupted { after },
+            None => Ending::Complete,
         }
     }
 
@@ -162,6 +168,7 @@ impl Stage<'_> {
 mod tests {
     use super::*;
     use crate::diagnose::fixture::drive;
+    use crate::diagnose::notes::Note;
     use crate::diagnose::report::Verdict;
     use crate::diagnose::{Diagnose, Diagnosed, hold_out};
     use std::sync::Mutex;
@@ -194,6 +201,7 @@ mod tests {
         let whole = diagnosed(None, &clock);
         assert_eq!(whole.diagnosis.verdict, Verdict::Explained, "{:?}", whole.diagnosis.causes);
         assert!(!whole.notes.iter().any(|note| matches!(note, Note::TimeUp { .. })));
+        assert_eq!(whole.diagnosis.interrupted, None);
         let all = clock.seconds().unwrap();
         // After half of the reports, and at the very start.
         for seconds in [(0.5 * all).floor(), 1.0] {
@@ -201,7 +209,7 @@ mod tests {
             let verdict = cut.diagnosis.verdict;
             assert!(matches!(verdict, Verdict::PartlyExplained | Verdict::Unexplained), "{seconds}: {verdict}");
             assert!(cut.notes.contains(&Note::TimeUp { seconds }), "{:?}", cut.notes);
-            assert!(cut.diagnosis.notes.iter().any(|note| note.starts_with("the time limit of")));
+            assert_eq!(cut.diagnosis.interrupted, Some(seconds));
         }
     }
 

@@ -1,7 +1,7 @@
 //! The three engines are exact, so they must agree: likelihood, gradient, leave-one-out, posterior.
 
 use super::contract::{kernels, some_hyper};
-use super::posterior::Quantity;
+use super::quantity::Quantity;
 use super::{Conditioned, Engine, Evaluation, Fit, Kernel, Points, Posterior, Workspace};
 
 fn uniform(n: usize) -> Points {

@@ -1,8 +1,8 @@
 //! The contract test of kernels: symmetry, positive definiteness, gradients and derivatives
 //! that agree with differences. A new kernel joins by standing in [`kernels`].
 
-use super::covariance::{Lags, contract, derivatives, values};
 use super::dense::{self, DenseWorkspace};
+use super::kernel::covariance::{Lags, contract, derivatives, values};
 use super::{Evaluation, Kernel, Points, Workspace};
 
 pub(super) fn leaves() -> Vec<Kernel> {

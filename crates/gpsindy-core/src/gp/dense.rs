@@ -4,9 +4,9 @@
 //! `d nll/d theta = 1/2 tr((K^-1 - a a') dK/d theta)` with `a = K^-1 y`.
 //! Source: Rasmussen & Williams 2006, algorithm 2.1 and equation 5.9.
 
-use super::covariance::{Lags, contract, dot, values};
 use super::kernel::Kernel;
-use super::likelihood::{Evaluation, LeaveOneOut};
+use super::kernel::covariance::{Lags, contract, dot, values};
+use super::leave_one_out::LeaveOneOut;
 use super::points::Points;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::{factor, inverse};
@@ -170,9 +170,14 @@ pub(crate) fn leave_one_out(
 }
 
 /// The factorisation of K with `K^-1 y`, for predictions.
-pub(crate) fn condition(evaluation: &Evaluation, points: &Points) -> Option<(DenseWorkspace, Vec<f64>)> {
+pub(crate) fn condition(
+    kernel: &Kernel,
+    hyper: &[f64],
+    points: &Points,
+    jitter: f64,
+) -> Option<(DenseWorkspace, Vec<f64>)> {
     let mut workspace = DenseWorkspace::default();
-    if !workspace.factorise(evaluation.kernel, evaluation.hyper, points, evaluation.jitter) {
+    if !workspace.factorise(kernel, hyper, points, jitter) {
         return None;
     }
     let weights = workspace.solve(&points.targets);

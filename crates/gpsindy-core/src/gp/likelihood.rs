@@ -2,8 +2,8 @@
 
 use super::dense::{self, DenseWorkspace};
 use super::kernel::Kernel;
+use super::leave_one_out::LeaveOneOut;
 use super::points::Points;
-use super::state_smoother;
 use super::state_space;
 use super::toeplitz::{self, ToeplitzWorkspace};
 
@@ -30,18 +30,6 @@ pub struct Evaluation<'a> {
     pub jitter: f64,
 }
 
-/// What leave-one-out predictions need: without point i the process predicts
-/// `y_i - weights_i/diagonal_i` with variance `1/diagonal_i` (noise included).
-///
-/// Source: Rasmussen & Williams 2006, equation 5.12.
-#[derive(Debug, Clone, Default)]
-pub struct LeaveOneOut {
-    /// `K^-1 y`, n values.
-    pub weights: Vec<f64>,
-    /// Diagonal of `K^-1`, n values.
-    pub diagonal: Vec<f64>,
-}
-
 /// Memory that one thread reuses over the evaluations of a fit.
 #[derive(Default)]
 pub struct Workspace {
@@ -52,7 +40,7 @@ pub struct Workspace {
 impl Evaluation<'_> {
     /// The engine of lowest cost for these points.
     pub fn engine(&self, points: &Points) -> Engine {
-        if has_state_space(self.kernel) && points.ordered() {
+        if self.kernel.has_state_space() && points.ordered() {
             Engine::StateSpace
         } else if points.uniform_step().is_some() {
             Engine::Toeplitz
@@ -101,12 +89,7 @@ impl Evaluation<'_> {
         match engine {
             Engine::Dense => dense::leave_one_out(kernel, hyper, points, jitter, &mut workspace.dense),
             Engine::Toeplitz => toeplitz::leave_one_out(kernel, hyper, points, jitter, &mut workspace.toeplitz),
-            Engine::StateSpace => state_smoother::leave_one_out(kernel, hyper, points, jitter),
+            Engine::StateSpace => state_space::leave_one_out(kernel, hyper, points, jitter),
         }
     }
-}
-
-/// Whether the kernel has a state-space form of linear cost.
-pub(crate) fn has_state_space(kernel: &Kernel) -> bool {
-    matches!(kernel, Kernel::Matern12 | Kernel::Matern32 | Kernel::Matern52)
 }

@@ -6,38 +6,25 @@
 
 #[cfg(test)]
 mod agreement;
-mod blocks;
 #[cfg(test)]
 mod contract;
-mod cost;
-mod covariance;
 mod dense;
-mod events;
-mod exp;
+mod dots;
 mod fit;
-mod joint;
 mod kernel;
-mod lanes;
+mod leave_one_out;
 mod likelihood;
-mod matern;
-mod one;
-mod overlap;
 mod points;
 mod posterior;
-mod profile;
-mod scale;
+mod quantity;
 mod schur;
-mod search;
-mod start;
-mod state_smoother;
 mod state_space;
-mod steps;
-mod stretches;
-mod tile;
 mod toeplitz;
 
 pub use fit::{Candidate, Fit, FitSettings, Weakness, fit};
 pub use kernel::{Kernel, Role};
-pub use likelihood::{Engine, Evaluation, LeaveOneOut, Workspace};
+pub use leave_one_out::LeaveOneOut;
+pub use likelihood::{Engine, Evaluation, Workspace};
 pub use points::Points;
-pub use posterior::{Conditioned, Posterior, Quantity};
+pub use posterior::{Conditioned, Posterior};
+pub use quantity::Quantity;

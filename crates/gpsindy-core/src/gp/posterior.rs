@@ -4,25 +4,17 @@
 //! the mean is `C(a, f) K^-1 y` and the covariance `C(a, b) - C(a, f) K^-1 C(f, b)`.
 //! Source: Rasmussen & Williams 2006, equations 2.22 to 2.24 and section 9.4 for derivatives.
 
-use super::covariance::{Lags, derivatives, values};
 use super::dense;
 use super::fit::Fit;
-use super::likelihood::{Evaluation, has_state_space};
+use super::kernel::covariance::{Lags, derivatives, values};
+use super::likelihood::Evaluation;
 use super::points::Points;
-use super::state_smoother;
+use super::quantity::Quantity;
+use super::state_space;
 use crate::error::{Error, Result};
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, Par};
-
-/// What is asked for at a time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    /// The function itself, without noise.
-    Value,
-    /// Its derivative with respect to time.
-    Derivative,
-}
 
 /// Law of the quantities asked for, in the order asked: all times of the first, then of the second.
 #[derive(Debug, Clone)]
@@ -98,12 +90,12 @@ impl Conditioned {
         let mut inputs = Vec::new();
         let engine = if n == 0 {
             Prepared::Prior
-        } else if has_state_space(&fit.kernel) && standard.ordered() {
+        } else if fit.kernel.has_state_space() && standard.ordered() {
             Prepared::Smoother { points: standard, jitter: fit.jitter }
         } else {
             let factor = |jitter: f64| {
                 let evaluation = Evaluation { kernel: &fit.kernel, hyper: &hyper, jitter };
-                dense::condition(&evaluation, &standard)
+                dense::condition(evaluation.kernel, evaluation.hyper, &standard, evaluation.jitter)
             };
             let (workspace, weights) = [fit.jitter, 1e-10, 1e-8, 1e-6]
                 .into_iter()
@@ -151,7 +143,7 @@ impl Conditioned {
                 let hyper = &self.evaluation.hyper;
                 let asked = (at[0].as_slice(), quantities, joint);
                 let unit = (self.offset, self.scale);
-                let law = state_smoother::posterior(kernel, hyper, points, *jitter, asked, unit);
+                let law = state_space::posterior(kernel, hyper, points, *jitter, asked, unit);
                 law.ok_or_else(|| Error::NotPositiveDefinite {
                     what: "covariance".into(),
                     size: points.len(),
@@ -163,12 +155,12 @@ impl Conditioned {
                 // n x size: covariance of the targets with what is asked for.
                 let mut cross = self.covariance(&self.inputs, &[Quantity::Value], at, quantities);
                 for (j, mean) in mean.iter_mut().enumerate() {
-                    *mean = super::covariance::dot(cross.col_as_slice(j), weights);
+                    *mean = super::kernel::covariance::dot(cross.col_as_slice(j), weights);
                 }
                 solve_lower_triangular_in_place(lower.as_ref(), cross.as_mut(), Par::Seq);
                 for (j, v) in variance.iter_mut().enumerate() {
                     let column = cross.col_as_slice(j);
-                    *v = (*v - super::covariance::dot(column, column)).max(0.0);
+                    *v = (*v - super::kernel::covariance::dot(column, column)).max(0.0);
                 }
                 if let Some(covariance) = &mut covariance {
                     matmul(covariance.as_mut(), Accum::Add, cross.transpose(), cross.as_ref(), -1.0, Par::Seq);
@@ -210,7 +202,7 @@ impl Conditioned {
         };
         let value = self.predict(&columns, &[Quantity::Value], false)?;
         let Owned { kernel, hyper } = &self.evaluation;
-        let mut neighbours = state_smoother::neighbours(kernel, hyper, points, *jitter, at).ok_or_else(|| {
+        let mut neighbours = state_space::neighbours(kernel, hyper, points, *jitter, at).ok_or_else(|| {
             Error::NotPositiveDefinite { what: "covariance".into(), size: points.len(), jitter: *jitter }
         })?;
         neighbours.iter_mut().flatten().for_each(|c| *c *= self.scale * self.scale);

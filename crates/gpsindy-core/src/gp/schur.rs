@@ -141,7 +141,7 @@ impl pulp::WithSimd for Backward<'_> {
         for k in (0..n).rev() {
             let column = &lower[end - (n - k)..end];
             end -= n - k;
-            let [own, first] = super::toeplitz::two_dots(&column[1..], &solution[k + 1..], &inverse[k + 1..]);
+            let [own, first] = super::dots::two_dots(&column[1..], &solution[k + 1..], &inverse[k + 1..]);
             solution[k] = (solution[k] - own) / column[0];
             inverse[k] = (inverse[k] - first) / column[0];
         }

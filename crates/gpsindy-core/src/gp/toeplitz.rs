@@ -7,10 +7,11 @@
 //! digits; the same three then come from a Cholesky factor (see `schur`).
 //! Source: Golub & Van Loan 2013, Matrix Computations, section 4.7; Gohberg & Semencul 1972.
 
-use super::covariance::{Lags, contract, dot, values};
 use super::dense::split;
+use super::dots::two_dots;
 use super::kernel::Kernel;
-use super::likelihood::LeaveOneOut;
+use super::kernel::covariance::{Lags, contract, dot, values};
+use super::leave_one_out::LeaveOneOut;
 use super::points::Points;
 use super::schur::Schur;
 
@@ -234,32 +235,4 @@ impl pulp::WithSimd for DiagonalSums<'_> {
             self.weights[d] = ((n - d) as f64 * plain - scaled) / self.error - outer;
         }
     }
-}
-
-/// Dot products of `row` with two vectors (the second may be empty), in sixteen running sums.
-#[inline(always)]
-pub(super) fn two_dots(row: &[f64], first: &[f64], second: &[f64]) -> [f64; 2] {
-    const L: usize = 16;
-    let (mut s1, mut s2) = ([0.0; L], [0.0; L]);
-    let body = row.len() / L * L;
-    let n = row.len();
-    let first = &first[..n];
-    if second.is_empty() {
-        for (r, a) in row.chunks_exact(L).zip(first.chunks_exact(L)) {
-            for l in 0..L {
-                s1[l] += r[l] * a[l];
-            }
-        }
-        let tail: f64 = row[body..].iter().zip(&first[body..]).map(|(r, a)| r * a).sum();
-        return [s1.iter().sum::<f64>() + tail, 0.0];
-    }
-    let second = &second[..n];
-    for ((r, a), b) in row.chunks_exact(L).zip(first.chunks_exact(L)).zip(second.chunks_exact(L)) {
-        for l in 0..L {
-            s1[l] += r[l] * a[l];
-            s2[l] += r[l] * b[l];
-        }
-    }
-    let tail = |v: &[f64]| row[body..].iter().zip(&v[body..]).map(|(r, a)| r * a).sum::<f64>();
-    [s1.iter().sum::<f64>() + tail(first), s2.iter().sum::<f64>() + tail(second)]
 }

@@ -26,7 +26,7 @@ pub(crate) const RULED_OUT: f64 = 20.0;
 pub(crate) const LEAST_LEAD: f64 = 0.01;
 
 /// Evidence, 2 ln odds, by which the end of a later start must lead that of an earlier one: less is a tie. 2 ln e = 2: Kass and
-/// Raftery 1995 call less than 2 "not worth more than a bare mention".
+/// Raftery 1995 call less than 2 "not worth more than a bare mention". Convention.
 pub(crate) const TIE: f64 = 2.0;
 
 /// Evidence, 2 ln odds, by which equations must be worse to have no weight in the standard errors: odds of 1000, 2 ln 1000 = 14.
@@ -92,7 +92,7 @@ pub(crate) const BARELY_IN: f64 = 1e-9;
 /// Largest lag-one correlation of residuals, and smallest share of them that counts as independent: keeps a ratio finite. At
 /// 0.96 the share is 0.02; more is a wrong model, whatever its number. Convention.
 pub(crate) const CORRELATED: f64 = 0.99;
-/// See [`CORRELATED`].
+/// See [`CORRELATED`]. Convention.
 pub(crate) const LEAST_SHARE: f64 = 0.02;
 
 /// Shortest rollouts, in paces (times in which the fastest state changes by its spread). Three of them show a turn. Convention.
@@ -125,10 +125,10 @@ pub(crate) const RECURSION: usize = 8;
 pub(crate) const FORETOLD: f64 = 0.5;
 
 /// Share of the logs' variance that whole-run rollouts may miss before smaller libraries are tried, too. A tenth: an R2 of 0.9 is
-/// where ODEBench (d'Ascoli et al. 2024) calls a system reconstructed.
+/// where ODEBench (d'Ascoli et al. 2024) calls a system reconstructed. Convention.
 pub(crate) const CLOSE: f64 = 0.1;
 
-/// Folds of the cross-validation, batch and online. Hastie, Tibshirani and Friedman 2009, section 7.10: five or ten.
+/// Folds of the cross-validation, batch and online. Hastie, Tibshirani and Friedman 2009, section 7.10: five or ten. Convention.
 pub(crate) const FOLDS: usize = 5;
 
 /// Rows left out between two folds: a hundredth of the rows, at most this many. Convention.
@@ -143,7 +143,7 @@ pub(crate) const DELAYS_TRIED: (usize, usize) = (4, 40);
 /// Smallest share of a column that is left after the others were taken out of it: less is rounding. Argument.
 pub(crate) const DEPENDENT: f64 = 1e-10;
 
-/// Smallest noise that second differences may show, as a share of the spread: see [`EXACT`].
+/// Smallest noise that second differences may show, as a share of the spread: see [`EXACT`]. Argument.
 pub(crate) const LEAST_NOISE: f64 = EXACT;
 
 /// Budget of one fit through the integrator. The search makes many; the last digits of none decide, since [`LEAST_LEAD`] is
@@ -152,18 +152,18 @@ pub(crate) const USUAL: Refine = Refine { max_iterations: 25, tolerance: 1e-5 };
 
 /// Limits of the vote of several equations. Settled on the even recordings of one car (JetRacer); no other data set moved them.
 pub(crate) mod consensus {
-    /// Rollouts that other equations are looked for with, as shares of the shortest ones.
+    /// Rollouts that other equations are looked for with, as shares of the shortest ones. Convention.
     pub(crate) const SHARES: [f64; 4] = [0.5, 0.75, 1.5, 2.0];
-    /// Stretches of the logs whose states and controls are exchanged.
+    /// Stretches of the logs whose states and controls are exchanged. Convention.
     pub(crate) const STRETCHES: usize = 8;
-    /// Length of a stretch as a share of the longest run.
+    /// Length of a stretch as a share of the longest run. Convention.
     pub(crate) const LENGTH: f64 = 0.5;
-    /// Share of the first member's score that another one must stay below: the evidence counts for something, too.
+    /// Share of the first member's score that another one must stay below: the evidence counts for something, too. Convention.
     pub(crate) const LEAD: f64 = 0.75;
-    /// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other.
+    /// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other. Convention.
     pub(crate) const APART: f64 = 3.0;
     /// Root mean square distance of long rollouts from the smoothed log, in units of the noise, from which equations are
-    /// approximations: the systematic part is larger than the noise.
+    /// approximations: the systematic part is larger than the noise. Argument.
     pub(crate) const OFF: f64 = 2.0;
 }
 
@@ -171,7 +171,7 @@ pub(crate) mod consensus {
 pub(crate) mod online {
     /// Samples at the first fit of hyperparameters. Convention.
     pub(crate) const FIRST_FIT: usize = 16;
-    /// Values of a state before its process is fitted: see [`crate::gp::Weakness::FewPoints`].
+    /// Values of a state before its process is fitted: see [`crate::gp::Weakness::FewPoints`]. Argument.
     pub(crate) const FEWEST: usize = 8;
     /// Share of its spread that a state's standard deviation may have; beyond it the state is not known. Convention.
     pub(crate) const UNKNOWN: f64 = 0.5;

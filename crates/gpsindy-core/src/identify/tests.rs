@@ -6,17 +6,13 @@ use crate::differentiate::Differentiation;
 use crate::gp::Kernel;
 use crate::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use crate::progress::Silent;
+use crate::random::normal;
 use crate::regress::{Lasso, Regressor, Subset};
 use crate::smooth::Smoother;
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
 use std::sync::Arc;
-
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || ((rng.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
-    (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
-}
 
 /// Samples of `rate(t, x)` by Runge-Kutta steps of a fiftieth of a period, with noise; `extra` columns of time behind them.
 fn log(

@@ -9,6 +9,9 @@ mod engine;
 mod export;
 mod inputs;
 mod port;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+pub(crate) mod stepping;
 pub(crate) mod sticking;
 mod system;
 pub(crate) mod unit;

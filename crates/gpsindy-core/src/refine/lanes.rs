@@ -4,6 +4,7 @@
 //! control enters by its mean over the step, so that outputs are smooth in a delay.
 
 mod buffer;
+mod correction;
 mod following;
 pub(crate) mod guided;
 pub(crate) mod lockstep;

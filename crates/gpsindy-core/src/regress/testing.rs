@@ -1,15 +1,10 @@
 //! Random problems with a known support, shared by the tests of the family.
 
+pub(crate) use crate::random::normal;
+
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
-
-/// A standard normal number, by Box and Muller.
-pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let uniform = |rng: &mut ChaCha8Rng| ((rng.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
-    let (u, v) = (uniform(rng), uniform(rng));
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
+use rand_core::SeedableRng;
 
 /// (r x p) normal columns of norms that differ by 100, and `theta * truth + noise`.
 pub(crate) fn random_problem(

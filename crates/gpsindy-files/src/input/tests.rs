@@ -1,8 +1,9 @@
 //! A log gives the same numbers in whatever pieces its bytes come.
 
 use super::*;
-use crate::log::{Log, LogOptions};
+use crate::log::Log;
 use crate::logs::Logs;
+use crate::options::LogOptions;
 use std::io::SeekFrom;
 
 /// Reads one to `most` bytes at a time.
@@ -68,12 +69,12 @@ fn messages_are_the_same_in_any_pieces() {
     use mcap::Compression;
     for compression in [None, Some(Compression::Zstd), Some(Compression::Lz4)] {
         let map = [("q", "/joint_states.position[pan]"), ("u", "/command.data[1]")];
-        same_in_pieces(&crate::mcap_log::tests::robot(compression), &map, &["q", "u"]);
+        same_in_pieces(&crate::formats::mcap_log::tests::robot(compression), &map, &["q", "u"]);
     }
 }
 
 #[cfg(feature = "ulog")]
 #[test]
 fn topics_of_a_flight_are_the_same_in_any_pieces() {
-    same_in_pieces(&crate::ulog::tests::flight(), &[("w", "rate.xyz[1]"), ("u", "motor.u")], &["w", "u"]);
+    same_in_pieces(&crate::formats::ulog::tests::flight(), &[("w", "rate.xyz[1]"), ("u", "motor.u")], &["w", "u"]);
 }

@@ -2,11 +2,11 @@
 
 use super::Sheet;
 use super::column::Column;
-use crate::csv_log::CsvLog;
 use crate::error::{Error, Result};
+use crate::formats::csv_log::CsvLog;
 use crate::header::Header;
 use crate::input::{Input, Kind};
-use crate::log::LogOptions;
+use crate::options::LogOptions;
 use crate::topic::{Reading, Source};
 use gpsindy_core::Progress;
 use std::io::Read;
@@ -44,7 +44,7 @@ pub(crate) fn of(path: &Path, options: &LogOptions, progress: &dyn Progress) -> 
         Kind::Mcap => mcap::look(vec![input], file, options.stamp, progress),
         #[cfg(feature = "parquet")]
         Kind::Parquet => {
-            let log = crate::parquet_log::ParquetLog::open(vec![input], &file, &options, &Default::default())?;
+            let log = crate::formats::parquet_log::ParquetLog::open(vec![input], &file, &options, &Default::default())?;
             parquet::look(&log, file, "Parquet", progress)
         }
         #[cfg(feature = "ulog")]
@@ -56,8 +56,8 @@ pub(crate) fn of(path: &Path, options: &LogOptions, progress: &dyn Progress) -> 
 
 fn of_folder(path: &Path, file: &str, options: &LogOptions, progress: &dyn Progress) -> Result<Looked> {
     #[cfg(feature = "parquet")]
-    if crate::parquet_log::lerobot::is(path) {
-        let log = crate::parquet_log::lerobot::open(path, options)?;
+    if crate::formats::parquet_log::lerobot::is(path) {
+        let log = crate::formats::parquet_log::lerobot::open(path, options)?;
         return parquet::look(&log, file.into(), "LeRobot data set", progress);
     }
     let parts = crate::log::parts(path)?;

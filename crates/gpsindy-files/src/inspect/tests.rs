@@ -112,7 +112,7 @@ fn the_difference_through_a_filter_is_found_in_a_log() {
 #[cfg(feature = "mcap")]
 #[test]
 fn clocks_that_meet_and_keep_step_are_left_alone_and_others_told() {
-    use crate::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
+    use crate::formats::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
     // Stamps of two topics, ns, recorded late by a scatter that does not grow.
     let found = |name: &str, shift: i64| {
         let mut bag = Bag::new(None);
@@ -142,7 +142,7 @@ fn levels_are_measured() {
 #[cfg(feature = "mcap")]
 #[test]
 fn topics_of_mcap_are_listed_with_their_joints_and_the_drift_of_their_clock() {
-    use crate::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
+    use crate::formats::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
     let mut bag = Bag::new(Some(mcap::Compression::Zstd));
     let joints = bag.channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
     for i in 0..500_i64 {
@@ -172,7 +172,7 @@ fn topics_of_mcap_are_listed_with_their_joints_and_the_drift_of_their_clock() {
 #[cfg(feature = "parquet")]
 #[test]
 fn a_data_set_of_episodes_is_looked_through() {
-    let folder = crate::parquet_log::tests::lerobot(|frame| frame as f32 / 30.0);
+    let folder = crate::formats::parquet_log::tests::lerobot(|frame| frame as f32 / 30.0);
     let found = inspect(&folder, &LogOptions::default(), &Silent).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
     let topic = &found.topics[0];
@@ -184,7 +184,7 @@ fn a_data_set_of_episodes_is_looked_through() {
 #[cfg(feature = "ulog")]
 #[test]
 fn topics_of_ulog_are_listed_with_their_instances() {
-    let found = inspected("flight.ulg", &crate::ulog::tests::flight());
+    let found = inspected("flight.ulg", &crate::formats::ulog::tests::flight());
     let names: Vec<(&str, usize)> = found.topics.iter().map(|t| (t.topic.as_str(), t.count)).collect();
     assert_eq!(names, [("motor", 50), ("rate", 100), ("rate:1", 100)]);
     assert!(found.topics[1].columns.iter().any(|c| c.name == "xyz[2]" && c.kind == "float"));

@@ -17,23 +17,23 @@ from typing import TYPE_CHECKING, Any
 
 from gpsindy._gpsindy import NumericalError, __version__
 from gpsindy.catalogue import CustomEffect, Effect, effects, read_effects
-from gpsindy.consequences import Consequence, Loop, Loss, closed_loop, consequence
-from gpsindy.dataset import Dataset, Run, read_csv
+from gpsindy.data.dataset import Dataset, Run, read_csv
+from gpsindy.data.logs import Inspection, inspect, read_log
 from gpsindy.diagnosing import diagnose
 from gpsindy.diagnosis import Cause, Diagnosis
 from gpsindy.errors import DataWarning, NotFittedError
-from gpsindy.estimator import GPSINDy
-from gpsindy.experiment import Experiment, Parting
 from gpsindy.fleets import Fleet, fleet
-from gpsindy.logs import Inspection, inspect, read_log
+from gpsindy.following.consequences import Consequence, Loop, Loss, closed_loop, consequence
+from gpsindy.following.experiment import Experiment, Parting
+from gpsindy.following.randomizing import Randomization, Range, randomization
+from gpsindy.identifying.estimator import GPSINDy
+from gpsindy.identifying.online import Estimate, Online
+from gpsindy.identifying.reproduction import AuthorFit, author
+from gpsindy.identifying.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
 from gpsindy.model import Model
-from gpsindy.online import Estimate, Online
 from gpsindy.parts import Control, Identification, Parameter, Port, State
-from gpsindy.randomizing import Randomization, Range, randomization
-from gpsindy.reproduction import AuthorFit, author
 from gpsindy.scoring import Errors, Score, StateError, score
 from gpsindy.simulation import Rollout, simulate
-from gpsindy.smoothing import ColumnFit, Smoothed, SmoothedRun, smooth
 from gpsindy.stepper import Stepper
 
 __all__ = [

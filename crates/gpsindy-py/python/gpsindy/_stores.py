@@ -7,7 +7,7 @@ import posixpath
 import secrets
 from typing import Any
 
-from gpsindy.dataset import Path
+from gpsindy.data.dataset import Path
 
 #: File systems in which a file appears with its last byte and moving is copying.
 _WHOLE = {"abfs", "abfss", "adl", "az", "gcs", "gs", "memory", "oci", "oss", "s3", "s3a"}

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from gpsindy import _gpsindy
-from gpsindy.dataset import Path
+from gpsindy.data.dataset import Path
 
 
 @dataclass(frozen=True)

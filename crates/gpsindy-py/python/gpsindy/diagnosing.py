@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import names_of, unknown
 from gpsindy.catalogue import CustomEffect
-from gpsindy.dataset import Path, as_dataset
+from gpsindy.data._tables import names_of, unknown
+from gpsindy.data.dataset import Path, as_dataset
 from gpsindy.diagnosis import Diagnosis
 from gpsindy.model import Hold, Model, Progress, Simulator, as_model
 
 if TYPE_CHECKING:
-    from gpsindy.estimator import GPSINDy
+    from gpsindy.identifying.estimator import GPSINDy
 
 
 def diagnose(
@@ -182,8 +182,8 @@ def _with_file(report: str, augmented: Model) -> str:
 
 
 def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:
-    from gpsindy._layout import Layout
-    from gpsindy.estimator import GPSINDy
+    from gpsindy.data._layout import Layout
+    from gpsindy.identifying.estimator import GPSINDy
 
     estimator = GPSINDy() if model is None else model
     if not isinstance(estimator, GPSINDy):

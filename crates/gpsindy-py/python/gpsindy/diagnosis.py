@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gpsindy import _gpsindy
-from gpsindy.dataset import Path
-from gpsindy.experiment import Experiment, Parting
+from gpsindy.data.dataset import Path
+from gpsindy.following.experiment import Experiment, Parting
 from gpsindy.model import Model, Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gpsindy.randomizing import Randomization
+    from gpsindy.following.randomizing import Randomization
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ class Diagnosis:
 
     def randomization(self, **options: Any) -> Randomization:
         """Ranges for training; see :func:`gpsindy.randomization`."""
-        from gpsindy import randomizing
+        from gpsindy.following import randomizing
 
         return randomizing.randomization(self, **options)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from gpsindy import _gpsindy
 from gpsindy._stores import Remote, store, where
-from gpsindy.dataset import Path
+from gpsindy.data.dataset import Path
 from gpsindy.model import Hold
 
 #: Rounds in a row in which every task left lost its worker, after which a fleet is given up.

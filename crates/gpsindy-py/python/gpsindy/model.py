@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array, contiguous, floats, frame, matrix, readonly
-from gpsindy.dataset import Path
+from gpsindy.data._tables import Array, contiguous, floats, frame, matrix, readonly
+from gpsindy.data.dataset import Path
 from gpsindy.parts import Control, Identification, Parameter, Port, State
 from gpsindy.scoring import Score, score
 from gpsindy.simulation import Rollout

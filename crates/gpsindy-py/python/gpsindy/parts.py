@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gpsindy.dataset import as_dataset
+from gpsindy.data.dataset import as_dataset
+from gpsindy.identifying.smoothing import Smoothed
 from gpsindy.model import Hold, Model
 from gpsindy.simulation import simulate
-from gpsindy.smoothing import Smoothed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsindy import _gpsindy
-from gpsindy.dataset import Path, as_dataset
+from gpsindy.data.dataset import Path, as_dataset
 
 if TYPE_CHECKING:
-    from gpsindy.estimator import GPSINDy
+    from gpsindy.identifying.estimator import GPSINDy
     from gpsindy.model import Hold, Model, Progress
 
 

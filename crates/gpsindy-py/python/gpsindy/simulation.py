@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpsindy._tables import Array, readonly
-from gpsindy.dataset import Path, as_dataset
+from gpsindy.data._tables import Array, readonly
+from gpsindy.data.dataset import Path, as_dataset
 
 if TYPE_CHECKING:
-    from gpsindy.estimator import GPSINDy
+    from gpsindy.identifying.estimator import GPSINDy
     from gpsindy.model import Hold, Method, Model
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 from gpsindy.model import Model
 
 Step = Callable[..., Any]

@@ -1,5 +1,7 @@
 //! Custom effects.
 
+pub(super) mod starts;
+
 use crate::diagnose::catalogue::list::Effect;
 use crate::expression::Expression;
 

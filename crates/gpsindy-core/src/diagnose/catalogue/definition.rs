@@ -1,5 +1,6 @@
 //! The definition of an effect: one [`Definition`] per file of `effects/`.
 
+use crate::diagnose::catalogue::example::Example;
 use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
@@ -73,6 +74,10 @@ pub(crate) struct Definition {
     pub(crate) plant: fn(&mut Planting<'_>) -> Result<Option<Size>>,
     /// The fitted model as a reader should have it: `(model, state)`.
     pub(crate) told: fn(&mut Model, usize),
+    /// What it looks like, on a machine of one or two axes.
+    pub(crate) example: Example,
+    /// The field of an MJCF file that carries it, if there is one.
+    pub(crate) in_mjcf: Option<&'static str>,
     /// For its page: how it is fitted, where it fails, where the form comes from. May be empty.
     pub(crate) about: &'static str,
 }

@@ -1,6 +1,7 @@
 //! The public interface of effects.
 
 use crate::diagnose::catalogue::definition::{Definition, experiment};
+use crate::diagnose::catalogue::example::Example;
 use crate::diagnose::catalogue::form::{with_words, written};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
@@ -63,6 +64,16 @@ impl Effect {
     /// What must hold there for it to be a suspect, in words; empty where nothing must.
     pub fn sense(self) -> Vec<&'static str> {
         self.definition().sense.iter().map(|sense| sense.words()).collect()
+    }
+
+    /// What it looks like, on a machine of one or two axes.
+    pub fn example(self) -> &'static Example {
+        &self.definition().example
+    }
+
+    /// The field of an MJCF file that carries it, in Markdown, if there is one.
+    pub fn in_mjcf(self) -> Option<&'static str> {
+        self.definition().in_mjcf
     }
 
     /// How it is fitted, where it fails, where the form comes from; may be empty.

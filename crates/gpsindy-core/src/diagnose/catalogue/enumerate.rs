@@ -6,6 +6,7 @@ use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::sense;
+use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};
 use crate::model::Model;
@@ -90,8 +91,6 @@ fn acts_in(model: &Model, scene: &Scene, name: &str) -> Option<usize> {
     if let Some(row) = scene.reach.row(name) {
         return Some(row);
     }
-    /// What an equation must have beyond the first, so that equals keep their order.
-    const CLEARLY: f64 = 1.05;
     let places = (0..model.states.len()).filter(|&j| model.states[j].equation.contains(name));
     let mut best: Option<(usize, f64)> = None;
     for j in places {
@@ -118,8 +117,8 @@ fn influence(model: &Model, scene: &Scene, j: usize, name: &str) -> f64 {
             let low = point >> (i % 3) & 1 == 0;
             match (excursion(other), parameter(other)) {
                 (Some(e), _) if other == name => e.low + part * (e.high - e.low),
-                (Some(e), _) => e.low + if low { 0.2 } else { 0.8 } * (e.high - e.low),
-                (None, Some(value)) if other == name => value * (0.75 + 0.5 * part),
+                (Some(e), _) => e.low + if low { INSIDE.0 } else { INSIDE.1 } * (e.high - e.low),
+                (None, Some(value)) if other == name => value * (FROM + 0.5 * part),
                 (None, value) => value.unwrap_or(0.0),
             }
         });

@@ -1,5 +1,7 @@
 //! How far a variable moves.
 
+use crate::diagnose::limits::catalogue::TURNED;
+
 /// How a variable moves over all training logs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Excursion {
@@ -47,9 +49,9 @@ impl Excursion {
     }
 }
 
-/// Whether a variable that is measured with `noise` goes back, in either direction, by more than ten deviations of it.
+/// Whether a variable that is measured with `noise` goes back, in either direction, by many deviations of it.
 ///
-/// Differences of normal values reach seven in 10^12. `runs`: its values, run by run; NaN is a missing value.
+/// `runs`: its values, run by run; NaN is a missing value.
 pub(crate) fn turns<'a>(runs: impl Iterator<Item = &'a [f64]>, noise: f64) -> bool {
     let (mut up, mut down) = (0.0f64, 0.0f64);
     for values in runs {
@@ -59,7 +61,7 @@ pub(crate) fn turns<'a>(runs: impl Iterator<Item = &'a [f64]>, noise: f64) -> bo
             (up, down) = (up.max(value - low), down.max(high - value));
         }
     }
-    up.min(down) > 10.0 * noise
+    up.min(down) > TURNED * noise
 }
 
 #[cfg(test)]

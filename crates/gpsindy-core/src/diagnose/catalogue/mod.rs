@@ -2,11 +2,11 @@
 
 mod applied;
 pub(crate) mod custom;
-mod custom_starts;
 pub(crate) mod definition;
 pub(crate) mod effect;
 mod effects;
 pub(crate) mod enumerate;
+pub(crate) mod example;
 pub(crate) mod excited;
 mod excursion;
 mod form;

@@ -2,6 +2,7 @@
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;
+use crate::diagnose::limits::catalogue::{MOVES, PROBED, REVERSES};
 use crate::expression::{Expression, Tape};
 use crate::model::Model;
 
@@ -51,16 +52,16 @@ impl Sense {
                 let turns = state.and_then(|j| scene.turns.get(j).copied().flatten());
                 turns.unwrap_or_else(|| excursion(index).is_none_or(reverses))
             }
-            Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > 0.01 * e.size()),
+            Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > MOVES * e.size()),
             Self::NotThermal => !is_temperature(&model.states[state].unit),
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
         }
     }
 }
 
-/// Whether the variable goes either way by more than a twentieth of its size: less is the error of a start.
+/// Whether the variable goes either way by more than the error of a start.
 fn reverses(excursion: &Excursion) -> bool {
-    excursion.high.min(-excursion.low) > 0.05 * excursion.size()
+    excursion.high.min(-excursion.low) > REVERSES * excursion.size()
 }
 
 fn excursion<'a>(name: &str, model: &Model, scene: &'a Scene) -> Option<&'a Excursion> {
@@ -100,10 +101,10 @@ fn is_scaled(equation: &Expression, model: &Model) -> bool {
             // Points without a pattern; a parameter has its value.
             let at = |(i, name): (usize, &String)| match model.parameter_index(name) {
                 Some(p) => model.parameters[p].value,
-                None => 1.5 + (1.7 * i as f64 + 2.3 * point as f64).sin(),
+                None => PROBED.0 + (PROBED.1 * i as f64 + PROBED.2 * point as f64).sin(),
             };
             let values: Vec<f64> = names.iter().enumerate().map(at).collect();
-            let found = tape.evaluate_once(&values, 0.3);
+            let found = tape.evaluate_once(&values, PROBED.3);
             found[1] * parameter.value / found[0]
         };
         let first = ratio(0);

@@ -5,6 +5,7 @@
 
 use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::limits::catalogue::{ALONG, INSIDE};
 use crate::model::{Model, Parameter, System};
 use std::sync::Arc;
 
@@ -139,7 +140,7 @@ fn points(states: &[Excursion], controls: &[Excursion]) -> Vec<Vec<f64>> {
     let all: Vec<&Excursion> = states.iter().chain(controls).collect();
     let at = |pattern: usize| {
         let value = |(i, e): (usize, &&Excursion)| {
-            let part = if (pattern >> (i % 3)) & 1 == 0 { 0.2 } else { 0.8 };
+            let part = if (pattern >> (i % 3)) & 1 == 0 { INSIDE.0 } else { INSIDE.1 };
             if e.low.is_finite() && e.high.is_finite() { e.low + part * (e.high - e.low) } else { 0.0 }
         };
         all.iter().enumerate().map(value).collect()
@@ -153,9 +154,7 @@ fn rms(found: &[Vec<f64>], row: usize) -> f64 {
 
 /// Whether two inputs do the same at every point, but for one factor.
 fn is_along(one: &[f64], other: &[f64]) -> bool {
-    /// Sine of the angle below which two directions are one: what differences leave of equal ones is far less.
-    const SAME: f64 = 1e-3;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let cosine = dot(one, other) / (dot(one, one) * dot(other, other)).sqrt();
-    1.0 - cosine * cosine < SAME * SAME
+    1.0 - cosine * cosine < ALONG * ALONG
 }

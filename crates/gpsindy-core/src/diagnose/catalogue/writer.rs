@@ -295,7 +295,7 @@ impl<'a> Writer<'a> {
 
     fn custom(&mut self, custom: &CustomEffect) -> Result<Vec<Start>> {
         let starts =
-            crate::diagnose::catalogue::custom_starts::starts(custom, &self.model, self.scene, self.hypothesis.state);
+            crate::diagnose::catalogue::custom::starts::starts(custom, &self.model, self.scene, self.hypothesis.state);
         let mut form = custom.form.clone();
         for parameter in &custom.parameters {
             let value = 0.5 * (parameter.low + parameter.high);

@@ -9,7 +9,7 @@ pub(crate) mod separation;
 pub(crate) mod settings;
 pub(crate) mod signals;
 
-use crate::diagnose::limits::{DRAWN_SIGNALS, ROUNDS, SEPARATE, VARIATIONS};
+use crate::diagnose::limits::{DESIGN_ROUNDS, DRAWN_SIGNALS, SEPARATE, VARIATIONS};
 use crate::error::{Error, Result};
 use crate::model::Dynamics;
 use crate::progress::{Progress, step};
@@ -29,14 +29,14 @@ impl Design {
         self.check(open)?;
         let frame = Frame::new(self, open);
         let bench = Bench::new(self, open, simulator, &frame)?;
-        let total = Form::ALL.len() + ROUNDS;
+        let total = Form::ALL.len() + DESIGN_ROUNDS;
         let mut best: Option<(Signal, f64)> = None;
         for (done, form) in Form::ALL.into_iter().enumerate() {
             step(progress, "experiment: drawing", done, total)?;
             let drawn = (0..DRAWN_SIGNALS).map(|draw| frame.draw(form, draw)).collect();
             keep_best(&mut best, &bench, drawn)?;
         }
-        for round in 0..ROUNDS {
+        for round in 0..DESIGN_ROUNDS {
             step(progress, "experiment: refining", Form::ALL.len() + round, total)?;
             let Some((signal, _)) = &best else { break };
             let varied = (0..VARIATIONS).map(|draw| frame.vary(signal, round, draw)).collect();

@@ -1,14 +1,12 @@
 //! What a diagnosis left open: simulators that its logs can't distinguish, and how well they know the sizes of each.
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{OTHERS, UNKNOWN};
 use crate::diagnose::steps::findings::Judged;
 use crate::model::Model;
 use crate::refine::Hold;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
-
-/// Most accounts of one place that are kept beside its twins: what else may be asked for by name.
-const OTHERS: usize = 3;
 
 /// A simulator that may be the right one.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,10 +53,10 @@ impl Candidate {
         let ids: Vec<&str> = fit.hypotheses.iter().map(|h| h.id()).collect();
         let label = if ids.is_empty() { format!("{} as it is", model.name) } else { ids.join(" + ") };
         let inflation = fit.evidence.inflation();
-        // What the logs do not tell at all may be off by ten of its typical sizes.
+        // What the logs do not tell at all may be off by many of its typical sizes.
         let told = |(i, j): (usize, usize), value: f64| match value.is_finite() {
             true => value,
-            false if i == j => (10.0 * fit.free[i].scale).powi(2),
+            false if i == j => (UNKNOWN * fit.free[i].scale).powi(2),
             false => 0.0,
         };
         let row = |(i, row): (usize, &Vec<f64>)| {

@@ -10,20 +10,18 @@ use crate::diagnose::design::signals::{Form, Frame, Signal};
 use crate::diagnose::fit::lagging::start_of;
 use crate::diagnose::fit::outputs::{outputs, trajectories};
 use crate::diagnose::fit::substeps::choose_substeps;
-use crate::diagnose::limits::{ROUNDING, SHRINKINGS, SIZES};
+use crate::diagnose::limits::{INTEGRATION, KEPT_SIGN, MOMENTS, SHRINKINGS, SIZES, SMALLER, TYPICAL_NOISE, UNKNOWN};
 use crate::error::{Error, Result};
 use crate::model::{Dynamics, System};
 use crate::parallel::*;
+use crate::random::normal;
 use crate::refine::{Experiment, Free, Jacobian, Log, Past, Point, Starts, Window};
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
 use std::sync::Arc;
 
-/// Moments of a run at which the separation so far is told.
-const MOMENTS: usize = 50;
-
-/// Share of the information on a start that is added to it, so that what does not show can be solved for.
+/// Share of the information on a start that is added to it, so that what does not show can be solved for. Rounding.
 const RIDGE: f64 = 1e-9;
 
 /// One candidate, compiled.
@@ -104,7 +102,7 @@ impl<'a> Bench<'a> {
         let busy = [frame.draw(Form::Steps, 0), frame.draw(Form::Multisine, 0)];
         for player in bench.players.iter().filter(|player| player.system.engine().is_none()) {
             let (experiment, initial) = bench.experiment(player, &busy);
-            let chosen = choose_substeps(&player.system, experiment, &player.parameters[0], &initial, ROUNDING);
+            let chosen = choose_substeps(&player.system, experiment, &player.parameters[0], &initial, INTEGRATION);
             bench.substeps = bench.substeps.max(chosen.substeps);
         }
         Ok(bench)
@@ -124,7 +122,7 @@ impl<'a> Bench<'a> {
             if shrinking == SHRINKINGS {
                 break;
             }
-            outside = beyond.iter().map(|(signal, _)| self.frame.shrunk(signal, 0.7)).collect();
+            outside = beyond.iter().map(|(signal, _)| self.frame.shrunk(signal, SMALLER)).collect();
         }
         kept
     }
@@ -229,10 +227,10 @@ impl<'a> Bench<'a> {
         (experiment, signals.iter().map(start).collect())
     }
 
-    /// Typical sizes of the states: a hundred deviations of their noise, and where they are not logged their start or one.
+    /// Typical sizes of the states: many deviations of their noise, and where they are not logged their start or one.
     fn scale(&self, player: &Player) -> Vec<f64> {
         let of = |j: usize| match player.columns.iter().position(|&c| c == j) {
-            Some(column) => 100.0 * self.noise[column],
+            Some(column) => TYPICAL_NOISE * self.noise[column],
             None => self.start.get(j).map_or(1.0, |start| start.abs().max(1.0)),
         };
         (0..player.system.n_states()).map(of).collect()
@@ -322,9 +320,9 @@ impl Player {
             free.push(Free::new(index, mean[index].abs().max(covariance[(place, place)].sqrt()).max(1e-9)));
         }
         let scale = DMatrix::from_diagonal(&DVector::from_iterator(size, free.iter().map(|f| f.scale)));
-        // In typical sizes, so that one ridge suits all of them; what the logs do not know may go by ten of its sizes.
+        // In typical sizes, so that one ridge suits all of them; what the logs do not know may go by many of its sizes.
         let relative = DMatrix::from_fn(size, size, |i, j| {
-            (covariance[(i, j)] / (free[i].scale * free[j].scale)).clamp(-100.0, 100.0)
+            (covariance[(i, j)] / (free[i].scale * free[j].scale)).clamp(-UNKNOWN * UNKNOWN, UNKNOWN * UNKNOWN)
         });
         let relative = relative + DMatrix::identity(size, size) * RIDGE;
         let diagonal = || DMatrix::from_diagonal(&relative.diagonal());
@@ -340,15 +338,11 @@ impl Player {
             for (f, change) in free.iter().zip(moved.iter()) {
                 // A size keeps its sign: a friction that drives is none.
                 let value = mean[f.parameter] + change;
-                drawn[f.parameter] = if value * mean[f.parameter] < 0.0 { 0.1 * mean[f.parameter] } else { value };
+                drawn[f.parameter] =
+                    if value * mean[f.parameter] < 0.0 { KEPT_SIGN * mean[f.parameter] } else { value };
             }
             parameters.push(drawn);
         }
         Ok(Self { system, free, precision, parameters, columns })
     }
-}
-
-/// A standard normal number, as the sum of twelve uniform ones.
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0
 }

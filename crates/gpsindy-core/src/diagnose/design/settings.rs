@@ -1,6 +1,7 @@
 //! Settings of a designed experiment, and what comes out of it.
 
 use crate::diagnose::design::open::Open;
+use crate::diagnose::limits::{DURATION, RATE};
 use crate::error::{Error, Result};
 
 /// Settings of a designed experiment.
@@ -38,8 +39,8 @@ impl Default for Design {
             limits: Vec::new(),
             rate_limits: Vec::new(),
             bounds: Vec::new(),
-            duration: 10.0,
-            rate: 50.0,
+            duration: DURATION,
+            rate: RATE,
             start: Vec::new(),
             seed: 0,
         }

@@ -2,15 +2,10 @@
 
 use crate::diagnose::design::open::Open;
 use crate::diagnose::design::settings::Design;
+use crate::diagnose::limits::{BENDS, LEAST_REACH, LONGEST_STEP, OCTAVES, SHORTEST_STEP, SINES, STRETCHES_BY};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use std::f64::consts::TAU;
-
-/// Sines of a multisine.
-const SINES: usize = 6;
-
-/// Samples that a step lasts at least, and that a period of a sine has.
-const SHORTEST: f64 = 6.0;
 
 /// What a signal is drawn as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +79,7 @@ impl Frame {
                 Form::Free => self.knots(&mut random),
             };
             // Half of the signals use the whole range, the others a part of it around a level.
-            let reach = if random.next_u64().is_multiple_of(2) { 1.0 } else { uniform(&mut random, 0.05, 1.0) };
+            let reach = if random.next_u64().is_multiple_of(2) { 1.0 } else { uniform(&mut random, LEAST_REACH, 1.0) };
             let level = uniform(&mut random, -1.0 + reach, 1.0 - reach);
             let scaled = shape.iter().map(|s| level + reach * s);
             limits.keep(scaled.map(|s| limits.low + 0.5 * (s + 1.0) * (limits.high - limits.low)))
@@ -99,9 +94,9 @@ impl Frame {
         let varied = signal.values.iter().zip(&self.limits).map(|(values, limits)| {
             let half = 0.5 * (limits.high - limits.low);
             let middle = uniform(&mut random, 0.0, n as f64);
-            let width = n as f64 * log_uniform(&mut random, 0.02, 1.0);
+            let width = n as f64 * log_uniform(&mut random, BENDS.0, BENDS.1);
             let lift = half * uniform(&mut random, -1.0, 1.0);
-            let scale = uniform(&mut random, 0.5, 1.6);
+            let scale = uniform(&mut random, STRETCHES_BY.0, STRETCHES_BY.1);
             let kind = random.next_u64() % 3;
             let centre = 0.5 * (limits.high + limits.low);
             let bump = |i: usize| (1.0 - ((i as f64 - middle) / width).abs()).max(0.0);
@@ -138,13 +133,13 @@ impl Frame {
     /// Lowest and highest frequency that the run can carry, Hz.
     fn band(&self) -> (f64, f64) {
         let low = 1.0 / self.duration();
-        (low, (1.0 / (SHORTEST * self.period)).max(2.0 * low))
+        (low, (1.0 / (SHORTEST_STEP * self.period)).max(2.0 * low))
     }
 
     /// All shapes lie within -1 and 1.
     fn multisine(&self, random: &mut ChaCha8Rng) -> Vec<f64> {
         let (low, high) = self.band();
-        let top = log_uniform(random, 4.0 * low, high.max(4.0 * low));
+        let top = log_uniform(random, OCTAVES * low, high.max(OCTAVES * low));
         let sines: Vec<[f64; 3]> = (0..SINES)
             .map(|_| {
                 let frequency = log_uniform(random, low, top);
@@ -169,8 +164,8 @@ impl Frame {
 
     fn steps(&self, random: &mut ChaCha8Rng) -> Vec<f64> {
         let n = self.time.len() as f64;
-        let shortest = SHORTEST.min(0.25 * n);
-        let usual = log_uniform(random, shortest, (0.25 * n).max(shortest));
+        let shortest = SHORTEST_STEP.min(LONGEST_STEP * n);
+        let usual = log_uniform(random, shortest, (LONGEST_STEP * n).max(shortest));
         let (mut level, mut left) = (uniform(random, -1.0, 1.0), 0.0);
         let mut next = || {
             if left <= 0.0 {
@@ -215,7 +210,7 @@ impl Limits {
 }
 
 fn uniform(random: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
-    low + (high - low) * ((random.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+    low + (high - low) * crate::random::uniform(random)
 }
 
 fn log_uniform(random: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {

@@ -1,8 +1,8 @@
 //! The evidence of a contestant: the likelihood of its residuals, the priors of its parameters, and the significance of gains.
 
-use crate::diagnose::fit::colour::{Colour, colours};
+use crate::diagnose::fit::colours::colour::{Colour, colours};
 use crate::diagnose::fit::tolerance;
-use crate::diagnose::limits::{FAR, NEGLIGIBLE};
+use crate::diagnose::limits::{FAR, NEARLY_ALL, NEGLIGIBLE};
 use crate::refine::{Experiment, Free, Refined, prior_cost};
 
 /// What the logs say of one contestant, in numbers.
@@ -117,8 +117,7 @@ impl Evidence {
     /// By how much coloured or large residuals carry less than their number.
     pub(crate) fn inflation(&self) -> f64 {
         // A slow quantity averages the noise, so the spectrum at zero frequency counts.
-        let spectrum = |c: &Colour| c.innovation / (1.0 - c.coefficients.iter().sum::<f64>()).powi(2).max(1e-3);
-        self.colours.iter().map(spectrum).fold(0.0, f64::max).max(self.misfit())
+        self.colours.iter().map(Colour::spectrum).fold(0.0, f64::max).max(self.misfit())
     }
 }
 
@@ -157,7 +156,7 @@ pub(crate) fn gain_tail(gain: f64, degrees: usize, count: usize, spent: usize) -
 /// A gain under a fixed noise level as one with the level fitted: `-N log(1 - gain/N)`.
 pub(crate) fn with_fitted_level(gain: f64, count: usize) -> f64 {
     let count = count.max(1) as f64;
-    -count * (-(gain / count).min(0.999_999)).ln_1p()
+    -count * (-(gain / count).min(NEARLY_ALL)).ln_1p()
 }
 
 /// Chance that a chi-squared variable with `degrees` degrees of freedom exceeds `value`.

@@ -12,7 +12,7 @@ mod driven;
 mod linear;
 mod pass;
 
-use crate::diagnose::fit::elimination;
+use crate::diagnose::fit::linear::elimination;
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State, System};
@@ -21,7 +21,7 @@ pub(crate) use linear::Linear;
 use nalgebra::{DMatrix, DVector};
 use pass::Pass;
 
-/// Share of a function's information below which nothing of it is left beside the others: rounding.
+/// Share of a function's information below which nothing of it is left beside the others. Rounding.
 const NOTHING: f64 = 1e-9;
 
 /// Where something acts.

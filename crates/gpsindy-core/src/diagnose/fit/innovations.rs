@@ -11,7 +11,7 @@ mod kalman;
 
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::guide::Guide;
-use crate::diagnose::limits::innovations::ROUNDS;
+use crate::diagnose::limits::innovations::{PUSH_ROUNDS, STRAIGHT};
 use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Window, present, roll_together};
 use kalman::{Filter, shows};
 use nalgebra::{DMatrix, DVector};
@@ -35,7 +35,7 @@ impl Innovations {
         let parameters = &contestant.refined.parameters;
         let mut filter = Filter::new(system, &experiment)?;
         let mut guided = Guided::along(system, &experiment, parameters, path_of(contestant, &experiment))?;
-        for _ in 0..ROUNDS {
+        for _ in 0..PUSH_ROUNDS {
             filter.expect(&guided, &experiment)?;
         }
         // Once more along its own path, which has less of the readings' noise.
@@ -89,7 +89,7 @@ impl Innovations {
         let n_columns = experiment.columns.len();
         for (place, free) in free.iter().enumerate() {
             let mut parameters = refined.parameters.clone();
-            let by = 1e-3 * free.scale;
+            let by = STRAIGHT * free.scale;
             parameters[free.parameter] += by;
             let windows: Vec<usize> = (0..experiment.windows.len()).collect();
             let job = |&window: &usize| Job {
@@ -157,94 +157,27 @@ fn follow(states: &mut [Vec<f64>], j: usize, readings: &[(usize, f64)]) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::data::{Channel, Dataset, Run};
-    use crate::diagnose::fit::basis::Basis;
+    use crate::diagnose::fit::colours::noise::Noise;
     use crate::diagnose::fit::fitter::Fitter;
     use crate::diagnose::fit::guide::whiten;
+    use crate::diagnose::fit::linear::basis::Basis;
     use crate::diagnose::limits::Budget;
-    use crate::error::{Error, Result};
-    use crate::expression::Expression;
-    use crate::model::{Control, Dynamics, Model, Parameter, Rows, State, Steps, System};
-    use faer::Mat;
-
-    /// A joint under a stiff servo, which saturates 3 mrad from where it should be; its parameter is the inertia.
-    struct Servo;
-
-    impl Steps for Servo {
-        fn period(&self) -> f64 {
-            0.005
-        }
-
-        fn n_forces(&self) -> usize {
-            0
-        }
-
-        fn n_parameters(&self) -> usize {
-            1
-        }
-
-        fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
-            let inputs = rows.commands.iter().zip(rows.parameters);
-            for ((x, (u, inertia)), next) in rows.states.chunks(2).zip(inputs).zip(next.chunks_mut(2)) {
-                let force = (1000.0 * (u - x[0]) - 3.0 * x[1]).clamp(-3.0, 3.0);
-                next[1] = x[1] + dt * force / inertia;
-                next[0] = x[0] + dt * next[1];
-            }
-            Ok(())
-        }
-    }
-
-    impl Dynamics for Servo {
-        fn n_states(&self) -> usize {
-            2
-        }
-
-        fn n_controls(&self) -> usize {
-            1
-        }
-
-        fn derivative(&self, _: f64, _: &[f64], _: &[f64], _: &mut [f64]) -> Result<()> {
-            Err(Error::settings("it steps"))
-        }
-
-        fn steps(&self) -> Option<&dyn Steps> {
-            Some(self)
-        }
-    }
+    use crate::model::stepping::{Stepping, drawn};
 
     /// The fit of a servo of inertia 0.03 to logs of one of `inertia`, whose commands come `late` samples late. Place and speed are
     /// read in turns where they have rows of their `own`.
     fn fitted(inertia: f64, late: usize, own: bool) -> Contestant {
         let noise = [1e-3, 1e-2];
-        let mut model = Model {
-            states: ["q", "v"].map(|name| State::new(name, Expression::Pi)).into(),
-            controls: vec![Control::new("u")],
-            parameters: vec![Parameter::new("inertia", 0.03)],
-            ..Model::default()
-        };
-        model.call_simulator(&[(0, 1)]);
-        let system = System::with_simulator(&model, Some(Arc::new(Servo))).unwrap();
-        // Numbers in -1 to 1 without a pattern.
-        let drawn = |i: usize| (((i as f64 + 1.0) * 12.9898).sin() * 43758.5453).fract();
+        let servo = Arc::new(Stepping::servo());
+        let system = servo.system("q", ("inertia", 0.03));
         let command = |i: usize| drawn(9000 + i / 40);
-        let count = 1200;
-        let mut values = Mat::zeros(count, 3);
-        let mut x = vec![0.0, 0.0];
-        for i in 0..count {
-            for (j, noise) in noise.iter().enumerate() {
-                let is_read = !own || i % 2 == j;
-                values[(i, j)] = if is_read { x[j] + 3f64.sqrt() * noise * drawn(2 * i + j) } else { f64::NAN };
-            }
-            values[(i, 2)] = command(i);
-            let commands = [command(i.saturating_sub(late))];
-            for _ in 0..2 {
-                let rows =
-                    Rows { count: 1, states: &x.clone(), commands: &commands, forces: &[], parameters: &[inertia] };
-                Servo.step(&rows, 0.005, &mut x).unwrap();
-            }
-        }
-        let run = Run { name: "steps".into(), time: (0..count).map(|i| 0.01 * i as f64).collect(), values };
-        let data = Dataset::new(["q", "v", "u"].map(Channel::new).into(), vec![run]).unwrap();
+        let sensor = |i: usize, j: usize, x: f64| match !own || i % 2 == j {
+            true => x + 3f64.sqrt() * noise[j] * drawn(2 * i + j),
+            false => f64::NAN,
+        };
+        let read = |i: usize, x: [f64; 2]| [sensor(i, 0, x[0]), sensor(i, 1, x[1])];
+        let acting = |i: usize| command(i.saturating_sub(late));
+        let data = servo.log(("q", inertia), ([0.0; 2], 1200), command, acting, read);
         let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.6);
         Fitter::default().nominal(system, experiment, Vec::new(), Budget::Usual).unwrap()
     }
@@ -257,14 +190,18 @@ mod tests {
         let all = everything(model, &scene, &contestant.experiment.columns, &[]).unwrap();
         let innovations = Innovations::of(contestant, &contestant.linearised().unwrap().jacobian).unwrap();
         let at = innovations.linearised();
-        let basis = Basis::new(&at, false, &[]);
+        let basis = Basis::new(&at, Noise::Innovations, &[]);
         let of = |id: &&str| {
             let own = all.iter().filter(|h| h.id() == *id);
             let gains = own.flat_map(|h| {
                 let applied = h.apply(model, &scene).unwrap();
-                crate::diagnose::fit::gains::gains(&applied, &at, &[&basis])
+                crate::diagnose::fit::linear::gains::gains(&applied, &at, &[&basis])
             });
-            let best = gains.flatten().flatten().max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap();
+            let best = gains
+                .filter_map(|gains| gains.of(Noise::Innovations).cloned())
+                .flatten()
+                .max_by(|a, b| a.gain.total_cmp(&b.gain))
+                .unwrap();
             (best.gain, best.values)
         };
         ids.iter().map(of).collect()

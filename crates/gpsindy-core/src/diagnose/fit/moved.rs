@@ -1,7 +1,7 @@
 //! How far a fit moves the parameters of a contestant, and their standard deviations.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{BELIEVED, EXPECTED};
+use crate::diagnose::limits::{AT_END, BELIEVED, EXPECTED};
 
 /// A tolerated parameter that the logs move.
 pub(crate) struct Moved {
@@ -34,8 +34,7 @@ pub(crate) fn moved(contestant: &Contestant) -> Vec<Moved> {
 pub(crate) fn is_strained(contestant: &Contestant, place: usize) -> bool {
     let free = &contestant.free[place];
     let value = contestant.refined.parameters[free.parameter];
-    // Within rounding of the end.
-    free.prior.is_some_and(|(mean, sd)| (value - mean).abs() >= 0.999 * BELIEVED * sd)
+    free.prior.is_some_and(|(mean, sd)| (value - mean).abs() >= AT_END * BELIEVED * sd)
 }
 
 /// Standard deviation of parameter `index` with the residual's own size and colour; none where it is not free.

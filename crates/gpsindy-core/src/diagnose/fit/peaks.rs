@@ -1,7 +1,7 @@
 //! Spectral lines of a residual: where a periodic effect should look.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{FREQUENCIES, LINES};
+use crate::diagnose::limits::{CARRIED, FREQUENCIES, LINES, OF_PERIOD};
 use crate::parallel::*;
 use std::f64::consts::{PI, TAU};
 
@@ -18,7 +18,7 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
         return Vec::new();
     }
     let spacing = PI / longest;
-    let highest = 0.8 * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
+    let highest = CARRIED * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
     let count = FREQUENCIES.min((highest / spacing) as usize);
     let mut found: Vec<f64> = Vec::new();
     for differenced in [false, true] {
@@ -41,7 +41,7 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     found
         .iter()
         .flat_map(|&w| (-around..=around).map(move |k| w + fine * f64::from(k)))
-        .filter(|&w| w > 0.0 && w < TAU * 1e9)
+        .filter(|&w| w > 0.0 && w.is_finite())
         .collect()
 }
 
@@ -50,9 +50,9 @@ fn power_at(fitted: &Contestant, omega: f64, n_columns: usize, differenced: bool
     let mut power = 0.0;
     for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
         let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
-        // Long windows are thinned to what the frequency needs: eight samples a period.
+        // Long windows are thinned to what the frequency needs.
         let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
-        let stride = ((TAU / omega / 8.0 / period) as usize).max(1);
+        let stride = ((TAU / omega / OF_PERIOD / period) as usize).max(1);
         for c in 0..n_columns {
             let (mut real, mut imaginary) = (0.0, 0.0);
             let mut last = 0.0;

@@ -7,13 +7,10 @@
 //! that is what a log has that its own controller wrote.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
-use crate::diagnose::limits::sampling::{CELLS, FEWEST, KEPT, LATTICE, PHASES, REACH};
+use crate::diagnose::limits::sampling::{BESIDE, CELLS, FEWEST_TRIALS, FINE, KEPT, LATTICE, PAST_END, PHASES, REACH};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, Window};
-
-/// Share of a sample by which the last moment of a log may move from one trial to the next.
-const FINE: f64 = 0.25;
 
 /// A period and a phase, s, and by how much their neighbours on the lattice differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +26,7 @@ impl Sampling {
     fn is_beside(&self, other: &Self) -> bool {
         let turn = (self.phase - other.phase).rem_euclid(self.period);
         let of_phase = turn.min(self.period - turn);
-        (self.period - other.period).abs() < 0.75 * self.apart.0 && of_phase < 0.75 * self.apart.1
+        (self.period - other.period).abs() < BESIDE * self.apart.0 && of_phase < BESIDE * self.apart.1
     }
 }
 
@@ -119,8 +116,10 @@ fn search(
     let (step, begin) = (grid.step, grid.begin);
     let whole = (grid.end - begin).max(step);
     let (low, high) = ((start / REACH).max(lower), (start * REACH).min(upper));
-    let in_step =
-        (1..).map(|k| f64::from(k) * step).skip_while(|&p| p < 0.999 * low).take_while(|&p| p <= 1.001 * high);
+    let in_step = (1..)
+        .map(|k| f64::from(k) * step)
+        .skip_while(|&p| p < (1.0 - PAST_END) * low)
+        .take_while(|&p| p <= (1.0 + PAST_END) * high);
     let in_step: Vec<Sampling> =
         in_step.map(|period| Sampling { period, phase: grid.first, apart: (0.0, 0.0) }).collect();
     // After so many periods the neighbours' moments are a share of a period apart.
@@ -152,7 +151,7 @@ fn search(
             return Ok(Sampling { period, phase, apart });
         }
         // The whole has no more to tell: from here on the best of it can be parted.
-        most = if length >= whole { (most / 2).max(FEWEST) } else { most };
+        most = if length >= whole { (most / 2).max(FEWEST_TRIALS) } else { most };
         length = (2.0 * length).min(whole);
         let mut kept: Vec<Sampling> = Vec::new();
         for trial in order.iter().map(|&i| trials[i]).filter(|t| t.apart.0 > 0.0) {

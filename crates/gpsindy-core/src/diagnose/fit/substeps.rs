@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
-use crate::diagnose::limits::{MOST_SUBSTEPS, ROUNDING};
+use crate::diagnose::limits::{INTEGRATION, MOST_SUBSTEPS};
 use crate::model::System;
 use crate::refine::Experiment;
 
@@ -33,7 +33,7 @@ pub(crate) fn choose_substeps(
 /// The experiment with the shorter integration steps that a contestant needs, if it needs any.
 pub(crate) fn finer(contestant: &Contestant) -> Option<Experiment> {
     let (parameters, initial) = (&contestant.refined.parameters, &contestant.refined.initial);
-    let allowed = ROUNDING * contestant.evidence.misfit().max(1.0).sqrt();
+    let allowed = INTEGRATION * contestant.evidence.misfit().max(1.0).sqrt();
     let finer = choose_substeps(&contestant.system, contestant.experiment.clone(), parameters, initial, allowed);
     (finer.substeps > contestant.experiment.substeps).then_some(finer)
 }

@@ -1,11 +1,11 @@
 //! Probabilities and the verdict.
 
 /// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-/// told apart: odds below twenty to one.
+/// told apart: odds below twenty to one. Convention.
 pub(crate) const TWINS: f64 = 6.0;
 
 /// Share of what a number of a simulator explains up to which another one may explain less and still be told beside it: its integrator
-/// parts them by as much, as Euler's does the damping of a joint and `kv` of its servo.
+/// parts them by as much, as Euler's does the damping of a joint and `kv` of its servo. Convention.
 pub(crate) const PARTED: f64 = 0.01;
 
 /// Odds that a cause is one of the machine's, for the whole of the gap that it removes; a tenth of it has a tenth of them.
@@ -14,37 +14,41 @@ pub(crate) const PARTED: f64 = 0.01;
 /// more": 115 causes of 53 drawn cases (single, pair, outside, beside; development seeds 5000 to 5145 in part), weighted as
 /// half, a tenth, three twentieths and a tenth of all. The slope on the logarithm came out as 1.05. The share of what is left
 /// without the cause tells no more: of 61 cases of these seeds 14 imitations and 3 true causes were below a tenth of the gap, and
-/// beside none of them more than a hundredth of that was left.
+/// beside none of them more than a hundredth of that was left. Data: as said.
 pub(crate) const REAL: f64 = 35.0;
-/// By how much the odds are less where a rest is certain.
+/// By how much the odds are less where a rest is certain. Data: the same.
 pub(crate) const REST_LEFT: f64 = 11.0;
-/// By how much the odds are less where as many effects as [`FEW`] or more are named.
+/// By how much the odds are less where as many effects as [`FEW`] or more are named. Data: the same.
 pub(crate) const MANY: f64 = 15.0;
 pub(crate) const FEW: usize = 3;
 
 /// Share of imitations whose disagreement between parts shows, and how fast its chance falls: as `p^(CROWDED - 1)`. In 12
-/// of the 75 imitations of the same cases the chance was below a hundredth.
+/// of the 75 imitations of the same cases the chance was below a hundredth. Data: the same.
 pub(crate) const CROWDING: f64 = 0.2;
 pub(crate) const CROWDED: f64 = 0.15;
 
-/// Logs that are simulated with the named causes: enough for the mean and the deviation of what they leave, to a seventh.
+/// Logs that are simulated with the named causes: enough for the mean and the deviation of what they leave, to a seventh. Argument.
 pub(crate) const SIMULATED: usize = 30;
 /// Chance of as large a rest at which one that is seen is as likely structure as noise: one right explanation in a hundred is lost to it.
+/// Convention.
 pub(crate) const TYPICAL: f64 = 0.01;
 /// Share of the gap below which no rest counts however surely it is seen: a thousandth of its amplitude, to which integrators and
-/// the digits of a log agree.
-pub(crate) const ROUGH: f64 = 1e-6;
+/// the digits of a log agree. Argument.
+pub(crate) const LEAST_REST: f64 = 1e-6;
 
 /// Share of the gap from which a cause must be credible for the gap to be explained: without it a hundredth would be left, which the
-/// verdict allows.
+/// verdict allows. Argument.
 pub(crate) const COUNTS: f64 = 0.01;
 
 /// Share of the gap from which a joint without a cause is said to have a part of it: whole percent are printed, and two of them are no
-/// rounding.
+/// rounding. Argument.
 pub(crate) const ON_JOINT: f64 = 0.02;
 
-/// Probability above which a statement counts, in the verdict and in words.
+/// Probability above which a statement counts, in the verdict and in words. Argument.
 pub(crate) const LIKELY: f64 = 0.5;
 
-/// Part of the gap on held-out logs that causes must close to explain a part of it.
+/// Part of the gap on held-out logs that causes must close to explain a part of it. Convention.
 pub(crate) const PART: f64 = 0.5;
+
+/// Twice the gain in nats below which an effect is quiet, so that its absence is stated: three deviations. Convention.
+pub(crate) const QUIET_GAIN: f64 = 9.0;

@@ -2,20 +2,20 @@
 
 use crate::data::{Dataset, Run};
 use crate::diagnose::catalogue::planting::Planted;
-use crate::diagnose::fit::colour::Colour;
+use crate::diagnose::fit::colours::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::lagging::start_of;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{Budget, CLOSE, LEFT_LOG, NOISE, SHORTEST};
+use crate::diagnose::limits::{Budget, CLOSE, COPIED, FAR_WEAKER, LEFT_LOG, NOISE, RANGE, SHORTEST, STRONGER, WEAKER};
 use crate::diagnose::report::PowerNoise;
-use crate::diagnose::steps::noise::resolution;
+use crate::diagnose::steps::logs::noise::resolution;
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
+use crate::random::normal;
 use crate::refine::Experiment;
 use crate::simulate::{Excitation, Simulate, StateReader};
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
-use rand_core::Rng;
 
 /// A stretch of a log that is simulated from a state of its own.
 #[derive(Debug, Clone)]
@@ -61,7 +61,7 @@ impl Bench {
             noise: experiment.noise.clone(),
             colours: best.evidence.colours.clone(),
             steps,
-            simulate: Simulate { hold: experiment.hold, tolerance: 1e-7, ..Simulate::default() },
+            simulate: Simulate { hold: experiment.hold, tolerance: COPIED, ..Simulate::default() },
             substeps: experiment.substeps,
         };
         for (data, held_out) in [(train, false), (holdout, true)] {
@@ -123,7 +123,7 @@ impl Bench {
         let near = self.columns.iter().all(|&(channel, state)| {
             let column = || piece.run.column(channel).iter().copied().filter(|v| v.is_finite());
             let (low, high) = column().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            let reach = LEFT_LOG * (high - low).max(10.0 * self.noise_of(state));
+            let reach = LEFT_LOG * (high - low).max(RANGE * self.noise_of(state));
             (0..readings.nrows()).all(|i| (low - reach..=high + reach).contains(&readings[(i, state)]))
         });
         Ok(near.then_some(piece))
@@ -194,10 +194,10 @@ impl Bench {
                 if strength >= most {
                     return None;
                 }
-                let guess = strength * (target / gap.max(1e-9 * target)).clamp(1.02, 30.0);
+                let guess = strength * (target / gap.max(1e-9 * target)).clamp(STRONGER.0, STRONGER.1);
                 next = if guess < above { guess.min(most) } else { (strength * above).sqrt() };
             } else if let Some(&(strength, gap)) = known.iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
-                next = strength * if gap.is_finite() { (target / gap).clamp(1.0 / 30.0, 0.98) } else { 0.1 };
+                next = strength * if gap.is_finite() { (target / gap).clamp(WEAKER.0, WEAKER.1) } else { FAR_WEAKER };
             }
             known.push((next, self.gap(planted, next)));
         }
@@ -275,12 +275,4 @@ impl Bench {
 /// As a sensor of this step reads it; 0 is a sensor without steps.
 fn rounded(value: f64, step: f64) -> f64 {
     if step > 0.0 { (value / step).round() * step } else { value }
-}
-
-/// A standard normal variable (Box and Muller 1958).
-pub(crate) fn normal(random: &mut ChaCha8Rng) -> f64 {
-    // Never zero, so that the logarithm is finite.
-    let mut uniform = || ((random.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
-    let (radius, turn) = (uniform(), uniform());
-    (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
 }

@@ -1,5 +1,6 @@
 //! Settings of a power study.
 
+use crate::diagnose::limits::GAPS;
 use crate::error::{Error, Result};
 
 /// Settings of a power study.
@@ -24,7 +25,7 @@ pub struct Power {
 
 impl Default for Power {
     fn default() -> Self {
-        Self { gap_to_noise: vec![1.0, 3.0, 10.0], draws: 2, null_draws: 20, seed: 0 }
+        Self { gap_to_noise: GAPS.to_vec(), draws: 2, null_draws: 20, seed: 0 }
     }
 }
 

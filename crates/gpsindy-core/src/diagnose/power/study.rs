@@ -97,11 +97,11 @@ mod tests {
     use super::*;
     use crate::data::{Channel, Run};
     use crate::diagnose::Diagnose;
-    use crate::diagnose::power::copies::normal;
     use crate::error::Error;
     use crate::expression::Expression;
     use crate::model::{Control, Model, Parameter, State};
     use crate::progress::Silent;
+    use crate::random::normal;
     use crate::simulate::{Excitation, Simulate};
     use faer::Mat;
 

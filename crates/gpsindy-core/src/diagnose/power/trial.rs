@@ -4,13 +4,15 @@ use crate::data::Dataset;
 use crate::diagnose::catalogue::effect::separating_experiment;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::planting::Planted;
-use crate::diagnose::power::copies::{Bench, normal};
+use crate::diagnose::limits::NO_ROW;
+use crate::diagnose::power::copies::Bench;
 use crate::diagnose::power::settings::Power;
 use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, PowerTrial};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
 use crate::parallel::*;
 use crate::progress::{Progress, step};
+use crate::random::normal;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -41,9 +43,6 @@ impl<'a> Count<'a> {
         step(self.progress, "power", done.min(self.total), self.total)
     }
 }
-
-/// The row of copies without an effect: more than any study has.
-const NO_ROW: u64 = (1 << 24) - 1;
 
 /// The diagnoses of all copies.
 pub(crate) struct Table<'a> {

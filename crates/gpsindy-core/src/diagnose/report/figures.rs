@@ -3,7 +3,7 @@
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
-/// Most points that one curve of [`Figures`] carries.
+/// Most points that one curve of [`Figures`] carries: an agreement with the page. Exact.
 pub const FIGURE_POINTS: usize = 400;
 
 /// Curves for the HTML page. They may change in any version; a script should not read them.

@@ -4,7 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::MATERIAL;
 use crate::diagnose::limits::weigh::{CROWDED, PARTED, TWINS};
-use crate::diagnose::steps::survey::Summary;
+use crate::diagnose::steps::attribution::survey::Summary;
 
 /// Whether there is a gap.
 #[derive(Debug, Clone)]

@@ -51,8 +51,9 @@ pub(super) fn reach(fits: &[Fit], period: f64, most: usize) -> usize {
 mod tests {
     use super::*;
     use crate::gp::{Conditioned, FitSettings, Points, Quantity, fit};
+    use crate::random::normal;
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
+    use rand_core::SeedableRng;
     use std::slice::from_ref;
 
     #[test]
@@ -62,9 +63,7 @@ mod tests {
         for kernel in [Kernel::Matern32, Kernel::Matern52] {
             for noise in [0.003, 0.3] {
                 let mut random = ChaCha8Rng::seed_from_u64(5);
-                // A sum of twelve uniforms is normal enough, and has variance 1.
-                let mut normal = || (0..12).map(|_| random.next_u32() as f64 / u32::MAX as f64 - 0.5).sum::<f64>();
-                let values: Vec<f64> = time.iter().map(|t| t.sin() + noise * normal()).collect();
+                let values: Vec<f64> = time.iter().map(|t| t.sin() + noise * normal(&mut random)).collect();
                 let points = Points::in_time(&time, &values);
                 let found = fit(from_ref(&kernel), from_ref(&points), &FitSettings::default()).unwrap();
                 let at = [vec![time[200]]];

@@ -4,37 +4,12 @@
 //! stays: at every sample the readings move the predicted states by their innovations times a gain, and a suspect that moves the
 //! prediction is moved back by the same gains.
 
+use super::correction::Correction;
 use super::lockstep::{Group, Job, L};
 use super::tangent::{Step, Tangent};
 use crate::model::System;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
-
-/// What the readings of one sample do to the simulator's states.
-pub(crate) struct Correction {
-    /// Simulator's states before the readings, and the readings that they predict.
-    predicted: Vec<f64>,
-    shown: Vec<f64>,
-    /// States by readings (n x c), in their units; zero where nothing was read.
-    gain: DMatrix<f64>,
-}
-
-impl Correction {
-    /// Moves the lanes of a group to the guided state `at`, each as far from it as its prediction and its readings are off.
-    pub(super) fn apply(&self, group: &mut Group<'_>, at: &[f64], shown: &[[f64; L]]) {
-        for (j, (at, predicted)) in at.iter().zip(&self.predicted).enumerate() {
-            let now = group.state(j);
-            group.set_state(
-                j,
-                std::array::from_fn(|lane| {
-                    let readings = shown.iter().zip(&self.shown).enumerate();
-                    let back: f64 = readings.map(|(c, (now, then))| self.gain[(j, c)] * (now[lane] - then)).sum();
-                    at + (now[lane] - predicted) - back
-                }),
-            );
-        }
-    }
-}
 
 /// A path by window and sample: all states.
 pub(crate) type Path = Vec<Vec<Vec<f64>>>;

@@ -5,7 +5,7 @@
 //! the states have moved and `a` what a suspect hands to the simulator.
 
 use super::buffer::Buffer;
-use super::guided::Correction;
+use super::correction::Correction;
 use super::lockstep::{Group, Job, L, MOST_ROWS};
 use crate::model::System;
 use crate::refine::{Experiment, Window};

@@ -59,91 +59,25 @@ pub(crate) fn guess_starts(system: &System, experiment: &Experiment, parameters:
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::data::{Channel, Dataset, Run};
-    use crate::expression::Expression;
-    use crate::model::{Control, Dynamics, Model, Rows, State, Steps};
-    use faer::Mat;
+    use crate::model::stepping::{Stepping, drawn};
     use std::sync::Arc;
-
-    /// A joint with dry friction under a stiff servo, which saturates 3 mrad from where it should be.
-    struct Servo;
-
-    impl Steps for Servo {
-        fn period(&self) -> f64 {
-            0.005
-        }
-
-        fn n_forces(&self) -> usize {
-            0
-        }
-
-        fn n_parameters(&self) -> usize {
-            0
-        }
-
-        fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
-            for ((x, u), next) in rows.states.chunks(2).zip(rows.commands).zip(next.chunks_mut(2)) {
-                let force = (1000.0 * (u - x[0]) - 3.0 * x[1]).clamp(-3.0, 3.0);
-                let pushed = x[1] + dt * force / 0.03;
-                next[1] = pushed.signum() * (pushed.abs() - dt * 0.05 / 0.03).max(0.0);
-                next[0] = x[0] + dt * next[1];
-            }
-            Ok(())
-        }
-    }
-
-    impl Dynamics for Servo {
-        fn n_states(&self) -> usize {
-            2
-        }
-
-        fn n_controls(&self) -> usize {
-            1
-        }
-
-        fn derivative(&self, _: f64, _: &[f64], _: &[f64], _: &mut [f64]) -> Result<()> {
-            Err(Error::settings("it steps"))
-        }
-
-        fn steps(&self) -> Option<&dyn Steps> {
-            Some(self)
-        }
-    }
 
     #[test]
     fn a_start_is_found_over_many_saturations() {
         let noise = [1e-3, 1e-2];
-        let mut model = Model {
-            states: ["q", "v"].map(|name| State::new(name, Expression::Pi)).into(),
-            controls: vec![Control::new("u")],
-            ..Model::default()
-        };
-        model.call_simulator(&[(0, 1)]);
-        let system = System::with_simulator(&model, Some(Arc::new(Servo))).unwrap();
-        let (count, per) = (960, 2);
-        // Numbers in -1 to 1 without a pattern.
-        let drawn = |i: usize| (((i as f64 + 1.0) * 12.9898).sin() * 43758.5453).fract();
-        let mut values = Mat::zeros(count, 3);
-        let mut x = vec![0.0, 0.0];
-        for i in 0..count {
-            let u = drawn(9000 + i / 40);
-            for (j, noise) in noise.iter().enumerate() {
-                values[(i, j)] = x[j] + 3f64.sqrt() * noise * drawn(2 * i + j);
-            }
-            values[(i, 2)] = u;
-            for _ in 0..per {
-                let rows = Rows { count: 1, states: &x.clone(), commands: &[u], forces: &[], parameters: &[] };
-                Servo.step(&rows, 0.005, &mut x).unwrap();
-            }
-        }
-        let run = Run { name: "steps".into(), time: (0..count).map(|i| 0.01 * i as f64).collect(), values };
-        let data = Dataset::new(["q", "v", "u"].map(Channel::new).into(), vec![run]).unwrap();
+        let (count, inertia) = (960, 0.03);
+        let servo = Arc::new(Stepping::rough_servo());
+        let system = servo.system("q", ("inertia", inertia));
+        let command = |i: usize| drawn(9000 + i / 40);
+        let sensor = |i: usize, j: usize, x: f64| x + 3f64.sqrt() * noise[j] * drawn(2 * i + j);
+        let read = |i: usize, x: [f64; 2]| [sensor(i, 0, x[0]), sensor(i, 1, x[1])];
+        let data = servo.log(("q", inertia), ([0.0; 2], count), command, command, read);
         let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.95);
         let per_value = |starts: &[Vec<f64>]| {
-            let fit = Refine::default().fit(&system, &experiment, &[], &[], Some(starts)).unwrap();
+            let fit = Refine::default().fit(&system, &experiment, &[inertia], &[], Some(starts)).unwrap();
             fit.cost / (2 * count) as f64
         };
-        let followed = per_value(&guess_starts(&system, &experiment, &[]).unwrap());
+        let followed = per_value(&guess_starts(&system, &experiment, &[inertia]).unwrap());
         let at_once = per_value(&guess_initial(&system, &experiment));
         assert!(followed < 1.4, "{followed}");
         assert!(at_once > 2.0 * followed, "{at_once}, {followed}");

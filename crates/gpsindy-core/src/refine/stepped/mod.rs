@@ -189,84 +189,14 @@ impl State {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::data::{Channel, Dataset, Run};
-    use crate::error::Error;
-    use crate::expression::Expression;
-    use crate::model::{Control, Dynamics, Model, Parameter, Rows, State, Steps};
-    use faer::Mat;
-    use std::sync::atomic::{AtomicUsize, Ordering};
-
-    /// A mass on a spring with a stiffness of its own, which counts the rows that it steps.
-    #[derive(Default)]
-    struct Spring {
-        rows: AtomicUsize,
-    }
-
-    impl Steps for Spring {
-        fn period(&self) -> f64 {
-            0.01
-        }
-
-        fn n_forces(&self) -> usize {
-            0
-        }
-
-        fn n_parameters(&self) -> usize {
-            1
-        }
-
-        fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
-            self.rows.fetch_add(rows.count, Ordering::Relaxed);
-            for (((x, u), k), next) in
-                rows.states.chunks(2).zip(rows.commands).zip(rows.parameters).zip(next.chunks_mut(2))
-            {
-                next[1] = x[1] + dt * (u - k * x[0] - 0.3 * x[1] * x[1].abs());
-                next[0] = x[0] + dt * next[1];
-            }
-            Ok(())
-        }
-    }
-
-    impl Dynamics for Spring {
-        fn n_states(&self) -> usize {
-            2
-        }
-
-        fn n_controls(&self) -> usize {
-            1
-        }
-
-        fn derivative(&self, _: f64, _: &[f64], _: &[f64], _: &mut [f64]) -> Result<()> {
-            Err(Error::settings("it steps"))
-        }
-
-        fn steps(&self) -> Option<&dyn Steps> {
-            Some(self)
-        }
-    }
+    use crate::model::stepping::Stepping;
 
     /// A spring of stiffness 4, and noise-free logs of one with 5 in 20 windows.
-    fn softer_than_its_logs() -> (Arc<Spring>, System, Experiment) {
-        let mut model = Model {
-            states: ["x", "v"].map(|name| State::new(name, Expression::Pi)).into(),
-            controls: vec![Control::new("u")],
-            parameters: vec![Parameter::new("k", 4.0)],
-            ..Model::default()
-        };
-        model.call_simulator(&[(0, 1)]);
-        let spring = Arc::new(Spring::default());
-        let system = System::with_simulator(&model, Some(spring.clone())).unwrap();
-        let count = 1000;
-        let mut values = Mat::zeros(count, 3);
-        let mut x = vec![0.5, 0.0];
-        for i in 0..count {
-            let u = (0.02 * i as f64).sin() + f64::from((i / 70).is_multiple_of(2));
-            (values[(i, 0)], values[(i, 1)], values[(i, 2)]) = (x[0], x[1], u);
-            let rows = Rows { count: 1, states: &x.clone(), commands: &[u], forces: &[], parameters: &[5.0] };
-            spring.step(&rows, 0.01, &mut x).unwrap();
-        }
-        let run = Run { name: "run".into(), time: (0..count).map(|i| 0.01 * i as f64).collect(), values };
-        let data = Dataset::new(["x", "v", "u"].map(Channel::new).into(), vec![run]).unwrap();
+    fn softer_than_its_logs() -> (Arc<Stepping>, System, Experiment) {
+        let spring = Arc::new(Stepping::spring());
+        let system = spring.system("x", ("k", 4.0));
+        let command = |i: usize| (0.02 * i as f64).sin() + f64::from((i / 70).is_multiple_of(2));
+        let data = spring.log(("x", 5.0), ([0.5, 0.0], 1000), command, command, |_, x| x);
         let experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap().with_windows_of(0.5);
         (spring, system, experiment)
     }
@@ -278,9 +208,9 @@ mod tests {
         let starts = guess_starts(&system, &experiment, &[4.0]).unwrap();
         let fit = |steps: usize, kept: Option<&Arc<Kept>>| {
             let settings = Refine { max_iterations: steps, tolerance: 1e-6 };
-            let before = spring.rows.load(Ordering::Relaxed);
+            let before = spring.rows();
             let fit = settings.fit_on(&system, &experiment, (&[4.0], &free), &starts, kept).unwrap();
-            (fit, spring.rows.load(Ordering::Relaxed) - before)
+            (fit, spring.rows() - before)
         };
         let (first, _) = fit(60, None);
         assert!(first.converged && (first.parameters[0] - 5.0).abs() < 1e-4, "{first:?}");

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::jacobian::{Block, Jacobian, Point, difference};
+use crate::refine::blocks::{Block, Jacobian, Point, difference};
 use crate::refine::tally::Purpose;
 use crate::refine::{Experiment, Free, Job, roll_together};
 use nalgebra::{DMatrix, DVector};

@@ -4,7 +4,7 @@ use super::super::Sheet;
 use super::super::column::Column;
 use super::Looked;
 use crate::error::Result;
-use crate::parquet_log::ParquetLog;
+use crate::formats::parquet_log::ParquetLog;
 use crate::topic::Source;
 use gpsindy_core::Progress;
 

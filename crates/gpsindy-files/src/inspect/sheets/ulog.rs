@@ -4,8 +4,8 @@ use super::super::Sheet;
 use super::super::column::Column;
 use super::Looked;
 use crate::error::Result;
+use crate::formats::ulog::container::{Field, parse};
 use crate::input::Input;
-use crate::ulog::container::{Field, parse};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 

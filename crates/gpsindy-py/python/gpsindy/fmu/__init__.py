@@ -20,8 +20,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from gpsindy import _gpsindy
-from gpsindy._tables import Array
-from gpsindy.dataset import Path
+from gpsindy.data._tables import Array
+from gpsindy.data.dataset import Path
 from gpsindy.fmu.copies import Copies
 from gpsindy.fmu.instance import Kind
 from gpsindy.fmu.workers import Workers, shared

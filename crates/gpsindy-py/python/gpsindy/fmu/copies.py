@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 from gpsindy.fmu.instance import Instance, Kind
 
 #: Instances that are kept at most, each with parameters of its own.

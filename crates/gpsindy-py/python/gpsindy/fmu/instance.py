@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 
 Kind = Literal["model exchange", "co-simulation"]
 

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 from gpsindy.fmu.instance import Kind
 
 

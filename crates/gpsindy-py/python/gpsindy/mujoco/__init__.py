@@ -12,9 +12,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gpsindy import _gpsindy, mjcf
-from gpsindy._tables import Array, unknown
-from gpsindy.dataset import Path
+from gpsindy import _gpsindy
+from gpsindy.data._tables import Array, unknown
+from gpsindy.data.dataset import Path
+from gpsindy.following import mjcf
 from gpsindy.model import Model
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.base import Base

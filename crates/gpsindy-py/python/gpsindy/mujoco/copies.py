@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 from gpsindy.mujoco._engine import batch
 from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.drivers import Drivers

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from gpsindy import mjcf
+from gpsindy.following import mjcf
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.settings import Setting, settings_of
 from gpsindy.stepper import seconds_late

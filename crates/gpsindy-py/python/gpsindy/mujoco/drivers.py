@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsindy._tables import Array, unknown
+from gpsindy.data._tables import Array, unknown
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.settings import Setting
 

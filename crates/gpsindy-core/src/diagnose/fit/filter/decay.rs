@@ -1,9 +1,7 @@
 //! What a random process does within a step, and what it moves.
 
 use super::driven::{GAUSS, TERMS};
-
-/// Times of a process within which its series has no difference of large numbers.
-const SOON: f64 = 8.0;
+use crate::diagnose::limits::forcing::SOON;
 
 /// What one process does within a step, for steps of one length.
 pub(super) struct Decay {

@@ -1,11 +1,12 @@
 //! What white noise does to the states of a linear system over one step.
 
 use super::Process;
+use crate::diagnose::limits::forcing::CONVERGED;
 use nalgebra::{DMatrix, DVector};
 
 /// Logarithm of a matrix near one, by its series; of one that is not, the first term.
 pub(super) fn logarithm(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    /// Terms: the last one is below a thousandth for states that change by half between two samples.
+    /// Terms: the last one is below a thousandth for states that change by half between two samples. Exact.
     const TERMS: i32 = 8;
     let beyond = matrix - DMatrix::identity(matrix.nrows(), matrix.ncols());
     let mut power = beyond.clone();
@@ -14,13 +15,13 @@ pub(super) fn logarithm(matrix: &DMatrix<f64>) -> DMatrix<f64> {
         power = -(&power * &beyond);
         sum += &power / f64::from(k);
     }
-    if power.amax() < 0.1 * beyond.amax() { sum } else { beyond }
+    if power.amax() < CONVERGED * beyond.amax() { sum } else { beyond }
 }
 
-/// Terms of the exponential of a step: a process may decay by e^2 within it.
+/// Terms of the exponential of a step: a process may decay by e^2 within it. Exact.
 pub(super) const TERMS: usize = 10;
 
-/// Points on -1 to 1 of Gauss and Legendre's third rule, and their weights on 0 to 1.
+/// Points on -1 to 1 of Gauss and Legendre's third rule, and their weights on 0 to 1. Exact.
 pub(super) const GAUSS: [(f64, f64); 3] =
     [(-0.774_596_669_241_483_4, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.774_596_669_241_483_4, 5.0 / 18.0)];
 

@@ -2,15 +2,13 @@
 
 use super::driven::{driven, logarithm};
 use super::{Acts, Filter, Pace, Process, Reading, Sample};
+use crate::diagnose::limits::DIFFERENCE;
 use crate::refine::lanes::Lanes;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
 
-/// Copies of a model that are rolled out at once.
+/// Copies of a model that are rolled out at once. Exact.
 const LANES: usize = 8;
-
-/// Step of a finite difference, in typical sizes.
-const STEP: f64 = 1e-5;
 
 /// The lanes beside the first, and what each of them moves: of `size` things those from number `first` on.
 fn moving(first: usize, size: usize) -> impl Iterator<Item = (usize, usize)> {
@@ -150,7 +148,7 @@ impl<'a> Pass<'a> {
         let size = self.scale.len();
         let mut all: Vec<[f64; LANES]> = self.state.iter().map(|&v| [v; LANES]).collect();
         for (lane, place) in moving(first, size) {
-            all[place][lane] += STEP * self.scale[place];
+            all[place][lane] += DIFFERENCE * self.scale[place];
         }
         all
     }
@@ -166,7 +164,7 @@ impl<'a> Pass<'a> {
             self.lanes.roll((number, number), &starts, columns, 1, |_, c, values| {
                 expected[c] = values[0];
                 for (lane, place) in moving(first, size) {
-                    slopes[(c, place)] = (values[lane] - values[0]) / (STEP * scale[place]);
+                    slopes[(c, place)] = (values[lane] - values[0]) / (DIFFERENCE * scale[place]);
                 }
             });
         }
@@ -193,7 +191,7 @@ impl<'a> Pass<'a> {
                 }
                 next[j] = values[0];
                 for (lane, place) in moving(first, size) {
-                    transition[(j, place)] = (values[lane] - values[0]) / (STEP * scale[place]);
+                    transition[(j, place)] = (values[lane] - values[0]) / (DIFFERENCE * scale[place]);
                 }
             });
         }

@@ -1,7 +1,7 @@
 //! Kalman's filter and the smoother of Rauch, Tung and Striebel along a path of a simulator that steps.
 
 use crate::diagnose::fit::guide::whiten;
-use crate::diagnose::limits::innovations::LEAST;
+use crate::diagnose::limits::innovations::LEAST_PUSH;
 use crate::model::System;
 use crate::refine::{Block, Experiment, Guided};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -40,7 +40,7 @@ impl Filter {
         let column = |(c, &j): (usize, &usize)| shows(system, j).then(|| (j, scale[j] / experiment.noise[c]));
         let columns: Vec<Option<(usize, f64)>> = experiment.columns.iter().enumerate().map(column).collect();
         let noise = |j: usize| columns.iter().flatten().find(|(i, _)| *i == j).map_or(1.0, |(_, slope)| 1.0 / slope);
-        let least = DVector::from_fn(n, |j, _| (LEAST * noise(j)).powi(2));
+        let least = DVector::from_fn(n, |j, _| (LEAST_PUSH * noise(j)).powi(2));
         let pushes = DVector::from_fn(n, |j, _| noise(j).powi(2));
         Some(Self { scale, columns, pushes, least })
     }

@@ -1,0 +1,82 @@
+//! A load behind an elastic joint.
+
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
+use crate::diagnose::catalogue::example::{self, Drive, Example};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{Writer, amplitude};
+use crate::error::Result;
+use crate::expression::Expression;
+use crate::model::State;
+use std::f64::consts::{PI, TAU};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "elastic joint",
+    meaning: "The drive and its load are joined by a spring that the model assumes to be rigid.",
+    family: Family::Coupling,
+    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r",
+    symbols: &["z"],
+    parameters: "m: inertia of the load as a share of the drive's, omega: rad/s, zeta: damping",
+    signature: "a resonance after each jump of the force, and no effect at slow motion",
+    places: &[Place::Own],
+    sense: &[Sense::Speed],
+    twins: &[(Effect::InputLag, "a chirp beyond the resonance"), (Effect::Inertia, "a chirp beyond the resonance")],
+    traits: Traits { added_states: 2, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+    example: Example::of(
+        example::CART,
+        Drive::Steps,
+        10.0,
+        "v",
+        &[("v", "2*u - 0.8*v + 0.6*(36*s + 1.2*r)"), ("s", "r"), ("r", "-36*s - 1.2*r - (2*u - 0.8*v)")],
+    ),
+    in_mjcf: None,
+    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let state = writer.hypothesis.state;
+    let (period, window) = (writer.scene.period, writer.scene.window);
+    // Three swings between two starts: a slower one with a start of its own would fit any slow force.
+    let (slowest, fastest) = (3.0 * TAU / window, 0.6 * PI / period);
+    let m = writer.add("m", 0.0, 1.0, (0.0, 10.0), "");
+    let omega = writer.add("omega", slowest, slowest, (slowest, PI / period), "rad/s");
+    let zeta = writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "");
+    let name = writer.model.states[state].name.clone();
+    let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
+    let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
+    let symbols = [("s", twist.clone()), ("r", unwinding.clone()), ("omega", omega), ("zeta", zeta)];
+    let pull = writer.form("omega^2*s + 2*zeta*omega*r", &symbols)?;
+    writer.add_term(m.times(pull.clone()));
+    let whole = writer.model.states[state].equation.clone();
+    writer.set_rate(&twist, unwinding.clone());
+    writer.set_rate(&unwinding, pull.negated().minus(whole));
+    let ratio = (fastest / slowest).max(1.0);
+    Ok((0..7).map(|k| amplitude(&[1e-3, slowest * ratio.powf(f64::from(k) / 6.0), 0.05])).collect())
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let state = planting.hypothesis.state;
+    let omega = 0.12 * PI / planting.scene.period;
+    let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
+    let own = |name: &str| Expression::variable(name.to_string());
+    let symbols = [
+        ("x", own(&stretch)),
+        ("v", own(&slip)),
+        ("stiff", Expression::Number(omega * omega)),
+        ("lossy", Expression::Number(0.1 * omega)),
+    ];
+    let back = planting.written("c*stiff*x + c*lossy*v", "c", &symbols)?;
+    planting.add_term(back);
+    let mine = planting.written("stiff*x + lossy*v", "c", &symbols)?;
+    let rate = mine.plus(planting.model.states[state].equation.clone()).negated();
+    planting.model.states.push(State::new(stretch.clone(), own(&slip)));
+    planting.model.states.push(State::new(slip.clone(), rate));
+    planting.model.initial.extend([(stretch, 0.0), (slip, 0.0)]);
+    Ok(Some(Size::within("m", String::new(), (0.02, 8.0), "")))
+}

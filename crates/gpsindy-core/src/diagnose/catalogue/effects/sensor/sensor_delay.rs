@@ -1,0 +1,49 @@
+//! The column reads late.
+
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
+use crate::diagnose::catalogue::example::{self, Drive, Example};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::place::{Family, Place};
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::writer::Writer;
+use crate::error::Result;
+use crate::expression::{Expression, Function};
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "sensor delay",
+    meaning: "The reading of the sensor is delayed.",
+    family: Family::Sensor,
+    form: "the column reads the state tau earlier",
+    symbols: &[],
+    parameters: "tau: delay, s",
+    signature: "one column lags behind the others by a constant time",
+    places: &[Place::Sensor],
+    sense: &[],
+    twins: &[],
+    traits: Traits { reads_the_past: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+    example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "delay(x, 0.3)"),
+    in_mjcf: None,
+    about: "",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let name = writer.model.states[writer.hypothesis.state].name.clone();
+    let longest = 0.3 * writer.scene.duration;
+    let tau = writer.add("tau", 0.0, writer.scene.period, (0.0, longest), "s");
+    let late = Expression::Call(Function::Delay, vec![Expression::variable(name.clone()), tau]);
+    writer.read_as(writer.reads().substitute(&name, &late));
+    Ok(writer.times(1.7, 10))
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let state = &planting.model.states[planting.hypothesis.state];
+    let own = Expression::variable(state.name.clone());
+    let reads = state.measured.clone().unwrap_or_else(|| own.clone());
+    let late = planting.written("delay(x, tau)", "tau", &[("x", own)])?;
+    let measured = reads.substitute(&state.name, &late);
+    planting.model.states[planting.hypothesis.state].measured = Some(measured);
+    Ok(Some(planting.late()))
+}

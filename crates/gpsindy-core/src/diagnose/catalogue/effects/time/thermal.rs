@@ -1,0 +1,70 @@
+//! A parameter that follows a hidden temperature.
+
+use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
+use crate::diagnose::catalogue::example::{self, Drive, Example};
+use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::{Family, Place};
+use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
+use crate::error::Result;
+use crate::expression::Expression;
+use crate::model::State;
+
+pub(super) static DEFINITION: Definition = Definition {
+    name: "thermal",
+    meaning: "A parameter of the plant changes as it warms up and returns as it cools.",
+    family: Family::Time,
+    form: "p becomes p*(1 + c*T), with a hidden temperature T that u^2 heats within the time tau",
+    symbols: &["p", "u"],
+    parameters: "c: relative change when warm, tau: time constant, s",
+    signature: "the model fits at first; the plant changes under load and recovers at rest",
+    places: &[Place::Heated],
+    sense: &[Sense::Moves(1)],
+    twins: &[(Effect::Drift, "a warm-up from cold, a rest, and a second warm-up")],
+    traits: Traits { added_states: 1, has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
+    write,
+    plant,
+    told: as_fitted,
+    example: Example::of(
+        example::CART,
+        Drive::Sine(6.0, 1.0),
+        18.0,
+        "v",
+        &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
+    ),
+    in_mjcf: None,
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, which models the losses of a drive. It is tested only on request, because a drift and a slow lag imitate it in short logs.",
+};
+
+fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    let (period, span, size) = (writer.scene.period, writer.span().2, writer.size(1));
+    let c = writer.add("c", 0.0, 1.0, FREE, "");
+    let tau = writer.add("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
+    let name = writer.hypothesis.variables[0].clone();
+    let warm = writer.add_state(&format!("{name}_warmth"), Some(0.0));
+    let symbols = [("tau", tau), ("size", number(size)), ("T", warm.clone()), ("c", c)];
+    let changed = writer.form("p*(1 + c*T)", &symbols)?;
+    writer.replace(&name, &changed);
+    writer.set_rate(&warm, writer.form("((u/size)^2 - T)/tau", &symbols)?);
+    Ok([0.03, 0.1, 0.3, 1.0].map(|part| amplitude(&[1e-3, part * span])).into())
+}
+
+fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
+    let (span, size) = (planting.span(), planting.size_of(1));
+    let name = planting.name(0);
+    let heat = planting.model.free_name("heat");
+    let symbols = [
+        ("p", Expression::variable(name.clone())),
+        ("q", Expression::variable(heat.clone())),
+        ("power", Expression::variable(planting.name(1)).over(Expression::Number(size)).power(Expression::Number(2.0))),
+        ("tau", Expression::Number(0.2 * span)),
+    ];
+    let changed = planting.written("p + p*c*q", "c", &symbols)?;
+    planting.replace(&name, &changed);
+    let rate = planting.written("power/tau - q/tau", "c", &symbols)?;
+    planting.model.states.push(State::new(heat.clone(), rate));
+    planting.model.initial.insert(heat, 0.0);
+    Ok(Some(Size::within("c", String::new(), (0.02, 3.0), "")))
+}

@@ -1,0 +1,6 @@
+//! The noise of the sensors: autoregressions of residuals, and what becomes of values that are whitened by them.
+
+pub(crate) mod autoregression;
+pub(crate) mod colour;
+pub(crate) mod noise;
+pub(crate) mod whitening;

@@ -1,0 +1,27 @@
+//! Where an effect makes sense, and where it acts.
+
+/// Deviations of a variable's noise by which it must go back in order to turn: differences of normal values reach seven in 10^12.
+/// Argument.
+pub(crate) const TURNED: f64 = 10.0;
+
+/// By how much more a name must move an equation than the one before, so that equals keep their order. Convention.
+pub(crate) const CLEARLY: f64 = 1.05;
+
+/// Where in their ranges the variables stand while one of them is tried: inside, at either side. Convention.
+pub(crate) const INSIDE: (f64, f64) = (0.2, 0.8);
+
+/// From what part of its value a parameter goes, to as much above it. Convention.
+pub(crate) const FROM: f64 = 0.75;
+
+/// Share of a variable's size that its range must have for it to move. Convention.
+pub(crate) const MOVES: f64 = 0.01;
+
+/// Share of a variable's size by which it must go either way: less is the error of a start. Convention.
+pub(crate) const REVERSES: f64 = 0.05;
+
+/// Sine of the angle below which two directions are one: what differences leave of equal ones is far less. Argument.
+pub(crate) const ALONG: f64 = 1e-3;
+
+/// Where an equation is probed: a mean, steps of a phase by variable and by point, and a time, so that the points have no pattern.
+/// Convention.
+pub(crate) const PROBED: (f64, f64, f64, f64) = (1.5, 1.7, 2.3, 0.3);

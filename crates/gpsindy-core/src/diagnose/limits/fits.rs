@@ -1,0 +1,76 @@
+//! How long a fit searches, and what it stands on.
+
+use crate::refine::Refine;
+
+/// How long a fit may search: a step of Gauss-Newton doubles the digits near the end, so that few are enough to rank, and
+/// a fit that has not come to rest after sixty is held up by a bound or an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Budget {
+    /// One step: tells whether a hypothesis is worth a rough fit, where even that is dear.
+    Glance,
+    /// Ranks what is worth a real fit.
+    Rough,
+    /// Decides between contestants.
+    Usual,
+    /// Goes to the end: of what is reported, and of what others go on from.
+    Thorough,
+}
+
+impl Budget {
+    /// Whether a fit only ranks, so that another one goes on from it where it may win.
+    pub(crate) fn only_ranks(self) -> bool {
+        matches!(self, Self::Glance | Self::Rough)
+    }
+
+    pub(crate) fn refine(self) -> Refine {
+        match self {
+            Self::Glance => Refine { max_iterations: 1, tolerance: 1e-5 },
+            Self::Rough => Refine { max_iterations: 4, tolerance: 1e-5 },
+            Self::Usual => Refine { max_iterations: 15, tolerance: 1e-5 },
+            Self::Thorough => Refine { max_iterations: 60, tolerance: 1e-6 },
+        }
+    }
+}
+
+/// Mean squared residual (noise units) that no sensor's noise has, however coloured.
+///
+/// First-order noise with innovations of one, as differences of samples see them, and a coefficient of 0.975 has
+/// `1/(1 - 0.975^2) = 20`; a sensor that remembers for longer than 40 samples is a slow state and no noise. Argument.
+pub(crate) const FAR: f64 = 20.0;
+
+/// First samples of a window that count more where the rest is no noise: two tell a place and a rate. Argument.
+pub(crate) const START_SAMPLES: usize = 2;
+
+/// Mean squared residual (noise units) from which a fit tries the logs' own starts once more: twice the noise's variance.
+/// Convention.
+pub(crate) const POOR: f64 = 2.0;
+
+/// By how many times a window's mean squared residual must exceed the middle window's for its start to be doubted: chance does not
+/// double the mean of a hundred squares. Argument.
+pub(crate) const DOUBTED: f64 = 2.0;
+
+/// Standard deviations of a tolerance beyond which a value is no longer tolerated: it is an error, and must win as one.
+///
+/// Three is the usual end of what a belief covers. The belief's tails would not hold it: thousands of residuals that are
+/// structure and not noise outweigh any of them, and a viscous friction of twice its value then hides a dry one before
+/// that has a name. Convention.
+pub(crate) const BELIEVED: f64 = 3.0;
+
+/// Tolerances within which a parameter's move is what the user expects: 19 in 20 of those that are right to within one. Argument.
+pub(crate) const EXPECTED: f64 = 2.0;
+
+/// Share of the largest eigenvalue below which a direction of the linear problem is none: the square of [`super::innovations::STRAIGHT`].
+/// Convention.
+pub(crate) const FLAT: f64 = 1e-6;
+
+/// Share of the end of a tolerance from which a value stands there: an optimiser stops short of a bound. Convention.
+pub(crate) const AT_END: f64 = 0.999;
+
+/// Share of the values that a gain may explain at most, so that its logarithm is one: a millionth of the squares is left. Convention.
+pub(crate) const NEARLY_ALL: f64 = 0.999_999;
+
+/// Mean squared residual (noise units) below which nothing is left to explain: the digits of the residuals. Argument.
+pub(crate) const NO_REST: f64 = 1e-12;
+
+/// Step of a finite difference about a filter's path, in typical sizes: the root of the rounding of a rollout. Argument.
+pub(crate) const DIFFERENCE: f64 = 1e-5;

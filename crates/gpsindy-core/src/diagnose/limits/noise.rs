@@ -1,0 +1,38 @@
+//! The noise of the sensors.
+
+/// Highest order of a column's noise model: what a filter of order four in a sensor and its thinning leave. BIC takes less
+/// where less will do. Argument.
+pub(crate) const MAX_ORDER: usize = 6;
+
+/// Variance of the innovations (noise units) up to which they can be noise: differences of samples see those of a random
+/// walk, the slowest noise there is, as 3.6. Argument.
+pub(crate) const ROUGH: f64 = 4.0;
+
+/// Residual variance (noise units) up to which the winner's residual counts as noise, with its colour: an effect of half
+/// the noise's variance would have been material. Argument.
+pub(crate) const NOISE: f64 = 1.5;
+
+/// Frequencies at which the residual's spectrum is looked at, and lines of it that a periodic effect starts from: the
+/// first harmonics of one disturbance. Convention.
+pub(crate) const FREQUENCIES: usize = 400;
+pub(crate) const LINES: usize = 5;
+
+/// Least `(1 - sum a_k)^2` of a noise model, by which its spectrum at zero frequency is divided: noise that remembers for 32 samples.
+/// A residual that remembers longer is hardly told from a drift, whose spectrum there has no bound. Argument.
+pub(crate) const SPECTRUM_FLOOR: f64 = 1e-3;
+
+/// Share of the highest frequency that a log can carry up to which its spectrum is looked at: beyond that a line is as far below
+/// as above. Convention.
+pub(crate) const CARRIED: f64 = 0.8;
+
+/// Samples of a period that a line of the spectrum is summed over in a long window: an error of a thirtieth. Argument.
+pub(crate) const OF_PERIOD: f64 = 8.0;
+
+/// Share of their variance that normal values keep without the largest fiftieth of their squares. Argument.
+pub(crate) const TRIMMED: f64 = 0.857;
+
+/// Deviations of a normal variable in the median of its size. Argument.
+pub(crate) const OF_MEDIAN: f64 = 1.4826;
+
+/// By how much of itself noise alone bends a line through three samples: `sqrt(1 + 2/4)`. Argument.
+pub(crate) const BENT: f64 = 1.2;

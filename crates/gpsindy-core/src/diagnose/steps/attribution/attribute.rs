@@ -1,0 +1,151 @@
+//! Attribute: which effects cause the gap, and whether unmodelled structure remains.
+
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{MOST_MOVES, NAMED, REST, SWAP};
+use crate::diagnose::steps::attribution::charge::charge_tolerated;
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
+use crate::diagnose::steps::attribution::lengthen::lengthen;
+use crate::diagnose::steps::attribution::places::{self, Place};
+use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::attribution::screen::nameless;
+use crate::diagnose::steps::attribution::search::{richer, search};
+use crate::diagnose::steps::attribution::simplify::{counts, is_structured, pruned, strongest};
+use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat};
+use crate::error::Result;
+
+/// The causes of a detected gap.
+///
+/// Effects are added, and exchanged for others, while that convinces; then once more on the rollouts by which causes are distinguished, until
+/// no move is left. All places are looked at in every round, so the order of the effects does not count.
+pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<Judged> {
+    if !suspected.detected.gap {
+        return Ok(suspected.without_gap());
+    }
+    let Suspected { nominal, first, nameless, detected } = suspected;
+    let singles = first.singles();
+    let (found, round) = search(contest, &nominal, first)?;
+    let Settled { nominal, mut best, left, is_moved } = settle(contest, nominal, &found)?;
+    let is_structured = is_structured(&best, &left);
+    // What was tried on other rollouts, or with another set of effects, says nothing of these.
+    let is_known = !is_moved && best.has_effects_of(&found);
+    let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
+    let mut round = if is_known { round } else { again(&best)? };
+    let mut places = places::places(contest, &nominal, &best, &round.fits, is_structured)?;
+    let mut known: Vec<Contestant> = Vec::new();
+    for _ in 0..MOST_MOVES {
+        known.push(best.clone());
+        let Some(next) = moved(contest, &nominal, &best, &places, &round.fits, is_structured) else { break };
+        // Fits of one set may end at different points, so that one effect more convinces beside the worse of them and is superfluous
+        // beside the better: the set without it stays.
+        let is_again = known.iter().any(|other| other.has_effects_of(&next));
+        if contest.run.is_out_of_time() || (is_again && next.hypotheses.len() >= best.hypotheses.len()) {
+            break;
+        }
+        best = next;
+        round = again(&best)?;
+        places = places::places(contest, &nominal, &best, &round.fits, is_structured)?;
+        if is_again {
+            break;
+        }
+    }
+    let left = if known.len() > 1 { self::nameless(contest, &best)? } else { left };
+    let left = left_over(contest, &best, &left, &round);
+    let nameless = if is_moved { self::nameless(contest, &nominal)? } else { nameless };
+    let seat = |(hypothesis, place): (&Hypothesis, Place)| Seat {
+        hypothesis: hypothesis.clone(),
+        alternatives: place.fits,
+        removed: place.removed,
+    };
+    let seats = best.hypotheses.iter().zip(places).map(seat).collect();
+    let outcome = Outcome { best, seats, singles, left, screened: round.screened };
+    Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
+}
+
+/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
+struct Settled {
+    nominal: Contestant,
+    best: Contestant,
+    /// Gain and degrees of freedom of every function without a name beside them.
+    left: Vec<(f64, usize)>,
+    /// Whether rollouts or tolerances are others now.
+    is_moved: bool,
+}
+
+fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
+    contest.run.begin("settling");
+    let best = pruned(contest, &nominal, found.clone())?;
+    let before = (best.experiment.windows.clone(), nominal.free.len());
+    let (nominal, best) = lengthen(contest, nominal, best)?;
+    let (nominal, best) = charge_tolerated(contest, nominal, best)?;
+    let is_moved = before != (best.experiment.windows.clone(), nominal.free.len());
+    // Once more, because longer rollouts show what an effect is worth.
+    let best = if is_moved { pruned(contest, &nominal, best)? } else { best };
+    let left = nameless(contest, &best)?;
+    Ok(Settled { nominal, best, left, is_moved })
+}
+
+/// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.
+fn moved(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+    places: &[Place],
+    fits: &[Contestant],
+    is_structured: bool,
+) -> Option<Contestant> {
+    let own = best.hypotheses.len();
+    let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
+    let simpler = places.iter().filter_map(|place| place.rest.as_ref()).filter(superfluous);
+    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP;
+    let other = contest.best(places.iter().filter_map(|place| place.fits.first()).filter(is_better));
+    // Where a rest is left anyhow, fewer effects explain it no better.
+    let is_one_for_two =
+        |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
+    // Where a rest is left anyhow, what removes little of the gap is a use for that.
+    let share = if is_structured { NAMED } else { REST };
+    let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share));
+    richer(contest, other.unwrap_or(best), that_count)
+        .or_else(|| contest.best(simpler))
+        .or(other)
+        .or_else(|| contest.best(fits.iter().filter(is_one_for_two)))
+        .cloned()
+}
+
+/// Structure that a function without a name (`gains`), or one more effect, would still remove.
+fn left_over(contest: &Contest<'_>, best: &Contestant, gains: &[(f64, usize)], last: &Expansion) -> Option<Left> {
+    let (place, energy) = strongest(best, gains)?;
+    // Two searches, both paid for.
+    let p_value = (2.0 * nameless_p_value(gains, best).min(last.p_value(best))).min(1.0);
+    let rival = &contest.rivals[place];
+    Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::diagnose::fixture::drive;
+    use crate::diagnose::report::Verdict;
+    use crate::diagnose::{Diagnose, Diagnosed, hold_out};
+    use crate::progress::Silent;
+
+    /// A drive with a tolerance of 5 % whose true rate is 1.03/s.
+    fn slightly_off(noise: f64) -> Diagnosed {
+        let (model, data) = drive(Some(0.05), |x| 1.03 * x, noise, (4, 300));
+        let (train, holdout) = hold_out(&data).unwrap();
+        Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap()
+    }
+
+    #[test]
+    fn a_parameter_within_its_tolerance_is_a_cause_only_where_the_sensors_show_it() {
+        // The outputs move by 0.02: a fifth of one noise, seven times the other.
+        let unseen = slightly_off(0.1).diagnosis;
+        assert_eq!(unseen.verdict, Verdict::NoGap, "{unseen:?}");
+        let seen = slightly_off(0.003).diagnosis;
+        assert_eq!(seen.verdict, Verdict::Explained, "{seen:?}");
+        let first = &seen.causes[0];
+        let names: Vec<&str> = std::iter::once(&first.effect).chain(&first.equivalent).map(String::as_str).collect();
+        assert!(first.included && names.contains(&"parameter_error"), "{:?}", seen.causes);
+    }
+}

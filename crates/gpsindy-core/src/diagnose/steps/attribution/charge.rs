@@ -1,0 +1,60 @@
+//! Charge: a parameter that the fit moves clearly and materially from its nominal value becomes a hypothesis, which competes
+//! with the other effects.
+
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
+use crate::diagnose::fit::moved::{Moved, is_strained, moved};
+use crate::diagnose::limits::{Budget, CONVINCING, MATERIAL, TOLERABLE};
+use crate::diagnose::notes::Note;
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::error::Result;
+
+/// The nominal model without the tolerance of such parameters, and the winner with them as hypotheses.
+pub(crate) fn charge_tolerated(
+    contest: &Contest<'_>,
+    nominal: Contestant,
+    best: Contestant,
+) -> Result<(Contestant, Contestant)> {
+    let charged = charged(&best);
+    if charged.is_empty() {
+        return Ok((nominal, best));
+    }
+    let mut causes = Vec::new();
+    for &index in &charged {
+        let parameter = &nominal.system.model().parameters[index];
+        let is_its = |h: &&Hypothesis| is_error_of(h, &parameter.name);
+        let Some(hypothesis) = contest.hypotheses.iter().find(is_its) else { return Ok((nominal, best)) };
+        // It was chosen among the parameters with a tolerance.
+        let searches = Searches::of(best.free.len());
+        causes.push((Entrant { hypothesis, searches }, vec![best.refined.parameters[index]]));
+    }
+    causes.extend(best.entrants_without(&[]));
+    let free = nominal.free.iter().filter(|f| !charged.contains(&f.parameter)).cloned().collect();
+    let (system, experiment) = (nominal.system.clone(), nominal.experiment.clone());
+    let base = contest.fitter.nominal(system, experiment, free, Budget::Usual)?;
+    let Some(fit) = contest.again_with(&base, &best, &causes)? else { return Ok((nominal, best)) };
+    for &index in &charged {
+        contest.run.notes.say(Note::ChargedParameter { name: nominal.system.model().parameters[index].name.clone() });
+    }
+    Ok((base, fit))
+}
+
+fn is_error_of(hypothesis: &Hypothesis, parameter: &str) -> bool {
+    hypothesis.frees() == Some(parameter)
+}
+
+/// The parameters that are moved, or that are at the end of their tolerance.
+fn charged(best: &Contestant) -> Vec<usize> {
+    let count = best.evidence.count().max(2) as f64;
+    let convincing = |moved: &Moved| {
+        let material = if moved.is_believed { TOLERABLE } else { MATERIAL };
+        let noise = best.evidence.misfit().min(1.0);
+        moved.squared > 2.0 * CONVINCING + count.ln() && moved.squared > material * count * noise
+    };
+    let mut charged: Vec<usize> = moved(best).into_iter().filter(convincing).map(|m| m.parameter).collect();
+    let strained = (0..best.free.len()).filter(|&place| is_strained(best, place));
+    charged.extend(strained.map(|place| best.free[place].parameter));
+    charged.sort_unstable();
+    charged.dedup();
+    charged
+}

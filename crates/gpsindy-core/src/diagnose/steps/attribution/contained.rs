@@ -1,0 +1,53 @@
+//! Simpler effects that a wider one contains, in its stead.
+//!
+//! A screening sees little difference between the two, and the list of those that it lets through may end before the simpler one.
+
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::fit::contestant::{Contestant, Entrant};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::error::Result;
+
+/// `best` with an effect that the one at `place` contains in its stead, from the values that it has there; `base` has none of the
+/// `others`, which stay.
+pub(crate) fn contained(
+    contest: &Contest<'_>,
+    base: &Contestant,
+    best: &Contestant,
+    place: usize,
+    others: &[(Entrant<'_>, Vec<f64>)],
+) -> Result<Vec<Contestant>> {
+    let wide = &best.hypotheses[place];
+    let values = best.values(place);
+    let mut all = Vec::new();
+    for &effect in wide.effect().into_iter().flat_map(Effect::contains) {
+        let Some((hypothesis, own)) = narrow(contest, base, wide, effect, &values) else { continue };
+        if best.hypotheses.contains(hypothesis) {
+            continue;
+        }
+        let mut effects = others.to_vec();
+        effects.push((Entrant { hypothesis, searches: best.searches[place] }, own));
+        all.extend(contest.again_with(base, best, &effects)?);
+    }
+    Ok(all)
+}
+
+/// The hypothesis of `effect` where `wide` acts, and its values: a number of the simulator's own where that carries the effect.
+fn narrow<'a>(
+    contest: &'a Contest<'_>,
+    base: &Contestant,
+    wide: &Hypothesis,
+    effect: Effect,
+    values: &[f64],
+) -> Option<(&'a Hypothesis, Vec<f64>)> {
+    let is_it = |h: &&Hypothesis| {
+        h.is(effect) && (h.state, &h.site) == (wide.state, &wide.site) && h.variables.first() == wide.variables.first()
+    };
+    if let Some(found) = contest.hypotheses.iter().find(is_it) {
+        return Some((found, values.first().into_iter().chain(values.last()).copied().collect()));
+    }
+    let (_, parameter) = wide.site.as_ref()?.carried.iter().find(|(id, _)| *id == effect.id())?;
+    let found = contest.hypotheses.iter().find(|h| h.frees() == Some(parameter))?;
+    let nominal = base.refined.parameters[base.system.model().parameter_index(parameter)?];
+    Some((found, vec![nominal + values.first()?]))
+}

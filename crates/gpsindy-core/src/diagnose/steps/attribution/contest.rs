@@ -1,0 +1,179 @@
+//! The contest: its hypotheses, and the rules by which contestants are compared.
+
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::joint;
+use crate::diagnose::catalogue::place::Family;
+use crate::diagnose::catalogue::rival::Rival;
+use crate::diagnose::fit::contestant::{Contestant, Entrant};
+use crate::diagnose::fit::evidence::gain_tail;
+use crate::diagnose::fit::fitter::{Fitter, standing_at, unless_refused};
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL};
+use crate::diagnose::run::Run;
+use crate::diagnose::steps::attribution::suspects::Suspects;
+use crate::error::Result;
+use std::collections::BTreeMap;
+
+/// The suspects, and the rules by which one wins.
+pub(crate) struct Contest<'a> {
+    pub(crate) run: &'a Run<'a>,
+    pub(crate) hypotheses: Vec<Hypothesis>,
+    /// Sets of hypotheses that also apply together.
+    pub(crate) joint: Vec<Vec<usize>>,
+    /// Functions without a name.
+    pub(crate) rivals: Vec<Rival>,
+    pub(crate) scene: Scene,
+    /// Whether random forces are suspects.
+    pub(crate) random: bool,
+    /// Largest number of effects together.
+    pub(crate) most: usize,
+    pub(crate) fitter: Fitter,
+}
+
+impl<'a> Contest<'a> {
+    /// A contest of so many suspects together at `most`.
+    pub(crate) fn new(run: &'a Run<'a>, fitter: Fitter, suspects: Suspects, most: usize) -> Self {
+        let Suspects { hypotheses, joint, rivals, scene, random } = suspects;
+        Self { run, hypotheses, joint, rivals, scene, random, most, fitter }
+    }
+
+    /// Log prior odds: families alike but for those of time, members alike within their family.
+    fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
+        let mut families: BTreeMap<_, usize> = BTreeMap::new();
+        for h in &self.hypotheses {
+            *families.entry(h.family()).or_default() += 1;
+        }
+        let members = families.get(&hypothesis.family()).copied().unwrap_or(1);
+        let clock = if hypothesis.family() == Family::Time { CLOCK } else { 0.0 };
+        -((families.len().max(1) * members) as f64).ln() - clock
+    }
+
+    /// Log prior odds of a contestant's effects.
+    pub(crate) fn prior(&self, fitted: &Contestant) -> f64 {
+        fitted.hypotheses.iter().map(|h| self.log_prior(h)).sum()
+    }
+
+    /// Score with prior odds.
+    pub(crate) fn score(&self, fitted: &Contestant) -> f64 {
+        fitted.evidence.score() + self.prior(fitted)
+    }
+
+    /// The same where only a share of the values counts.
+    pub(crate) fn score_of(&self, fitted: &Contestant, alone: f64) -> f64 {
+        fitted.evidence.score_of(alone) + self.prior(fitted)
+    }
+
+    /// Nats by which `one` beats `other`, counted as often as the likelier of them leaves values that count alone.
+    pub(crate) fn lead(&self, one: &Contestant, other: &Contestant) -> f64 {
+        let likelier = if one.evidence.likelihood() >= other.evidence.likelihood() { one } else { other };
+        let alone = likelier.evidence.alone();
+        self.score_of(one, alone) - self.score_of(other, alone)
+    }
+
+    /// The best of some, counted as often as the likeliest of them leaves values that count alone.
+    pub(crate) fn best<'f>(&self, fits: impl Iterator<Item = &'f Contestant>) -> Option<&'f Contestant> {
+        let fits: Vec<&Contestant> = fits.collect();
+        let likelihood = |f: &&&Contestant| f.evidence.likelihood();
+        let likeliest = fits.iter().max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)))?;
+        let alone = likeliest.evidence.alone();
+        fits.into_iter().max_by(|a, b| self.score_of(a, alone).total_cmp(&self.score_of(b, alone)))
+    }
+
+    /// The best first.
+    pub(crate) fn sort(&self, fits: &mut [Contestant]) {
+        fits.sort_by(|a, b| self.score(b).total_cmp(&self.score(a)));
+    }
+
+    /// Whether `richer` says enough more than `simpler` to be preferred.
+    pub(crate) fn is_convincing(&self, richer: &Contestant, simpler: &Contestant) -> bool {
+        let evidence = self.lead(richer, simpler);
+        let (more, less) = (&richer.evidence, &simpler.evidence);
+        // An effect also removes what tolerated parameters had to take up without it.
+        let released = (less.strain - more.strain).max(0.0);
+        let removed = less.misfit() - more.misfit() + released;
+        let material = removed > MATERIAL * more.misfit().min(1.0) + less.model_error;
+        evidence > CONVINCING && material && is_significant(richer, simpler)
+    }
+
+    /// `base` with effects and their values, fitted all at once from where `best` is: one at a time, the first would
+    /// be fitted without the others and might not find back. Nothing where they can't be simulated, or written together.
+    pub(crate) fn again_with(
+        &self,
+        base: &Contestant,
+        best: &Contestant,
+        effects: &[(Entrant<'_>, Vec<f64>)],
+    ) -> Result<Option<Contestant>> {
+        let entrants: Vec<Entrant<'_>> = effects.iter().map(|e| e.0).collect();
+        let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
+        self.with_values(base, best, &entrants, &[values], Budget::Usual)
+    }
+
+    /// The same from the best of several values of all effects together.
+    pub(crate) fn with_values(
+        &self,
+        base: &Contestant,
+        best: &Contestant,
+        entrants: &[Entrant<'_>],
+        values: &[Vec<f64>],
+        budget: Budget,
+    ) -> Result<Option<Contestant>> {
+        let hypotheses: Vec<&Hypothesis> = entrants.iter().map(|e| e.hypothesis).collect();
+        // Effects that can't be written together, as a delay of what another effect made a state, are no set.
+        let written = joint::apply(&hypotheses, base.system.model(), &self.scene);
+        let Some(applied) = written.ok().filter(|applied| applied.model.check().is_ok()) else { return Ok(None) };
+        let base = standing_at(base, best);
+        unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))
+    }
+
+    /// `best` without the effects at some places, fitted again from the nominal model.
+    pub(crate) fn without(&self, nominal: &Contestant, best: &Contestant, out: &[usize]) -> Result<Option<Contestant>> {
+        self.again_with(nominal, best, &best.entrants_without(out))
+    }
+}
+
+/// Whether noise would rarely give such a gain anywhere in the search; BIC alone is lenient in short logs.
+fn is_significant(richer: &Contestant, simpler: &Contestant) -> bool {
+    let (more, less) = (&richer.evidence, &simpler.evidence);
+    let alone = more.alone();
+    let gain = 2.0 * alone * (more.likelihood() - less.likelihood());
+    let degrees = more.complexity().saturating_sub(less.complexity());
+    let chance = gain_tail(gain, degrees, (alone * more.count() as f64) as usize, less.spent());
+    richer.searches_beyond(simpler).pay(chance) <= CHANCE
+}
+
+/// Keeps the first contestant with each set of hypotheses.
+pub(crate) fn keep_first_of_each(fits: Vec<Contestant>) -> Vec<Contestant> {
+    let mut kept: Vec<Contestant> = Vec::with_capacity(fits.len());
+    for fit in fits {
+        if !kept.iter().any(|other| other.has_effects_of(&fit)) {
+            kept.push(fit);
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::fit::fitter::unsearched;
+    use crate::diagnose::fixture::{drive, fitted};
+    use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
+    use crate::progress::Silent;
+
+    #[test]
+    fn effects_that_can_not_be_written_together_are_no_set_and_no_error() {
+        let (model, data) = drive(None, |x| 1.3 * x, 0.002, (2, 200));
+        let (fitter, nominal) = fitted(&model, &data, 0.002);
+        let run = Run::new(&Silent, None);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
+        let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
+        let entrant = |id: &str, value: f64| (unsearched(find(id)), vec![value]);
+        // A delay works on a control; one that is then limited in its rate is a state.
+        let both = [entrant("input_delay", 0.02), entrant("input_rate_limit", 5.0)];
+        assert!(contest.again_with(&nominal, &nominal, &both).unwrap().is_none());
+        for one in &both {
+            assert!(contest.again_with(&nominal, &nominal, std::slice::from_ref(one)).unwrap().is_some());
+        }
+    }
+}

@@ -1,0 +1,375 @@
+//! An account of the logs: a contestant beside random processes, and how well the logs speak of both.
+
+use crate::diagnose::catalogue::rival::{self, Rival};
+use crate::diagnose::fit::contestant::{Contestant, Searches};
+use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
+use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace, Process};
+use crate::diagnose::fit::linear::functions::courses;
+use crate::diagnose::limits::CONVINCING;
+use crate::diagnose::limits::forcing::{
+    CLIMB_STEPS, CLIMBED, CURVED, DURATIONS, LAST_STEP, LAWFUL, LEVELS, LONGEST, MOST_PATHS, MOST_READINGS, SETTLED,
+    SKETCHED_READINGS, SLOPED, UNSEEN,
+};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::findings::{Forcing, Told};
+use crate::error::Result;
+use crate::optimise::Optimiser;
+use crate::parallel::*;
+use crate::refine::Window;
+use nalgebra::Matrix2;
+
+/// A contestant beside random processes, and how well the logs speak of both.
+pub(super) struct Account {
+    pub(super) fit: Contestant,
+    filter: Filter,
+    pub(super) processes: Vec<Process>,
+    pub(super) score: f64,
+    /// Samples of the logs that are looked at.
+    most: usize,
+}
+
+impl Account {
+    /// `fit` with `processes` as they are; nothing where it can't be filtered.
+    pub(super) fn of(contest: &Contest<'_>, fit: &Contestant, processes: &[Process]) -> Result<Option<Self>> {
+        let bare = Self::bare(contest, fit, processes.iter().map(|p| p.acts), whole_stretches(fit))?;
+        Ok(bare.and_then(|bare| Self { processes: processes.to_vec(), ..bare }.charged()))
+    }
+
+    /// `fit` beside processes at `places` that are still to be found; nothing where it can't be filtered.
+    fn bare(
+        contest: &Contest<'_>,
+        fit: &Contestant,
+        places: impl Iterator<Item = Acts>,
+        most: usize,
+    ) -> Result<Option<Self>> {
+        let of = |filter| Self { fit: fit.clone(), filter, processes: Vec::new(), score: contest.prior(fit), most };
+        Ok(Filter::new(&fit.system, places)?.map(of))
+    }
+
+    /// `fit` with coloured noise on its columns, where that convinces.
+    pub(super) fn unforced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+        Self::of(contest, fit, &[])?.map(|bare| bare.grown(contest, &columns(fit))).transpose()
+    }
+
+    /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes
+    /// it, or where a part of the logs shows already that what they leave follows a law.
+    pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+        let model = fit.system.model();
+        let rows = (0..fit.nominal_states()).filter(|&j| !model.is_kinematic(j)).map(Acts::Row);
+        let places: Vec<Acts> = rows.chain(columns(fit)).collect();
+        let Some(whole) = Self::of(contest, fit, &[])? else { return Ok(None) };
+        let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
+        let part = part.charged_anew(contest).map(|part| part.grown(contest, &places)).transpose()?;
+        let Some(part) = part else { return Ok(None) };
+        if part.functions(contest)? < LAWFUL {
+            return Ok(None);
+        }
+        let whole = Self { most: whole_stretches(fit), ..part };
+        let whole = match whole.linear(&whole.processes) {
+            Some(linear) if !whole.processes.is_empty() => {
+                let ranges = whole.processes.iter().map(|p| range(contest, fit, p.acts)).collect();
+                let start = whole.processes.clone();
+                let bare = Self { score: contest.prior(fit), ..whole };
+                Sketch { climb: Climb { account: bare, ranges, linear }, start, cost: f64::NAN }.finished()
+            }
+            _ => whole.charged_anew(contest),
+        };
+        whole.map(|whole| whole.grown(contest, &places)).transpose()
+    }
+
+    /// With random processes at some of `places` besides, the best first, while they convince.
+    fn grown(mut self, contest: &Contest<'_>, places: &[Acts]) -> Result<Self> {
+        while self.processes.len() < places.len() {
+            let mut sketches = Vec::new();
+            for &acts in places.iter().filter(|&&acts| self.processes.iter().all(|p| p.acts != acts)) {
+                sketches.extend(self.sketched(contest, acts)?);
+            }
+            sketches.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let tops = sketches.into_iter().take(CLIMBED).filter_map(Sketch::climbed);
+            let top = tops.min_by(|a, b| a.cost.total_cmp(&b.cost)).and_then(Sketch::finished);
+            match top {
+                Some(next) if next.score > self.score + CONVINCING => self = next,
+                _ => break,
+            }
+        }
+        Ok(self)
+    }
+
+    /// Whether a force is among its processes.
+    pub(super) fn is_forced(&self) -> bool {
+        self.processes.iter().any(|process| process.row().is_some())
+    }
+
+    /// The same with one more random process, about where it is at its best.
+    fn sketched(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Sketch>> {
+        let places: Vec<Acts> = self.processes.iter().map(|p| p.acts).chain([acts]).collect();
+        let bare = Self::bare(contest, &self.fit, places.iter().copied(), self.most)?;
+        let Some(account) = bare else { return Ok(None) };
+        let ranges: Vec<Range> = places.into_iter().map(|acts| range(contest, &self.fit, acts)).collect();
+        let start = |process: Process| self.processes.iter().copied().chain([process]).collect();
+        let starts: Vec<Vec<Process>> = ranges[ranges.len() - 1].starts().map(start).collect();
+        // A strong process follows the logs.
+        let Some(linear) = starts.iter().rev().find_map(|start| account.linear(start)) else { return Ok(None) };
+        let climb = Climb { account, ranges, linear };
+        let most = climb.sketched();
+        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, most)).collect();
+        let best = starts.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1));
+        Ok(best.map(|(start, cost)| Sketch { climb, start, cost }))
+    }
+
+    fn linear(&self, processes: &[Process]) -> Option<Linear> {
+        let refined = &self.fit.refined;
+        self.filter.linear((&self.fit.experiment, self.most), (&refined.parameters, &refined.initial), processes)
+    }
+
+    fn filtered(&self, processes: &[Process], pace: Pace) -> Option<Filtered> {
+        let refined = &self.fit.refined;
+        self.filter.run((&self.fit.experiment, self.most), (&refined.parameters, &refined.initial), processes, pace)
+    }
+
+    /// The same with the score on the samples that are looked at now.
+    fn charged_anew(self, contest: &Contest<'_>) -> Option<Self> {
+        Self { score: contest.prior(&self.fit), ..self }.charged()
+    }
+
+    /// With the likelihood in its score, less half the logarithm of the sample size for every parameter; nothing where the filter
+    /// diverges.
+    fn charged(mut self) -> Option<Self> {
+        let found = self.filtered(&self.processes, Pace::Likelihood)?;
+        let parameters = self.fit.evidence.complexity() + 2 * self.processes.len();
+        self.score += found.likelihood - 0.5 * parameters as f64 * (found.count.max(2) as f64).ln();
+        Some(self)
+    }
+
+    /// The processes in their own units, with what the curvature of the likelihood says of them; `p_value` of what is left.
+    ///
+    /// The filter knows deviations beside that of the sensors' noise, whose own size is found last.
+    pub(super) fn told(&self, p_value: f64) -> Forcing {
+        let one = |place: usize| {
+            let process = &self.processes[place];
+            let at = |a: f64, b: f64| {
+                let mut processes = self.processes.clone();
+                processes[place].deviation *= (a * CURVED).exp();
+                processes[place].time *= (b * CURVED).exp();
+                self.filtered(&processes, Pace::Likelihood)
+            };
+            let centre = at(0.0, 0.0)?;
+            let sides = [at(1.0, 0.0)?, at(-1.0, 0.0)?, at(0.0, 1.0)?, at(0.0, -1.0)?];
+            let corners = [at(1.0, 1.0)?, at(-1.0, -1.0)?, at(1.0, -1.0)?, at(-1.0, 1.0)?];
+            let second = |plus: &Filtered, minus: &Filtered| {
+                -(plus.likelihood + minus.likelihood - 2.0 * centre.likelihood) / (CURVED * CURVED)
+            };
+            let mixed =
+                -(corners[0].likelihood + corners[1].likelihood - corners[2].likelihood - corners[3].likelihood)
+                    / (2.0 * CURVED).powi(2);
+            let information = Matrix2::new(second(&sides[0], &sides[1]), mixed, mixed, second(&sides[2], &sides[3]));
+            // The logarithm of the noise's deviation moves with both, and has an error of its own.
+            let moved = |plus: &Filtered, minus: &Filtered| 0.5 * (plus.level / minus.level).ln() / (2.0 * CURVED);
+            let own = Matrix2::new(1.0 + moved(&sides[0], &sides[1]), moved(&sides[2], &sides[3]), 0.0, 1.0);
+            let level = Matrix2::new(0.5 / centre.count.max(1) as f64, 0.0, 0.0, 0.0);
+            let covariance = information.cholesky().map(|c| own * c.inverse() * own.transpose() + level);
+            let covariance =
+                covariance.map_or([[f64::NAN; 2]; 2], |c| [[c[(0, 0)], c[(0, 1)]], [c[(1, 0)], c[(1, 1)]]]);
+            let deviation = process.deviation * centre.level.sqrt();
+            let state = match process.acts {
+                Acts::Row(row) => row,
+                Acts::Column(column) => self.fit.experiment.columns[column],
+            };
+            Some(Told { state, deviation, time: process.time, covariance })
+        };
+        let (forces, errors): (Vec<_>, Vec<_>) =
+            (0..self.processes.len()).partition(|&place| self.processes[place].row().is_some());
+        let of = |places: Vec<usize>| places.into_iter().filter_map(one).collect();
+        Forcing { forces: of(forces), errors: of(errors), p_value }
+    }
+
+    /// Chance that noise gives the best function without a name, in a row or in what a column reads, as large a gain.
+    pub(super) fn functions(&self, contest: &Contest<'_>) -> Result<f64> {
+        let Some(found) = self.filtered(&self.processes, Pace::Samples) else { return Ok(0.0) };
+        let experiment = &self.fit.experiment;
+        let of_columns = rival::of_columns(self.fit.system.model(), &contest.scene, &experiment.columns);
+        let in_rows = contest.rivals.iter().map(|r| (Acts::Row(r.state), r));
+        let on_columns = of_columns.iter().filter_map(|r| Some((Acts::Column(experiment.column_of(r.state)?), r)));
+        let all: Vec<(Acts, &Rival)> = in_rows.chain(on_columns).collect();
+        let spent = self.fit.evidence.spent() + 2 * self.processes.len();
+        let chance = |(acts, rival): &(Acts, &Rival)| -> Result<f64> {
+            let along: Vec<Course> = courses(rival, *acts, &self.fit, &found)?;
+            let (gain, degrees) = found.gain(*acts, &along);
+            Ok(gain_tail(with_fitted_level(gain, found.count), degrees, found.count, spent))
+        };
+        let chances = all.par_iter().map(chance).collect::<Result<Vec<f64>>>()?;
+        Ok(Searches::of(chances.len()).pay(chances.into_iter().fold(1.0, f64::min)))
+    }
+}
+
+/// How many samples hold so many readings.
+fn most(fit: &Contestant, readings: usize) -> usize {
+    readings.div_ceil(fit.experiment.columns.len().max(1))
+}
+
+/// How many samples the stretches have that hold [`MOST_READINGS`]: what a function does late in a log shows only there.
+fn whole_stretches(fit: &Contestant) -> usize {
+    let most = most(fit, MOST_READINGS);
+    let (mut count, mut before): (usize, Option<Window>) = (0, None);
+    for window in &fit.experiment.windows {
+        let goes_on = before.is_some_and(|last| last.log == window.log && last.last + 1 == window.first);
+        if count > most && !goes_on {
+            break;
+        }
+        count += window.last + 1 - window.first;
+        before = Some(*window);
+    }
+    count
+}
+
+/// The columns that may have coloured noise.
+fn columns(fit: &Contestant) -> Vec<Acts> {
+    (0..fit.experiment.columns.len()).map(Acts::Column).collect()
+}
+
+/// Where a process acts, and between what its standard deviation and its correlation time lie.
+struct Range {
+    acts: Acts,
+    /// Those that are tried first.
+    tried: [(f64, f64); 2],
+    /// Those that may be found.
+    bounds: [(f64, f64); 2],
+}
+
+impl Range {
+    fn starts(&self) -> impl Iterator<Item = Process> {
+        let between =
+            |(low, high): (f64, f64), k: usize, of: usize| low * (high / low).powf(k as f64 / (of - 1) as f64);
+        (0..DURATIONS * LEVELS).map(move |k| Process {
+            acts: self.acts,
+            deviation: between(self.tried[0], k % LEVELS, LEVELS),
+            time: between(self.tried[1], k / LEVELS, DURATIONS),
+        })
+    }
+
+    fn holds(&self, process: &Process) -> bool {
+        let is_inside = |value: f64, (low, high): (f64, f64)| (low..=high).contains(&value);
+        is_inside(process.deviation, self.bounds[0]) && is_inside(process.time, self.bounds[1])
+    }
+}
+
+/// What a process may be that acts on `fit`.
+fn range(contest: &Contest<'_>, fit: &Contestant, acts: Acts) -> Range {
+    let experiment = &fit.experiment;
+    let together: f64 = experiment.logs.iter().map(|log| log.time[log.time.len() - 1] - log.time[0]).sum();
+    let (period, longest) = (contest.scene.period, LONGEST * together);
+    let (tried, widest) = match acts {
+        Acts::Row(row) => {
+            let rate = contest.scene.rates[row];
+            ((rate * UNSEEN, rate), rate / UNSEEN)
+        }
+        Acts::Column(column) => {
+            let motion = experiment.scale[experiment.columns[column]];
+            ((experiment.noise[column].min(motion), motion), motion / UNSEEN)
+        }
+    };
+    Range {
+        acts,
+        tried: [tried, (period, 0.5 * longest)],
+        bounds: [(tried.0 * UNSEEN, widest), (0.5 * period, longest)],
+    }
+}
+
+/// The logarithms of every process's standard deviation and correlation time.
+fn logarithms(processes: &[Process]) -> Vec<f64> {
+    processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
+}
+
+/// Random processes about where they are at their best.
+struct Sketch {
+    climb: Climb,
+    start: Vec<Process>,
+    cost: f64,
+}
+
+impl Sketch {
+    /// With all of its processes at their best on a part of the samples: the first of two bore what both do, so all of them move.
+    fn climbed(self) -> Option<Self> {
+        let most = self.climb.sketched();
+        let start = self.climb.top(&self.start, most)?;
+        let cost = self.climb.cost_of(&start, most);
+        Some(Self { start, cost, ..self })
+    }
+
+    /// The account with all of its processes at their best.
+    fn finished(self) -> Option<Account> {
+        let Self { mut climb, start: mut processes, .. } = self;
+        for _ in 0..MOST_PATHS {
+            climb.linear = climb.account.linear(&processes)?;
+            let before = climb.cost_of(&processes, usize::MAX);
+            // A path along which the filter just holds shows no way up.
+            if !before.is_finite() {
+                return None;
+            }
+            processes = climb.top(&processes, usize::MAX)?;
+            if before - climb.cost_of(&processes, usize::MAX) < SETTLED {
+                break;
+            }
+        }
+        Account { processes, ..climb.account }.charged()
+    }
+}
+
+/// What random processes cost beside the machine of an account, about a path of the machine.
+struct Climb {
+    account: Account,
+    ranges: Vec<Range>,
+    linear: Linear,
+}
+
+impl Climb {
+    /// The samples of a sketch.
+    fn sketched(&self) -> usize {
+        most(&self.account.fit, SKETCHED_READINGS)
+    }
+
+    /// Where the processes cost least on the first `most` samples, from `start` on.
+    fn top(&self, start: &[Process], most: usize) -> Option<Vec<Process>> {
+        let climb = Optimiser {
+            tolerance_cost: LAST_STEP,
+            tolerance_gradient: LAST_STEP,
+            max_iterations: CLIMB_STEPS,
+            longest_move: 1.0,
+            ..Optimiser::default()
+        };
+        let found = climb.minimise(&logarithms(start), |place, slope| {
+            let cost = self.cost_of(&self.processes(place), most);
+            for (k, slope) in slope.iter_mut().enumerate() {
+                let at = |step: f64| {
+                    let mut aside = place.to_vec();
+                    aside[k] += step;
+                    self.cost_of(&self.processes(&aside), most)
+                };
+                // Where the range ends, backwards.
+                let ahead = (at(SLOPED) - cost) / SLOPED;
+                *slope = if ahead.is_finite() { ahead } else { (cost - at(-SLOPED)) / SLOPED };
+            }
+            cost.is_finite().then_some(cost)
+        })?;
+        Some(self.processes(&found.point))
+    }
+
+    /// On the first `most` samples.
+    fn cost_of(&self, processes: &[Process], most: usize) -> f64 {
+        if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
+            return f64::INFINITY;
+        }
+        let likelihood = self.linear.likelihood(processes, most);
+        if likelihood.is_finite() { -likelihood } else { f64::INFINITY }
+    }
+
+    /// The processes that have these logarithms.
+    fn processes(&self, logarithms: &[f64]) -> Vec<Process> {
+        let one = |(range, pair): (&Range, &[f64])| Process {
+            acts: range.acts,
+            deviation: pair[0].exp(),
+            time: pair[1].exp(),
+        };
+        self.ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+    }
+}

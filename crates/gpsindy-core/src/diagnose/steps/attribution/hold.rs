@@ -1,0 +1,171 @@
+//! Hold: whether the control is held or interpolated between its samples.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::unless_refused;
+use crate::diagnose::limits::{Budget, FINALISTS, HOLD};
+use crate::diagnose::notes::Note;
+use crate::diagnose::steps::attribution::attribute::attribute;
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::detect::{Suspected, detect};
+use crate::diagnose::steps::findings::Judged;
+use crate::diagnose::steps::logs::prepare::Prepared;
+use crate::error::Result;
+use crate::refine::{Experiment, Hold};
+
+/// What the search begins with: the first round under interpolated controls, where one of its leaders accounts for the logs clearly
+/// better with them than any does with held ones; the user does not say which.
+///
+/// A wrong hold is worth half a sample of delay everywhere, and a search that begins with it spends effects on that.
+pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected) -> Result<Suspected> {
+    let Some(leader) = held.first.fits.first().filter(|_| held.detected.gap && is_open(contest, prepared)) else {
+        return Ok(held);
+    };
+    let others = held.first.fits.iter().take(FINALISTS).map(|fit| unless_refused(interpolated(contest, fit)));
+    let others = others.collect::<Result<Vec<_>>>()?;
+    if !others.iter().flatten().any(|other| contest.lead(other, leader) > HOLD) {
+        return Ok(held);
+    }
+    let Some(start) = unless_refused(interpolated(contest, &prepared.nominal))? else { return Ok(held) };
+    let (other, said) = contest.run.notes.of_attempt(|| detect(contest, start));
+    let other = other?;
+    let is_better = |fit: &Contestant| contest.lead(fit, leader) > HOLD && !is_delayed(fit);
+    if !other.detected.gap || !other.first.fits.first().is_some_and(is_better) {
+        return Ok(held);
+    }
+    contest.run.notes.say_all(said);
+    Ok(other)
+}
+
+/// The verdict under the other hold, where that is clearly the better account of the logs.
+///
+/// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
+/// interpolation with a delay of half a sample is nearly a held control.
+pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
+    if !is_open(contest, prepared) || !found.detected.gap {
+        return Ok(found);
+    }
+    if found.nominal.experiment.hold != prepared.nominal.experiment.hold {
+        return without_phantom(contest, prepared, found);
+    }
+    let (held, start) = (found, &prepared.nominal);
+    let is_better = |fit: &Contestant| -> Result<bool> {
+        let other = unless_refused(interpolated(contest, fit))?;
+        Ok(other.is_some_and(|other| contest.lead(&other, fit) > HOLD))
+    };
+    let attempt = || -> Result<Option<Judged>> {
+        if is_better(&held.outcome.best)? {
+            return Ok(Some(attribute(contest, detect(contest, interpolated(contest, start)?)?)?));
+        }
+        if !is_better(start)? {
+            return Ok(None);
+        }
+        // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
+        let suspected = detect(contest, interpolated(contest, start)?)?;
+        Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
+    };
+    let (other, said) = contest.run.notes.of_attempt(attempt);
+    let Some(other) = other? else { return Ok(held) };
+    if is_phantom(&other, &held) || (other.detected.gap && !wins(contest, &other, &held)) {
+        return Ok(held);
+    }
+    contest.run.notes.say_all(said.into_iter().chain([Note::Interpolated]));
+    Ok(other)
+}
+
+/// What was found under interpolated controls, unless it needs a delay that held ones do not.
+fn without_phantom(contest: &Contest<'_>, prepared: &Prepared, other: Judged) -> Result<Judged> {
+    if is_delayed(&other.outcome.best) && !contest.run.is_out_of_time() {
+        let attempt = || attribute(contest, detect(contest, prepared.nominal.clone())?);
+        let (held, said) = contest.run.notes.of_attempt(attempt);
+        let held = held?;
+        if is_phantom(&other, &held) || !wins(contest, &other, &held) {
+            contest.run.notes.say_all(said);
+            return Ok(held);
+        }
+    }
+    contest.run.notes.say(Note::Interpolated);
+    Ok(other)
+}
+
+/// Whether the hold is a question.
+fn is_open(contest: &Contest<'_>, prepared: &Prepared) -> bool {
+    prepared.may_interpolate && prepared.nominal.system.n_controls() > 0 && !contest.run.is_out_of_time()
+}
+
+/// The same contestant under interpolated controls.
+fn interpolated(contest: &Contest<'_>, fit: &Contestant) -> Result<Contestant> {
+    let experiment = Experiment { hold: Hold::Linear, ..fit.experiment.clone() };
+    contest.fitter.on(fit, &experiment, Budget::Usual)
+}
+
+fn wins(contest: &Contest<'_>, other: &Judged, held: &Judged) -> bool {
+    contest.lead(&other.outcome.best, &held.outcome.best) > HOLD
+}
+
+fn is_delayed(fit: &Contestant) -> bool {
+    fit.hypotheses.iter().any(|h| h.is_imitated_by_hold())
+}
+
+/// A delay under interpolation that the held control does not need is the phantom of half a sample.
+fn is_phantom(other: &Judged, held: &Judged) -> bool {
+    is_delayed(&other.outcome.best) && !is_delayed(&held.outcome.best)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::{Diagnose, Diagnosed, Note, hold_out};
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, Parameter, State, System};
+    use crate::progress::Silent;
+    use crate::refine::Hold;
+    use crate::simulate::{Excitation, Simulate};
+    use faer::Mat;
+
+    const STEP: f64 = 0.04;
+
+    fn oscillator(cubic: f64) -> Model {
+        Model {
+            states: vec![
+                State::new("x", Expression::parse("v").unwrap()),
+                State::new("v", Expression::parse(&format!("u - k*x - d*v - {cubic}*x^3")).unwrap()),
+            ],
+            controls: vec![Control::new("u")],
+            parameters: vec![Parameter::new("k", 60.0), Parameter::new("d", 1.5)],
+            ..Model::default()
+        }
+    }
+
+    /// An oscillator with a spring that hardens, of which its model knows the linear part, twenty samples a period.
+    fn hardening(hold: Hold) -> Diagnosed {
+        let machine = System::new(&oscillator(120.0)).unwrap();
+        let runs = (0..4).map(|run| {
+            let time: Vec<f64> = (0..300).map(|i| STEP * f64::from(i)).collect();
+            let drive = |t: f64| {
+                let waves = [(5.1, 14.0), (7.4, 12.0), (9.2, 10.0)];
+                waves.iter().map(|(w, size)| size * (w * t + f64::from(run) * w).sin()).sum::<f64>()
+            };
+            let controls = Mat::from_fn(time.len(), 1, |i, _| drive(time[i]));
+            let excitation = Excitation::new(&machine, &time, controls.as_ref(), hold).unwrap();
+            let states = Simulate::default().rollout(&machine, &excitation, &[0.0, 0.0]).unwrap().outputs;
+            let noise = |i: usize| 1e-3 * (1.7 * (i * i + 31 * i * (run as usize + 1)) as f64).sin();
+            let values =
+                Mat::from_fn(time.len(), 2, |i, c| if c == 0 { states[(i, 0)] + noise(i) } else { controls[(i, 0)] });
+            Run { name: format!("run {run}"), time, values }
+        });
+        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], runs.collect()).unwrap();
+        let (train, holdout) = hold_out(&data).unwrap();
+        Diagnose::default().run(&oscillator(0.0), &train, &holdout, &Silent).unwrap()
+    }
+
+    #[test]
+    fn a_spring_that_hardens_is_one_cause_whether_its_control_was_held_or_interpolated() {
+        for hold in [Hold::Zero, Hold::Linear] {
+            let found = hardening(hold);
+            let names: Vec<&str> = found.diagnosis.included().map(|cause| cause.effect.as_str()).collect();
+            assert_eq!(names, ["cubic_stiffness"], "{hold:?}");
+            assert_eq!(found.notes.contains(&Note::Interpolated), hold == Hold::Linear);
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! Moves: fits of what lies one step from a contestant, chosen by straight lines and raced.
+//!
+//! One more effect, another one in the place of one, or one in the place of two. Straight lines say what each would bring; those that
+//! promise most take a step each, the better ones a few more, and those that may still win are fitted to the end: successive halving,
+//! Jamieson and Talwalkar 2016, AISTATS, "Non-stochastic best arm identification and hyperparameter optimization".
+
+use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Start};
+use crate::diagnose::fit::colours::noise::Noise;
+use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
+use crate::diagnose::fit::fitter::unless_refused;
+use crate::diagnose::fit::linear::gains::Gain;
+use crate::diagnose::handed::{Handed, Member};
+use crate::diagnose::limits::{
+    Budget, CONVINCING, FINALISTS, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, OF_PLACE, PROMISING, RACED,
+    SHORTLIST, STARTS, SUBSTITUTE, SWAPPED, TOGETHER,
+};
+use crate::diagnose::steps::attribution::contained::contained;
+use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
+use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
+use crate::error::Result;
+use crate::parallel::each;
+
+/// A fit that is to be made: suspects in the place of some effects of the contestant.
+struct Move<'a> {
+    members: Vec<usize>,
+    /// The places that are given up; none for one more effect.
+    out: Vec<usize>,
+    /// The contestant's model with the suspects, where they come beside its effects.
+    applied: Option<&'a Applied>,
+    /// Values of the suspects to start from; the nearest is taken.
+    values: Vec<Vec<f64>>,
+    /// By how much the sum of squares would fall.
+    promised: f64,
+}
+
+/// Contestants one move away from `base`, best first, chosen by a survey of so many `searches`.
+pub(crate) fn moves(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    base: &Contestant,
+    survey: &Survey,
+    searches: Searches,
+    stage: &str,
+) -> Result<Vec<Contestant>> {
+    let mut moves = chosen(contest, base, survey);
+    moves.retain(|m| has_room(contest, base, &m.members, &m.out));
+    let promises: Vec<(Vec<&Hypothesis>, f64)> =
+        moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
+    let stage = contest.run.stage(stage, moves.len())?;
+    let first = |m: Move<'_>| {
+        if contest.run.is_out_of_time() {
+            return Ok(None);
+        }
+        let fit = made(contest, nominal, base, &m, searches)?;
+        stage.advance()?;
+        Ok(fit)
+    };
+    let in_turn = base.fits_in_turn();
+    let fits = each(in_turn, moves, first)?.into_iter().flatten();
+    // What can't be followed to the end of the logs is no account of them.
+    let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
+    let fits = raced(contest, base, fits)?;
+    contest.run.handed.add(fits.iter().filter_map(|fit| handed(base, fit, &promises)));
+    if contest.run.is_out_of_time() {
+        return Ok(fits);
+    }
+    with_simpler(contest, nominal, base, fits)
+}
+
+/// The effects of a move, those that stay first.
+fn members<'c>(contest: &'c Contest<'_>, base: &'c Contestant, m: &Move<'_>) -> Vec<&'c Hypothesis> {
+    let kept = base.hypotheses.iter().enumerate().filter(|(place, _)| !m.out.contains(place)).map(|(_, h)| h);
+    kept.chain(m.members.iter().map(|&h| &contest.hypotheses[h])).collect()
+}
+
+/// What a fit of one of the moves came to, of the `promises` of all.
+fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f64)]) -> Option<Handed> {
+    let is_it =
+        |set: &Vec<&Hypothesis>| set.len() == fit.hypotheses.len() && set.iter().all(|h| fit.hypotheses.contains(h));
+    let promised = promises.iter().filter(|(set, _)| is_it(set)).map(|(_, promised)| *promised).reduce(f64::max)?;
+    let newest = fit.hypotheses.iter().rfind(|h| !base.hypotheses.contains(h))?;
+    let states = &base.system.model().states;
+    let member = |h: &Hypothesis| Member {
+        effect: h.id().into(),
+        state: states[h.moves()].name.clone(),
+        variables: h.variables.clone(),
+    };
+    Some(Handed {
+        members: fit.hypotheses.iter().map(member).collect(),
+        family: format!("{:?}", newest.family()),
+        promised,
+        achieved: base.evidence.squares() - fit.evidence.squares(),
+        at_rest: fit.refined.converged,
+    })
+}
+
+/// The first step of a move's fit.
+fn made(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    base: &Contestant,
+    m: &Move<'_>,
+    searches: Searches,
+) -> Result<Option<Contestant>> {
+    let new: Vec<Entrant<'_>> =
+        m.members.iter().map(|&h| Entrant { hypothesis: &contest.hypotheses[h], searches }).collect();
+    if let Some(applied) = m.applied.filter(|_| m.out.is_empty()) {
+        let fit = contest.fitter.with(base, &new, applied, &m.values, Budget::Glance);
+        return unless_refused(fit);
+    }
+    let kept = base.entrants_without(&m.out);
+    let entrants: Vec<Entrant<'_>> = kept.iter().map(|k| k.0).chain(new).collect();
+    let own: Vec<f64> = kept.iter().flat_map(|k| k.1.iter().copied()).collect();
+    let values: Vec<Vec<f64>> = m.values.iter().map(|values| [own.as_slice(), values].concat()).collect();
+    contest.with_values(nominal, base, &entrants, &values, Budget::Glance)
+}
+
+/// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.
+fn raced(contest: &Contest<'_>, base: &Contestant, fits: Vec<Contestant>) -> Result<Vec<Contestant>> {
+    let in_turn = base.fits_in_turn();
+    let fitter = contest.fitter;
+    let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
+        true => fitter.carried_on(fit, Budget::Rough),
+        false => Ok(fit),
+    };
+    let mut fits = each(in_turn, leading(contest, fits, (RACED, RACED)), rough)?;
+    contest.sort(&mut fits);
+    let fits = keep_first_of_each(fits);
+    let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
+    let finish = |(fit, leads): (Contestant, bool)| {
+        let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
+        // A leader that is far behind what stands already leads among what is no use.
+        let leads = leads && fit.hypotheses.len() > base.hypotheses.len();
+        let may_win = (leads || contest.score(&fit) >= best - IN_SIGHT) && may_gain;
+        if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
+    };
+    let mut fits = each(in_turn, leading(contest, fits, (FINALISTS, 1)), finish)?;
+    contest.sort(&mut fits);
+    Ok(fits)
+}
+
+/// The fits with the leader at rest, and with the simpler effects that the leader's newest one contains.
+fn with_simpler(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    base: &Contestant,
+    mut fits: Vec<Contestant>,
+) -> Result<Vec<Contestant>> {
+    let is_ahead = |fit: &Contestant| contest.score(fit) > contest.score(base);
+    if !fits.first().is_some_and(is_ahead) {
+        return Ok(fits);
+    }
+    carry_first(contest, &mut fits)?;
+    let Some(leader) = fits.first().cloned() else { return Ok(fits) };
+    let Some(place) = leader.hypotheses.iter().rposition(|h| !base.hypotheses.contains(h)) else { return Ok(fits) };
+    let simpler = contained(contest, nominal, &leader, place, &leader.entrants_without(&[place]))?;
+    let is_new = |simple: &Contestant| !fits.iter().any(|fit| fit.has_effects_of(simple));
+    let simpler: Vec<Contestant> = simpler.into_iter().filter(is_new).collect();
+    if !simpler.is_empty() {
+        fits.extend(simpler);
+        contest.sort(&mut fits);
+        carry_first(contest, &mut fits)?;
+    }
+    Ok(fits)
+}
+
+/// Fits the first to the end, and once more from the starts that the logs show: others go on from it.
+fn carry_first(contest: &Contest<'_>, fits: &mut [Contestant]) -> Result<()> {
+    let Some(leader) = fits.first_mut() else { return Ok(()) };
+    let fitter = contest.fitter;
+    let own = leader.clone();
+    let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Thorough)? };
+    *leader = fitter.restarted(own, Budget::Usual)?;
+    Ok(())
+}
+
+/// Whether each is among the first so many by score, or by sum of squares: a fit that is not at rest leaves what no noise would,
+/// and its score then says less of it than its sum of squares.
+fn leading(
+    contest: &Contest<'_>,
+    fits: Vec<Contestant>,
+    (by_score, by_squares): (usize, usize),
+) -> Vec<(Contestant, bool)> {
+    let first = |count: usize, value: &dyn Fn(&Contestant) -> f64| {
+        let mut order: Vec<usize> = (0..fits.len()).collect();
+        order.sort_by(|&a, &b| value(&fits[a]).total_cmp(&value(&fits[b])));
+        order.truncate(count);
+        order
+    };
+    let mut leaders = first(by_score, &|f| -contest.score(f));
+    leaders.extend(first(by_squares, &|f| f.evidence.squares()));
+    fits.into_iter().enumerate().map(|(place, fit)| (fit, leaders.contains(&place))).collect()
+}
+
+/// Whether a straight-line gain is large enough for one more effect to be convincing and material.
+fn is_promising(base: &Contestant, gain: f64) -> bool {
+    let evidence = &base.evidence;
+    // What tolerated parameters have taken up may be this effect's.
+    let hidden = evidence.strain > MATERIAL;
+    let needed = PROMISING * MATERIAL * evidence.count() as f64 * evidence.misfit().min(1.0);
+    gain > CONVINCING && (hidden || gain > needed)
+}
+
+/// Whether the equations of the members take that many more effects.
+fn has_room(contest: &Contest<'_>, base: &Contestant, members: &[usize], out: &[usize]) -> bool {
+    let kept = || base.hypotheses.iter().enumerate().filter(|(place, _)| !out.contains(place)).map(|(_, h)| h);
+    if kept().count() + members.len() > contest.most {
+        return false;
+    }
+    members.iter().all(|&m| {
+        let state = contest.hypotheses[m].state;
+        let more = members.iter().filter(|&&h| contest.hypotheses[h].state == state).count();
+        let room = kept().filter(|h| h.state == state).count() + more <= MOST_PER_EQUATION;
+        // Frictions that only show together are one law of that equation.
+        room || (members.len() > 1 && kept().next().is_none())
+    })
+}
+
+/// What is fitted, by each noise model: the best of all and of every family beside the effects that are there, what promises together
+/// what none promises alone, and the best in the place of each effect and of each two.
+fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> Vec<Move<'a>> {
+    let Survey { suspects, looked, .. } = survey;
+    let Some(telling) = suspects.iter().flatten().map(Screened::telling).next() else { return Vec::new() };
+    let views = |noise: Noise| looked.of(noise).map_or(&[][..], Vec::as_slice);
+    let (first, mut wanted) = (telling[0], Vec::new());
+    let promise = |s: &Screened| Noise::ALL.iter().map(|&noise| s.best(noise)).fold(0.0, f64::max);
+    if suspects.iter().flatten().any(|s| is_promising(base, promise(s))) {
+        telling.iter().for_each(|&noise| wanted.extend(more(contest, suspects, noise).into_iter().map(|h| (h, 0))));
+    }
+    for &noise in telling {
+        wanted.extend(instead(suspects, views(noise), noise));
+    }
+    wanted.sort_unstable();
+    wanted.dedup();
+    let starts = |(h, view): (usize, usize)| {
+        let of = |screened: &'a Screened| {
+            let all = screened.applied.starts.iter().zip(&screened.gains);
+            let mut order: Vec<(&Start, &Gain)> =
+                all.filter_map(|(values, gains)| Some((values, gains.of(first)?.get(view)?))).collect();
+            order.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+            let job = |(from, gain): (&Start, &Gain)| Move {
+                members: screened.members.clone(),
+                out: views(first)[view].places.clone(),
+                applied: Some(&screened.applied),
+                values: from.shortened(&gain.values),
+                promised: gain.gain - views(first)[view].loss,
+            };
+            // In the place of another effect one start says enough; beside them it is all that there is.
+            order.into_iter().take(if view == 0 { STARTS } else { 1 }).map(job).collect::<Vec<_>>()
+        };
+        suspects[h].as_ref().map(of).unwrap_or_default()
+    };
+    let pair = |pair: &'a Pair| {
+        let Pair { members, places, values, gain } = pair;
+        let loss = views(first).iter().find(|looked| looked.places == *places).map_or(0.0, |looked| looked.loss);
+        let (members, out, values) = (members.to_vec(), places.clone(), vec![values.clone()]);
+        Move { members, out, applied: None, values, promised: gain - loss }
+    };
+    wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().map(pair)).collect()
+}
+
+/// The suspects, and the views, that promise most in the place of one or two effects, by one noise model.
+fn instead(suspects: &[Option<Screened>], looked: &[Looked], noise: Noise) -> Vec<(usize, usize)> {
+    let mut all: Vec<(usize, usize, f64)> = Vec::new();
+    for (view, looked) in looked.iter().enumerate().skip(1) {
+        // What takes the place of one may be several that only show together; of two, one.
+        let is_fit = |members: usize| looked.places.len() == 1 || members == 1;
+        let of = |(h, s): (usize, &Option<Screened>)| {
+            let gain = s.as_ref().filter(|s| is_fit(s.members.len()))?.best_in(noise, view);
+            let promises = gain - looked.loss > -2.0 * IN_SIGHT || gain > SUBSTITUTE * looked.loss;
+            promises.then_some((h, view, gain - looked.loss))
+        };
+        all.extend(suspects.iter().enumerate().filter_map(of));
+    }
+    all.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let mut chosen: Vec<(usize, usize)> = all.iter().take(SWAPPED).map(|a| (a.0, a.1)).collect();
+    // Of every place the best two, whatever the others promise.
+    for (view, _) in looked.iter().enumerate().skip(1).filter(|(_, looked)| looked.places.len() == 1) {
+        chosen.extend(all.iter().filter(|a| a.1 == view).take(OF_PLACE).map(|a| (a.0, a.1)));
+    }
+    chosen
+}
+
+/// The suspects that promise most beside the effects that are there, by one noise model.
+fn more(contest: &Contest<'_>, suspects: &[Option<Screened>], noise: Noise) -> Vec<usize> {
+    let (alone, joint) = suspects.split_at(contest.hypotheses.len());
+    let best = |h: usize| suspects[h].as_ref().map_or(0.0, |s| s.best(noise));
+    let mut together: Vec<(usize, f64)> = Vec::new();
+    for (place, suspect) in joint.iter().enumerate() {
+        let Some(suspect) = suspect else { continue };
+        let members = suspect.members.iter().map(|&h| best(h)).fold(0.0, f64::max);
+        if suspect.best(noise) > members + CONVINCING {
+            together.push((alone.len() + place, suspect.best(noise)));
+        }
+    }
+    together.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut chosen: Vec<usize> = together.iter().take(TOGETHER).map(|t| t.0).collect();
+    let mut order: Vec<(usize, f64)> =
+        alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(noise)))).collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let largest = order.first().map_or(0.0, |o| o.1);
+    chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));
+    let mut families = Vec::new();
+    for (h, gain) in order {
+        if gain > OF_FAMILY * largest && !families.contains(&contest.hypotheses[h].family()) {
+            families.push(contest.hypotheses[h].family());
+            chosen.push(h);
+        }
+    }
+    chosen
+}

@@ -1,0 +1,70 @@
+//! Places: what else may replace each effect of the winner, and what the winner is without it.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{Budget, IN_SIGHT, NAMED};
+use crate::diagnose::steps::attribution::contained::contained;
+use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
+use crate::diagnose::steps::findings::gap_size;
+use crate::error::Result;
+use crate::parallel::each;
+
+/// The place of one effect of the winner.
+pub(crate) struct Place {
+    /// The winner without the effect; none where the others can't be simulated without it.
+    pub(crate) rest: Option<Contestant>,
+    /// Contestants with one effect in its place, the winner among them, best first.
+    pub(crate) fits: Vec<Contestant>,
+    /// Mean squared residual (noise units) that the effect removes, taken last.
+    pub(crate) removed: f64,
+}
+
+/// Every place of `best`, of the `fits` one move away from it; `is_structured`: whether structure without a name is left.
+pub(crate) fn places(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+    fits: &[Contestant],
+    is_structured: bool,
+) -> Result<Vec<Place>> {
+    contest.run.begin("places of the winner's effects");
+    (0..best.hypotheses.len()).map(|place| at(contest, nominal, best, fits, is_structured, place)).collect()
+}
+
+fn at(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+    fits: &[Contestant],
+    is_structured: bool,
+    place: usize,
+) -> Result<Place> {
+    let rest = match best.hypotheses.len() {
+        1 => Some(nominal.clone()),
+        _ => contest.without(nominal, best, &[place])?,
+    };
+    let others: Vec<_> = best.hypotheses.iter().enumerate().filter(|(i, _)| *i != place).map(|(_, h)| h).collect();
+    let stands_there = |fit: &&Contestant| {
+        fit.hypotheses.len() == best.hypotheses.len() && others.iter().all(|h| fit.hypotheses.contains(h))
+    };
+    let mut fits: Vec<Contestant> = fits.iter().filter(stands_there).cloned().collect();
+    fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
+    // While structure is left, its use to a more flexible effect is no evidence for that one.
+    let slight = NAMED * gap_size(nominal, best);
+    let is_plain = |f: &Contestant| {
+        !is_structured
+            || f.evidence.complexity() <= best.evidence.complexity()
+            || f.evidence.misfit() < best.evidence.misfit() - slight
+    };
+    fits.retain(is_plain);
+    fits.push(best.clone());
+    let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
+    let finish = |f: Contestant| match !f.refined.converged && contest.score(&f) > leader - IN_SIGHT {
+        true => contest.fitter.carried_on(f, Budget::Thorough),
+        false => Ok(f),
+    };
+    let mut fits = each(best.fits_in_turn(), fits, finish)?;
+    contest.sort(&mut fits);
+    let without = rest.as_ref().map_or(nominal, |rest| rest);
+    let removed = (without.evidence.misfit() - best.evidence.misfit()).max(0.0);
+    Ok(Place { rest, fits: keep_first_of_each(fits), removed })
+}

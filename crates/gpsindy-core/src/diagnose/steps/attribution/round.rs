@@ -1,0 +1,48 @@
+//! One round of the contest: screens all hypotheses at a contestant and fits the promising moves.
+
+use crate::diagnose::fit::contestant::{Contestant, Searches};
+use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::moves::moves;
+use crate::diagnose::steps::attribution::screen::screen;
+use crate::diagnose::steps::attribution::survey::{Screened, Summary, Survey};
+use crate::error::Result;
+
+/// What was found one move away from a contestant.
+#[derive(Clone)]
+pub(crate) struct Expansion {
+    /// Contestants with one more effect, or others in the place of some, best first.
+    pub(crate) fits: Vec<Contestant>,
+    /// Straight-line gain of every hypothesis under coloured noise, in their order.
+    pub(crate) screened: Vec<Summary>,
+    /// How many starts were tried in all: what the search must pay for.
+    pub(crate) searches: Searches,
+}
+
+impl Expansion {
+    /// Contestants with one effect.
+    pub(crate) fn singles(&self) -> Vec<Contestant> {
+        self.fits.iter().filter(|f| f.hypotheses.len() == 1).cloned().collect()
+    }
+
+    /// Chance that noise and negligible structure give as large a gain somewhere in the search.
+    pub(crate) fn p_value(&self, at: &Contestant) -> f64 {
+        let (count, spent) = (at.evidence.count(), at.evidence.spent());
+        let allowed = at.evidence.negligible() * count as f64;
+        let best = self
+            .screened
+            .iter()
+            .map(|s| gain_tail(with_fitted_level(s.gain - allowed, count), s.degrees, count, spent));
+        self.searches.pay(best.fold(1.0, f64::min))
+    }
+}
+
+/// Screens everything at `base` and fits what is promising; `stage` is what this is for.
+pub(crate) fn expand(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Expansion> {
+    let survey = screen(contest, nominal, base, &format!("{stage}: screening"))?;
+    let Survey { suspects, .. } = &survey;
+    let screened = suspects.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
+    let searches = Searches::of(suspects.iter().flatten().map(|s| s.gains.len()).sum());
+    let fits = moves(contest, nominal, base, &survey, searches, &format!("{stage}: fitting"))?;
+    Ok(Expansion { fits, screened, searches })
+}

@@ -1,0 +1,45 @@
+//! Search: from one set of effects to a better one, a move at a time.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::{MOST_MOVES, NO_REST, SWAP};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::error::Result;
+
+/// The set of effects from which no move leads to a better one, and the round that found none; `first` is the round at the nominal
+/// model.
+pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansion) -> Result<(Contestant, Expansion)> {
+    let (mut best, mut round) = (nominal.clone(), first);
+    for number in 1..=MOST_MOVES {
+        let Some(next) = better(contest, &best, &round.fits) else { break };
+        best = next.clone();
+        if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
+            round.fits.clear();
+            break;
+        }
+        round = expand(contest, nominal, &best, &format!("move {number}"))?;
+    }
+    Ok((best, round))
+}
+
+/// The best move: one more effect that convinces or another one that explains more, else one in the place of two that convince no more.
+pub(crate) fn better<'f>(contest: &Contest<'_>, best: &Contestant, fits: &'f [Contestant]) -> Option<&'f Contestant> {
+    let own = best.hypotheses.len();
+    let is_other = |fit: &&Contestant| fit.hypotheses.len() == own && contest.lead(fit, best) > SWAP;
+    let other = contest.best(fits.iter().filter(is_other));
+    let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
+    let richer = richer(contest, other.unwrap_or(best), fits.iter());
+    richer.or(other).or_else(|| contest.best(fits.iter().filter(is_simpler)))
+}
+
+/// The best of the fits with more effects that convince beside `leader`, the best with as many as there are: two in the place of a
+/// wrong one must say more than the right one does.
+pub(crate) fn richer<'f>(
+    contest: &Contest<'_>,
+    leader: &Contestant,
+    fits: impl Iterator<Item = &'f Contestant>,
+) -> Option<&'f Contestant> {
+    let own = leader.hypotheses.len();
+    let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, leader);
+    contest.best(fits.filter(is_richer))
+}

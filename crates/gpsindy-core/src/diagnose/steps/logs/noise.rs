@@ -1,0 +1,138 @@
+//! The noise of every column and the outliers in it, from the logs alone.
+
+use crate::diagnose::limits::{BENT, OF_MEDIAN, OUTLIER, SPIKE_LIKE, TRIMMED};
+use crate::refine::{Log, present};
+
+/// Noise standard deviation of each column from differences of its samples, in its unit.
+///
+/// Differences of order 2 to 5, scaled to unit noise gain; the smallest is least spoilt by the signal.
+/// Never below the noise of the sensor's step.
+pub(crate) fn noise_levels(logs: &[Log], n_columns: usize) -> Vec<f64> {
+    (0..n_columns)
+        .map(|column| {
+            let by_order = (2..=5).map(|order| difference_noise(logs, column, order));
+            let smallest = by_order.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+            let step = resolution(logs, column) / 12f64.sqrt();
+            let size = logs
+                .iter()
+                .flat_map(|l| l.measured[column].iter())
+                .filter(|v| v.is_finite())
+                .fold(0.0, |a: f64, v| a.max(v.abs()));
+            let measured = if smallest.is_finite() { smallest } else { 0.0 };
+            // Without any noise at all the arithmetic of the log's digits remains.
+            measured.max(step).max(1e-9 * size).max(f64::MIN_POSITIVE)
+        })
+        .collect()
+}
+
+fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
+    let binomial = |k: usize| (0..k).fold(1.0, |b, i| b * (order - i) as f64 / (i + 1) as f64);
+    let weights: Vec<f64> = (0..=order).map(|k| if k % 2 == 0 { binomial(k) } else { -binomial(k) }).collect();
+    let gain: f64 = weights.iter().map(|w| w * w).sum();
+    // A column with a rate of its own has no value in the rows of the others: its samples follow each other across those.
+    let present: Vec<Vec<(usize, f64)>> = logs.iter().map(|l| present(&l.measured[column])).collect();
+    let usual = usual_step(&present);
+    let mut squares: Vec<f64> = present
+        .iter()
+        .flat_map(|samples| samples.windows(order + 1))
+        .filter(|window| window.windows(2).all(|pair| pair[1].0 - pair[0].0 <= usual))
+        .map(|window| window.iter().zip(&weights).map(|((_, v), w)| v * w).sum::<f64>().powi(2))
+        .collect();
+    if squares.is_empty() {
+        return 0.0;
+    }
+    squares.sort_by(f64::total_cmp);
+    // The largest fiftieth may be outliers and jumps; a normal variable keeps most of its variance without it.
+    let kept = squares.len() - squares.len() / 50;
+    let trimmed = squares[..kept].iter().sum::<f64>() / kept as f64;
+    let share_kept = if squares.len() >= 50 { TRIMMED } else { 1.0 };
+    (trimmed / share_kept / gain).sqrt()
+}
+
+/// Rows from one value to the next, but for the longest tenth: these are holes.
+fn usual_step(present: &[Vec<(usize, f64)>]) -> usize {
+    let steps = present.iter().flat_map(|samples| samples.windows(2).map(|pair| pair[1].0 - pair[0].0));
+    let mut steps: Vec<usize> = steps.collect();
+    steps.sort_unstable();
+    steps.get(steps.len() * 9 / 10).copied().unwrap_or(1)
+}
+
+/// Smallest step between different values, where the column looks quantised; else zero.
+pub(crate) fn resolution(logs: &[Log], column: usize) -> f64 {
+    let mut values: Vec<f64> =
+        logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite()).collect();
+    let total = values.len();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    if values.len() < 2 || values.len() * 2 > total {
+        return 0.0;
+    }
+    values.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min)
+}
+
+/// Marks isolated spikes as missing; returns how many.
+pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
+    let mut removed = 0;
+    for c in 0..noise.len() {
+        let present: Vec<Vec<(usize, f64)>> = logs.iter().map(|l| present(&l.measured[c])).collect();
+        let (usual, noise) = (usual_step(&present), noise[c]);
+        for (log, there) in logs.iter_mut().zip(&present) {
+            // Beside a hole nothing says how far the column may have moved.
+            let is_hole = |w: &[(usize, f64)]| w.windows(2).any(|pair| pair[1].0 - pair[0].0 > usual);
+            let bend = |w: &[(usize, f64)]| if is_hole(w) { f64::NAN } else { w[1].1 - 0.5 * (w[0].1 + w[2].1) };
+            let bend: Vec<f64> = there.windows(3).map(bend).collect();
+            let mut sizes: Vec<f64> = bend.iter().map(|b| b.abs()).filter(|b| b.is_finite()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let typical = sizes.get(sizes.len() / 2).map_or(0.0, |m| OF_MEDIAN * m).max(BENT * noise);
+            let spikes: Vec<usize> = (1..bend.len().saturating_sub(1))
+                .filter(|&i| {
+                    // A spike bends its neighbours half as much the other way; a corner does not.
+                    let neighbours = -0.5 * bend[i];
+                    let like = |b: f64| (b - neighbours).abs() < SPIKE_LIKE * bend[i].abs();
+                    bend[i].abs() > OUTLIER * typical && like(bend[i - 1]) && like(bend[i + 1])
+                })
+                .collect();
+            removed += spikes.len();
+            for i in spikes {
+                log.measured[c][there[i + 1].0] = f64::NAN;
+            }
+        }
+    }
+    removed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A slow swing with a jitter of one tenth, deterministic; no value in the rows that `is_empty` names.
+    fn log(count: usize, is_empty: impl Fn(usize) -> bool) -> Log {
+        let mut sample = 0;
+        let mut value = |row: usize| {
+            if is_empty(row) {
+                return f64::NAN;
+            }
+            sample += 1;
+            (0.01 * f64::from(sample)).sin() + 0.1 * (f64::from(sample * sample) * 1.7).sin()
+        };
+        let measured = vec![(0..count).map(&mut value).collect()];
+        Log { name: "a".into(), time: (0..count).map(|i| i as f64).collect(), controls: Vec::new(), measured }
+    }
+
+    #[test]
+    fn rows_of_another_topic_change_nothing_in_the_noise_of_a_column() {
+        let alone = noise_levels(&[log(600, |_| false)], 1);
+        // Two samples of the column, one of the other topic, and so on.
+        let between = noise_levels(&[log(900, |row| row % 3 == 2)], 1);
+        let in_turns = noise_levels(&[log(1200, |row| row % 2 == 1)], 1);
+        assert!(alone[0] > 0.05 && alone[0] < 0.1, "{alone:?}");
+        assert_eq!((&between, &in_turns), (&alone, &alone));
+    }
+
+    #[test]
+    fn a_hole_is_not_taken_for_a_step() {
+        let whole = noise_levels(&[log(600, |_| false)], 1);
+        let holed = noise_levels(&[log(640, |row| (300..340).contains(&row))], 1);
+        assert!((holed[0] / whole[0] - 1.0).abs() < 0.05, "{holed:?} {whole:?}");
+    }
+}

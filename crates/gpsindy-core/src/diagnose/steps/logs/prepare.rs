@@ -1,0 +1,239 @@
+//! Prepare: noise level of every column, outliers, windows and integration steps.
+
+use crate::data::Dataset;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::Fitter;
+use crate::diagnose::fit::substeps::choose_substeps;
+use crate::diagnose::fit::tolerance::tolerated;
+use crate::diagnose::limits::{
+    Budget, DENSE_NOISE, DENSE_SPREAD, INTEGRATION, MOST_SAMPLES, STRETCHES, TURN, VERY_LONG, WRAPPED, WRAPPED_BELOW,
+};
+use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::run::Run;
+use crate::diagnose::steps::logs::check;
+use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers};
+use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
+use crate::error::Result;
+use crate::excitation::{choose, excitation, variance};
+use crate::model::{Model, System};
+use crate::refine::{Experiment, Hold, Log, Window, guess_initial, present};
+
+/// What is known beforehand.
+pub(crate) struct Known<'a> {
+    /// What controls do between samples, where the user says it.
+    pub(crate) hold: Option<Hold>,
+    /// State and root mean square by which the model misses the simulator that it replaces.
+    pub(crate) model_error: &'a [(String, f64)],
+}
+
+/// Logs that were checked, and the nominal model fitted to those to learn from.
+pub(crate) struct Prepared {
+    pub(crate) train: Dataset,
+    pub(crate) holdout: Dataset,
+    pub(crate) nominal: Contestant,
+    pub(crate) fitter: Fitter,
+    /// Whether controls may be interpolated between the samples: the user does not say, and the samples are the log's own.
+    pub(crate) may_interpolate: bool,
+}
+
+/// Checks the logs `[train, holdout]`, finds their noise, takes outliers out, chooses windows and steps, and fits the
+/// nominal model's starts and tolerated parameters.
+///
+/// # Errors
+/// Logs that nothing can be learnt from, and a model that leaves them at once.
+pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known: &Known<'_>) -> Result<Prepared> {
+    let model = system.model();
+    let train = unwrapped(model, logs[0], &run.notes)?;
+    let holdout = unwrapped(model, logs[1], &Notes::default())?;
+    check::logs(model, &train, &holdout, &run.notes)?;
+    let experiment = experiment(run, system, &train, known.hold)?;
+    let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };
+    let samples: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
+    let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
+    let budget = Budget::Thorough;
+    let stage = run.stage("nominal model: fitting", budget.refine().max_iterations)?;
+    let watch = |done: usize| stage.reach(done);
+    let nominal = fitter.nominal_watched(system.clone(), experiment, tolerated(model), budget, &watch)?;
+    check::nominal(&nominal)?;
+    // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
+    let may_interpolate = known.hold.is_none() && !is_averaged;
+    Ok(Prepared { train, holdout, nominal, fitter, may_interpolate })
+}
+
+/// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen.
+fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>) -> Result<Experiment> {
+    let notes = &run.notes;
+    let mut experiment = Experiment { tally: run.tally.clone(), ..Experiment::new(system, data, None)? };
+    check::columns(system, &experiment)?;
+    // What is chosen below depends on what the control does between the samples.
+    experiment.hold = hold.unwrap_or_default();
+    let n_columns = experiment.columns.len();
+    experiment.noise = noise_levels(&experiment.logs, n_columns);
+    let noise = experiment.noise.clone();
+    let removed = remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &noise);
+    if removed > 0 {
+        notes.say(Note::Outliers { count: removed });
+        experiment.noise = noise_levels(&experiment.logs, n_columns);
+    }
+    experiment = decimate(experiment, notes);
+    let free = tolerated(system.model());
+    let parameters = system.parameter_values();
+    let start = guess_initial(system, &experiment);
+    let stage = run.stage("length of rollouts", halvings(&experiment))?;
+    experiment = choose_substeps(system, experiment, &parameters, &start, INTEGRATION);
+    let watch = |done: usize| stage.reach(done);
+    let (experiment, cut) = choose_windows(system, experiment, (&parameters, &free), Purpose::Search, &watch)?;
+    let experiment = thin(experiment, notes);
+    if let Some(length) = cut {
+        notes.say(Note::Restarted { length });
+    }
+    Ok(experiment)
+}
+
+/// Mean square of the model's own error over the logged columns, in units of their noise.
+fn error_of(model_error: &[(String, f64)], model: &Model, experiment: &Experiment) -> f64 {
+    let of = |&state: &usize| model_error.iter().find(|(name, _)| *name == model.states[state].name);
+    let errors = experiment.columns.iter().map(of).zip(&experiment.noise);
+    let sum: f64 = errors.map(|(error, noise)| error.map_or(0.0, |(_, rms)| (rms / noise).powi(2))).sum();
+    sum / experiment.columns.len() as f64
+}
+
+/// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one.
+fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
+    use std::f64::consts::{PI, TAU};
+    let mut data = data.clone();
+    for state in model.states.iter().filter(|s| s.unit.is_empty() || s.unit == "rad") {
+        let Ok(column) = data.index_of(&state.name) else { continue };
+        let values = || data.runs().iter().flat_map(|r| r.column(column).iter().copied()).filter(|v| v.is_finite());
+        let within = values().all(|v| v.abs() < WRAPPED * PI)
+            || values().all(|v| (-WRAPPED_BELOW * PI..WRAPPED * TAU).contains(&v));
+        let jumps = |r: &crate::data::Run| {
+            present(r.column(column)).windows(2).any(|w| ((w[1].1 - w[0].1).abs() - TAU).abs() < TURN * PI)
+        };
+        if within && data.runs().iter().any(jumps) {
+            data.unwrap_angle(&state.name)?;
+            notes.say(Note::Unwrapped { column: state.name.clone() });
+        }
+    }
+    Ok(data)
+}
+
+/// Keeps the most exciting windows, and some of every part, where the logs are longer than a contest needs.
+fn thin(experiment: Experiment, notes: &Notes) -> Experiment {
+    let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
+    if total <= MOST_SAMPLES {
+        return experiment;
+    }
+    let seconds: f64 = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).sum();
+    let length = experiment.windows.iter().map(|w| {
+        let time = &experiment.logs[w.log].time;
+        time[w.last] - time[w.first]
+    });
+    let length = length.fold(0.0, f64::max).min(seconds * MOST_SAMPLES as f64 / total as f64 / STRETCHES * 2.0);
+    let mut experiment = experiment.with_windows_of(length);
+    let keep_every = total.div_ceil(MOST_SAMPLES);
+    let count = experiment.windows.len();
+    let kept = choose(&excitations(&experiment), count.div_ceil(keep_every));
+    experiment.windows = kept.iter().map(|&i| experiment.windows[i]).collect();
+    notes.say(Note::Thinned { samples: total, length, windows: kept.len(), of: count });
+    experiment
+}
+
+/// How much controls and columns move within each window.
+fn excitations(experiment: &Experiment) -> Vec<f64> {
+    let all = |log: &Log| log.controls.iter().chain(&log.measured).map(|v| variance(v)).collect::<Vec<f64>>();
+    let each: Vec<Vec<f64>> = experiment.logs.iter().map(all).collect();
+    let count = each.len() as f64;
+    let spreads: Vec<f64> = (0..each.first().map_or(0, Vec::len))
+        .map(|c| (each.iter().map(|variances| variances[c]).sum::<f64>() / count).sqrt())
+        .collect();
+    let of = |window: &Window| {
+        let log = &experiment.logs[window.log];
+        let columns = log.controls.iter().chain(&log.measured);
+        excitation(columns.zip(&spreads).map(|(values, &spread)| (&values[window.first..=window.last], spread)))
+    };
+    experiment.windows.iter().map(of).collect()
+}
+
+/// Takes every k-th sample of logs that are far denser than their motion, with the mean of the controls between.
+fn decimate(experiment: Experiment, notes: &Notes) -> Experiment {
+    let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
+    let wanted = total.div_ceil(MOST_SAMPLES);
+    // Of very long logs whatever stride is dense saves time and memory before windows are chosen.
+    let mut strides = std::iter::successors(Some(wanted), |s| (total > VERY_LONG).then_some(s / 2));
+    let Some(stride) = strides.find(|&s| s < 2 || is_dense(&experiment, s)).filter(|s| *s > 1) else {
+        return experiment;
+    };
+    let logs: Vec<Log> = experiment
+        .logs
+        .iter()
+        .map(|log| {
+            let mean =
+                |values: &Vec<f64>| values.chunks(stride).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
+            Log {
+                name: log.name.clone(),
+                time: log.time.iter().copied().step_by(stride).collect(),
+                controls: log.controls.iter().map(mean).collect(),
+                measured: log.measured.iter().map(|c| c.iter().copied().step_by(stride).collect()).collect(),
+            }
+        })
+        .collect();
+    notes.say(Note::Decimated { stride });
+    whole_runs(Experiment { logs: logs.into(), ..experiment })
+}
+
+/// Whether every column is a straight line over `stride` samples to either side, up to noise or a hundredth of its spread.
+///
+/// Columns with rows of their own are not: every k-th row might have none of their values.
+fn is_dense(experiment: &Experiment, stride: usize) -> bool {
+    let is_full =
+        |log: &Log| log.measured.iter().all(|c| c.iter().filter(|v| v.is_finite()).count() * 10 > c.len() * 9);
+    experiment.logs.iter().all(is_full)
+        && (0..experiment.columns.len()).all(|c| {
+            let bends = experiment.logs.iter().flat_map(|log| {
+                let values = &log.measured[c];
+                (stride..values.len().saturating_sub(stride))
+                    .map(|i| values[i] - 0.5 * (values[i - stride] + values[i + stride]))
+            });
+            let finite: Vec<f64> = bends.filter(|b| b.is_finite()).collect();
+            let rms = (finite.iter().map(|b| b * b).sum::<f64>() / finite.len().max(1) as f64).sqrt();
+            rms < DENSE_NOISE * experiment.noise[c] || rms < DENSE_SPREAD * experiment.scale[experiment.columns[c]]
+        })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Run as Log};
+    use crate::expression::Expression;
+    use crate::model::{Control, State};
+    use crate::progress::Silent;
+    use faer::Mat;
+
+    #[test]
+    fn windows_are_chosen_under_the_hold_that_the_user_states() {
+        // x' = u^2 under a control that changes its sign at every sample: interpolated, its square has a mean of a third.
+        let model = Model {
+            states: vec![State::new("x", Expression::parse("u^2").unwrap())],
+            controls: vec![Control::new("u")],
+            ..Model::default()
+        };
+        let wave = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let ripple = |i: usize| 1e-4 * (1.7 * (i * i) as f64).sin();
+        let log = Log {
+            name: "run".into(),
+            time: (0..400).map(|i| 0.05 * f64::from(i)).collect(),
+            values: Mat::from_fn(400, 2, |i, c| if c == 0 { i as f64 * 0.05 / 3.0 + ripple(i) } else { wave(i) }),
+        };
+        let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![log]).unwrap();
+        let windows = |hold| {
+            let run = Run::new(&Silent, None);
+            let found = experiment(&run, &System::new(&model).unwrap(), &data, Some(hold)).unwrap();
+            assert_eq!(found.hold, hold);
+            found.windows.len()
+        };
+        assert_eq!(windows(Hold::Linear), 1);
+        assert!(windows(Hold::Zero) > 1);
+    }
+}

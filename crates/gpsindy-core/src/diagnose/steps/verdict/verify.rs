@@ -1,0 +1,309 @@
+//! Verify: held-out rollout errors of the nominal and the corrected model against the noise floor, by column.
+//!
+//! Every column is measured in units of its own noise, so that a column with a large range does not dominate.
+
+use crate::data::Dataset;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::outputs::outputs;
+use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY};
+use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
+use crate::diagnose::steps::findings::Judged;
+use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolution};
+use crate::diagnose::steps::logs::windows::{Purpose, choose_windows};
+use crate::diagnose::steps::verdict::spread::{self, Spread};
+use crate::diagnose::steps::verdict::start::starts;
+use crate::diagnose::steps::verdict::{curves, floor};
+use crate::error::Result;
+use crate::refine::{Experiment, Log};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{Rng, SeedableRng};
+
+/// Held-out rollouts of the nominal and of the corrected model.
+pub(crate) struct Verification {
+    pub(crate) closure: Closure,
+    pub(crate) figures: Vec<RolloutFigure>,
+    pub(crate) checks: Vec<ResidualCheck>,
+    /// By column that moves, how surely the corrected model misses it by more than its noise allows.
+    pub(crate) missed: Vec<Missed>,
+    /// States whose columns never move.
+    pub(crate) resting: Vec<usize>,
+    /// How random forces predict the held-out errors; none where there are none, or nothing predicts them.
+    pub(crate) spread: Option<Spread>,
+}
+
+impl Verification {
+    /// Probability that the corrected model misses a column; columns share what is wrong, so the surest speaks for all.
+    pub(crate) fn missed(&self) -> f64 {
+        self.missed.iter().map(|m| m.probability).fold(0.0, f64::max)
+    }
+
+    /// The same where no cause is included: after is before, and nothing is closed.
+    pub(crate) fn without_causes(mut self) -> Self {
+        let closure = &mut self.closure;
+        closure.after = closure.before;
+        let none = closure.before.map(|_| 0.0);
+        (closure.closed, closure.low, closure.high) = (none, none, none);
+        for state in &mut closure.by_state {
+            state.after = state.before;
+            state.closed = state.before.map(|_| 0.0);
+        }
+        for figure in &mut self.figures {
+            figure.after.clear();
+            figure.fit_after = None;
+        }
+        self.checks.clear();
+        self
+    }
+}
+
+/// How surely a corrected model misses a column by more than its noise allows.
+pub(crate) struct Missed {
+    /// The column.
+    pub(crate) name: String,
+    pub(crate) probability: f64,
+    /// Its error is more than half of the column's motion within the rollouts.
+    pub(crate) is_lost: bool,
+}
+
+/// Held-out logs as the rollouts see them.
+struct Heldout {
+    experiment: Experiment,
+    /// Columns that move.
+    moving: Vec<usize>,
+}
+
+/// Squared errors of one block of a run, in units of the noise: sums and counts by column.
+#[derive(Clone)]
+struct Block {
+    before: Vec<f64>,
+    after: Vec<f64>,
+    count: Vec<f64>,
+}
+
+pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64, notes: &Notes) -> Result<Verification> {
+    let (nominal, best) = (&judged.nominal, &judged.outcome.best);
+    let system = &nominal.system;
+    let Heldout { experiment, moving } = held_out(best, holdout, notes)?;
+    let resting: Vec<usize> =
+        (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
+    if !resting.is_empty() {
+        let columns = resting.iter().map(|&j| system.model().states[j].name.clone()).collect();
+        notes.say(Note::Resting { columns });
+    }
+    // Before: the model exactly as it was handed in, tolerated parameters included.
+    let before = rollouts(nominal, &system.parameter_values(), &experiment);
+    let changed = !best.hypotheses.is_empty();
+    let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
+    let forcing = judged.forcing.as_ref().filter(|forcing| !forcing.forces.is_empty());
+    let spread = forcing.and_then(|forcing| spread::of(best, &experiment, &moving, &after, forcing));
+    let (floor, floor_source) = floor::of(best, &experiment);
+    // In units of the noise, as everything here.
+    let floor: Vec<f64> = floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect();
+    let blocks = blocks(&experiment, &moving, &before, &after);
+    let (before_all, after_all) = (overall(&blocks, |b| &b.before), overall(&blocks, |b| &b.after));
+    let floor_all = floor_of_all(&blocks, &floor);
+    let interval = bootstrap(&blocks, confidence, |chosen| {
+        closed(overall(chosen, |b| &b.before), overall(chosen, |b| &b.after), floor_of_all(chosen, &floor))
+    });
+    let closure = Closure {
+        metric: "rollout_rmse".into(),
+        before: finite(before_all),
+        after: finite(after_all),
+        floor: finite(floor_all),
+        floor_source: floor_source.into(),
+        closed: finite(closed(before_all, after_all, floor_all)),
+        low: finite(interval.0),
+        high: finite(interval.1),
+        horizon: finite(experiment.longest_window()),
+        spread: spread.as_ref().map(|spread| spread.within),
+        by_state: moving.iter().map(|&c| by_state(system, &experiment, &floor, &blocks, c)).collect(),
+    };
+    let model_error = nominal.evidence.model_error;
+    let missed = |&c: &usize| Missed {
+        name: system.model().states[experiment.columns[c]].name.clone(),
+        probability: missed(&blocks, floor[c], model_error, c),
+        is_lost: changed && is_lost(&experiment, &blocks, c),
+    };
+    let missed = moving.iter().map(missed).collect();
+    let figures = curves::rollouts(system, &experiment, &moving, &before, changed.then_some(&after));
+    let checks = curves::checks(system, &experiment, &moving, &after);
+    Ok(Verification { closure, figures, checks, missed, resting, spread })
+}
+
+/// The held-out logs, cut into rollouts that are as long as the corrected model can predict.
+fn held_out(best: &Contestant, holdout: &Dataset, notes: &Notes) -> Result<Heldout> {
+    let mut experiment = Experiment::new(&best.system, holdout, None)?;
+    let known = &best.experiment;
+    experiment.scale.clone_from(&known.scale);
+    let own = noise_levels(&experiment.logs, experiment.columns.len());
+    remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &own);
+    // A column that rests here says nothing of its noise.
+    let moves_here = |c: usize| moves(&experiment.logs, c);
+    let noise = |c: usize| if moves_here(c) { own[c].min(known.noise[c]) } else { known.noise[c] };
+    let noise: Vec<f64> = (0..own.len()).map(noise).collect();
+    let moving = (0..own.len()).filter(|&c| moves_here(c) || moves(&known.logs, c)).collect();
+    experiment.noise = noise;
+    experiment.hold = known.hold;
+    experiment.past = known.past;
+    experiment.substeps = known.substeps;
+    if known.windows.len() > known.logs.len() {
+        let fitted = known.longest_window();
+        // The search may have looked at shorter rollouts than the corrected model can predict.
+        let (parameters, rollout) = (&best.refined.parameters, Purpose::Rollout);
+        let longest = choose_windows(&best.system, known.clone(), (parameters, &best.free), rollout, &|_| Ok(()));
+        let length = longest.map_or(fitted, |(_, cut)| cut.unwrap_or(f64::INFINITY).max(fitted));
+        if length.is_finite() {
+            experiment = experiment.with_windows_of(length);
+            notes.say(Note::HoldoutRestarted { length });
+        }
+    }
+    Ok(Heldout { experiment, moving })
+}
+
+/// Whether a column moves in any log by more than one step of its sensor, or the rounding of its digits.
+pub(crate) fn moves(logs: &[Log], column: usize) -> bool {
+    let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
+    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let size = low.abs().max(high.abs());
+    high - low > (1.0 + LOG_DIGITS) * resolution(logs, column).max(LOG_DIGITS * size)
+}
+
+/// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
+fn rollouts(fitted: &Contestant, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
+    let own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
+    let initial = starts(&fitted.system, &own, parameters, fitted.nominal_states());
+    let scaled = outputs(&fitted.system, &own, parameters, &initial);
+    let n_columns = own.columns.len();
+    let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();
+    scaled.into_iter().map(unscale).collect()
+}
+
+/// Share of the gap that is closed: exact where there is a gap, and zero where there is none.
+fn closed(before: f64, after: f64, floor: f64) -> f64 {
+    if before == after { 0.0 } else { (before - after) / (before - floor).max(NO_GAP * floor) }
+}
+
+fn overall(blocks: &[Block], pick: impl Fn(&Block) -> &Vec<f64>) -> f64 {
+    let sum: f64 = blocks.iter().flat_map(|b| pick(b).iter()).sum();
+    let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
+    (sum / count).sqrt()
+}
+
+/// The floor over all columns, each as often as it was measured.
+fn floor_of_all(blocks: &[Block], floor: &[f64]) -> f64 {
+    let squares: f64 = blocks.iter().flat_map(|b| b.count.iter().zip(floor)).map(|(n, f)| n * f * f).sum();
+    let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
+    (squares / count).sqrt()
+}
+
+/// Errors in blocks of every rollout; columns that rest count nothing.
+fn blocks(experiment: &Experiment, moving: &[usize], before: &[Vec<f64>], after: &[Vec<f64>]) -> Vec<Block> {
+    let n_columns = experiment.columns.len();
+    let mut all = Vec::new();
+    for (w, window) in experiment.windows.iter().enumerate() {
+        let log = &experiment.logs[window.log];
+        let samples = window.last - window.first + 1;
+        let parts = BLOCKS.min(samples);
+        for part in 0..parts {
+            let mut block =
+                Block { before: vec![0.0; n_columns], after: vec![0.0; n_columns], count: vec![0.0; n_columns] };
+            for i in part * samples / parts..(part + 1) * samples / parts {
+                for &c in moving {
+                    let measured = log.measured[c][window.first + i];
+                    if measured.is_finite() {
+                        let row = i * n_columns + c;
+                        block.before[c] += ((measured - before[w][row]) / experiment.noise[c]).powi(2);
+                        block.after[c] += ((measured - after[w][row]) / experiment.noise[c]).powi(2);
+                        block.count[c] += 1.0;
+                    }
+                }
+            }
+            all.push(block);
+        }
+    }
+    all
+}
+
+/// Percentile interval over blocks drawn with replacement.
+fn bootstrap(blocks: &[Block], confidence: f64, statistic: impl Fn(&[Block]) -> f64) -> (f64, f64) {
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let mut values: Vec<f64> = (0..DRAWS)
+        .map(|_| {
+            let chosen: Vec<Block> =
+                (0..blocks.len()).map(|_| blocks[(random.next_u64() % blocks.len() as u64) as usize].clone()).collect();
+            statistic(&chosen)
+        })
+        .filter(|v| v.is_finite())
+        .collect();
+    if values.is_empty() {
+        return (f64::NAN, f64::NAN);
+    }
+    values.sort_by(f64::total_cmp);
+    let at = |part: f64| values[(part * (values.len() - 1) as f64).round() as usize];
+    (at(0.5 - 0.5 * confidence), at(0.5 + 0.5 * confidence))
+}
+
+fn by_state(
+    system: &crate::model::System,
+    experiment: &Experiment,
+    floor: &[f64],
+    blocks: &[Block],
+    c: usize,
+) -> ClosureState {
+    let state = &system.model().states[experiment.columns[c]];
+    let count: f64 = blocks.iter().map(|b| b.count[c]).sum();
+    let rms = |pick: &dyn Fn(&Block) -> f64| (blocks.iter().map(pick).sum::<f64>() / count).sqrt();
+    let (before, after) = (rms(&|b| b.before[c]), rms(&|b| b.after[c]));
+    let in_unit = |value: f64| finite(value * experiment.noise[c]);
+    ClosureState {
+        state: state.name.clone(),
+        before: in_unit(before),
+        after: in_unit(after),
+        floor: in_unit(floor[c]),
+        closed: finite(closed(before, after, floor[c])),
+        unit: state.unit.clone(),
+    }
+}
+
+/// How surely the error of column `c` is larger than its noise, or a hundredth of its gap, allows.
+///
+/// Student's t of the blocks' mean excess: sure where it is large and everywhere, open where one block alone shows it; with
+/// what is known beforehand.
+fn missed(blocks: &[Block], floor: f64, model_error: f64, c: usize) -> f64 {
+    use statrs::distribution::{ContinuousCDF, StudentsT};
+    let own: Vec<&Block> = blocks.iter().filter(|b| b.count[c] > 0.0).collect();
+    let mean = |pick: &dyn Fn(&Block) -> f64| own.iter().map(|b| pick(b) / b.count[c]).sum::<f64>() / own.len() as f64;
+    let (before, after) = (mean(&|b| b.before[c]), mean(&|b| b.after[c]));
+    if !after.is_finite() {
+        return 1.0;
+    }
+    let of_gap = floor + LEFT * (before.sqrt() - floor).max(0.0);
+    let of_gap = if of_gap.is_finite() { of_gap * of_gap } else { 0.0 };
+    let allowed = ((1.0 + ALLOWED) * (floor * floor + model_error)).max(of_gap);
+    let variance = own.iter().map(|b| (b.after[c] / b.count[c] - after).powi(2)).sum::<f64>();
+    let degrees = (own.len() as f64 - 1.0).max(1.0);
+    let deviation = (variance / degrees / own.len() as f64).sqrt().max(1e-12 * allowed);
+    let chance = StudentsT::new(0.0, 1.0, degrees).map_or(0.5, |t| t.sf((after - allowed) / deviation));
+    let odds = RARELY * (1.0 - chance) / chance.max(f64::MIN_POSITIVE);
+    odds / (1.0 + odds)
+}
+
+/// Whether the corrected model's error of column `c` is more than half of what the column moves within the rollouts.
+fn is_lost(experiment: &Experiment, blocks: &[Block], c: usize) -> bool {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for window in &experiment.windows {
+        let values = &experiment.logs[window.log].measured[c][window.first..=window.last];
+        let there: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        let mean = there.iter().sum::<f64>() / there.len().max(1) as f64;
+        squares += there.iter().map(|v| ((v - mean) / experiment.noise[c]).powi(2)).sum::<f64>();
+        count += there.len() as f64;
+    }
+    let error: f64 = blocks.iter().map(|b| b.after[c]).sum::<f64>() / blocks.iter().map(|b| b.count[c]).sum::<f64>();
+    // Noise alone is no motion.
+    !(error <= (LOST * squares / count).max(LOST_NOISE))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

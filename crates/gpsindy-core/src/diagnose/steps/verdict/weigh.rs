@@ -1,0 +1,97 @@
+//! Weigh: probabilities, exclusions and the verdict, from the outcome of the contest to the report.
+
+mod assemble;
+mod decide;
+
+use crate::data::Dataset;
+use crate::diagnose::notes::Note;
+use crate::diagnose::report::{Cause, Diagnosis};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::findings::{Judged, Told};
+use crate::diagnose::steps::verdict::causes::{Causes, random_force};
+use crate::diagnose::steps::verdict::localise::Located;
+use crate::diagnose::steps::verdict::typicality::Typicality;
+use crate::diagnose::steps::verdict::verify::Verification;
+use crate::model::Model;
+use assemble::assemble;
+use decide::Decided;
+
+/// All that a report is made of.
+pub(crate) struct Found<'a> {
+    pub(crate) judged: &'a Judged,
+    pub(crate) typicality: Option<Typicality>,
+    pub(crate) verification: Verification,
+    pub(crate) located: Located,
+}
+
+pub(crate) fn report(
+    confidence: f64,
+    contest: &Contest<'_>,
+    found: Found<'_>,
+    logs: (&Dataset, &Dataset),
+    augmented: Model,
+) -> (Diagnosis, Model) {
+    let decided = Decided::of(contest, &found);
+    let causes = stated(confidence, contest, &found, &decided);
+    say(contest, &found, &decided, &causes);
+    assemble(confidence, contest, found, (decided, causes), logs, augmented)
+}
+
+/// The causes as the report states them, random forces behind what is included.
+fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &Decided) -> Vec<Cause> {
+    let Judged { nominal, detected, outcome, forcing, .. } = found.judged;
+    let Decided { stabilities, credible, keep, .. } = decided;
+    let stated = Causes { confidence, contest, nominal, outcome, stabilities, credible, keep: *keep };
+    let mut causes = if detected.gap { stated.all() } else { Vec::new() };
+    if let Some(forcing) = forcing {
+        let first = causes.iter().position(|c| !c.included).unwrap_or(causes.len());
+        // What is left is random only if the causes beside it are right.
+        let probability = forcing.probability() * credible.iter().product::<f64>();
+        let model = nominal.system.model();
+        let told = forcing.forces.iter().map(|told| random_force(confidence, model, probability, told));
+        causes.splice(first..first, told);
+    }
+    causes
+}
+
+/// What the notes say of the outcome.
+fn say(contest: &Contest<'_>, found: &Found<'_>, decided: &Decided, causes: &[Cause]) {
+    let Judged { nominal, detected, outcome, forcing, .. } = found.judged;
+    let model = nominal.system.model();
+    let random = forcing.iter().flat_map(|f| f.forces.iter().map(|told| random(model, told)));
+    let coloured = forcing.iter().flat_map(|f| f.errors.iter().map(|told| coloured(model, told)));
+    let nothing = (detected.gap && outcome.best.hypotheses.is_empty()).then_some(Note::NothingExplains);
+    let kept = causes.iter().filter_map(disagreement).chain(astray(&found.verification)).filter(|_| decided.keep);
+    contest.run.notes.say_all(random.chain(coloured).chain(nothing).chain(kept));
+}
+
+/// What is to be said of a cause whose size differs between parts of the logs.
+fn disagreement(cause: &Cause) -> Option<Note> {
+    let stability = cause.stability.as_ref().filter(|s| !s.disagree.is_empty())?;
+    let (effect, state) = (cause.effect.clone(), cause.state.clone());
+    Some(Note::Disagreement { effect, state, parts: stability.disagree.clone() })
+}
+
+/// What is to be said of a random force.
+fn random(model: &Model, told: &Told) -> Note {
+    let state = &model.states[told.state];
+    Note::RandomForce { state: state.name.clone(), deviation: told.deviation, unit: state.rate_unit(), time: told.time }
+}
+
+/// What is to be said of a sensor whose errors have a memory.
+fn coloured(model: &Model, told: &Told) -> Note {
+    let state = &model.states[told.state];
+    Note::ColouredNoise {
+        column: state.name.clone(),
+        deviation: told.deviation,
+        unit: state.unit.clone(),
+        time: told.time,
+    }
+}
+
+/// What is to be said of columns that the corrected model does not follow.
+fn astray(verification: &Verification) -> Option<Note> {
+    let lost = verification.missed.iter().filter(|m| m.is_lost);
+    let columns: Vec<String> = lost.map(|m| m.name.clone()).collect();
+    (!columns.is_empty()).then_some(Note::NotFollowed { columns })
+}

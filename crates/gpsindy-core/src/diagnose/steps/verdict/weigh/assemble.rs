@@ -1,0 +1,112 @@
+//! The report, put together from what was found, decided and stated.
+
+use crate::data::Dataset;
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::moved::deviation;
+use crate::diagnose::limits::SHOWN;
+use crate::diagnose::limits::weigh::QUIET_GAIN;
+use crate::diagnose::report::{Cause, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, finite};
+use crate::diagnose::run::Ending;
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::findings::Outcome;
+use crate::diagnose::steps::verdict::augment::equations;
+use crate::diagnose::steps::verdict::curves;
+use crate::diagnose::steps::verdict::weigh::Found;
+use crate::diagnose::steps::verdict::weigh::decide::Decided;
+use crate::model::Model;
+
+/// The report, and the corrected model that goes with it: the nominal one where nothing is kept.
+pub(crate) fn assemble(
+    confidence: f64,
+    contest: &Contest<'_>,
+    found: Found<'_>,
+    (decided, causes): (Decided, Vec<Cause>),
+    (train, holdout): (&Dataset, &Dataset),
+    augmented: Model,
+) -> (Diagnosis, Model) {
+    let Found { judged, verification, located, .. } = found;
+    let Decided { unexplained, checks, verdict, keep, .. } = decided;
+    let (nominal, outcome) = (judged.nominal.system.model(), &judged.outcome);
+    let augmented = if keep { augmented } else { nominal.clone() };
+    let verification = if keep { verification } else { verification.without_causes() };
+    let names = |data: &Dataset| data.runs().iter().map(|r| r.name.clone()).collect();
+    let diagnosis = Diagnosis {
+        schema: SCHEMA.into(),
+        model: nominal.name.clone(),
+        runs: Runs { train: names(train), holdout: names(holdout) },
+        verdict,
+        confidence: Some(confidence),
+        gap: located.gap,
+        causes,
+        parameters: if keep { parameters(nominal, &augmented, &outcome.best) } else { Vec::new() },
+        excluded: excluded(contest, outcome),
+        by_part: Vec::new(),
+        unexplained,
+        checks: if keep { checks } else { Vec::new() },
+        closure: verification.closure,
+        augmented_model: Some("augmented.toml".into()),
+        interrupted: match contest.run.ending() {
+            Ending::Interrupted { after } => Some(after),
+            Ending::Complete => None,
+        },
+        notes: contest.run.notes.all().iter().map(ToString::to_string).collect(),
+        power: None,
+        work: Vec::new(),
+        figures: Some(Figures {
+            rollouts: verification.figures,
+            residuals: located.figures,
+            equations: equations(nominal, &augmented),
+            difference: Vec::new(),
+            signals: curves::signals(nominal, train, holdout),
+            checks: verification.checks,
+        }),
+    };
+    (diagnosis, augmented)
+}
+
+/// The augmented model's parameters with the nominal ones.
+fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelParameter> {
+    let one = |(index, parameter): (usize, &crate::model::Parameter)| ModelParameter {
+        name: parameter.name.clone(),
+        nominal: before.parameters.iter().find(|p| p.name == parameter.name).map(|p| p.value),
+        value: parameter.value,
+        deviation: deviation(best, index).and_then(finite),
+        unit: parameter.unit.clone(),
+    };
+    after.parameters.iter().enumerate().map(one).collect()
+}
+
+/// Effects that these logs would have shown besides the winner's, had they been larger than a size.
+fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
+    let model = outcome.best.system.model();
+    let mut all: Vec<Excluded> = Vec::new();
+    for (hypothesis, summary) in contest.hypotheses.iter().zip(&outcome.screened) {
+        let Some((deviation, unit)) = &summary.resolution else { continue };
+        // Not the same effect in the same equation, whatever it depends on: a reader would see a contradiction. Wrong parameters have names.
+        let is_same = |h: &Hypothesis| {
+            h.id() == hypothesis.id()
+                && h.state == hypothesis.state
+                && (h.frees().is_none() || h.frees() == hypothesis.frees())
+        };
+        let is_quiet = summary.gain < QUIET_GAIN && !outcome.best.hypotheses.iter().any(is_same);
+        if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
+            let state = model.states[hypothesis.moves()].name.clone();
+            let (variables, place) = (hypothesis.variables.clone(), hypothesis.place());
+            let is_listed = |e: &Excluded| {
+                (e.effect.as_str(), &e.state, &e.variables, &e.place) == (hypothesis.id(), &state, &variables, &place)
+            };
+            if !all.iter().any(is_listed) {
+                all.push(Excluded {
+                    effect: hypothesis.id().into(),
+                    state,
+                    variables,
+                    place,
+                    above: SHOWN * deviation,
+                    unit: unit.clone(),
+                });
+            }
+        }
+    }
+    all
+}

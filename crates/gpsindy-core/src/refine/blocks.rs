@@ -1,0 +1,61 @@
+//! Residuals and derivatives of every window, as a fit and its normal equations take them.
+
+use super::{Experiment, Free, Starts};
+use nalgebra::{DMatrix, DVector};
+
+/// Share of the typical size by which a value is moved for a finite difference: the root of the
+/// rounding error, a compromise between truncation and cancellation.
+const DIFFERENCE: f64 = 1e-6;
+
+/// Where a search is: all parameters, and every window's initial state.
+#[derive(Debug, Clone)]
+pub(crate) struct Point {
+    pub(crate) parameters: Vec<f64>,
+    pub(crate) initial: Vec<Vec<f64>>,
+}
+
+/// One window's residuals and derivatives.
+#[derive(Debug, Clone)]
+pub(crate) struct Block {
+    /// (measured - model)/noise, sample by sample; zero where a value is missing.
+    pub(crate) residual: DVector<f64>,
+    /// Derivatives of model/noise: initial states first, then the free parameters.
+    pub(crate) derivative: DMatrix<f64>,
+    /// Whether a value is there.
+    pub(crate) present: Vec<bool>,
+}
+
+/// Residuals and derivatives of every window.
+#[derive(Debug, Clone)]
+pub(crate) struct Jacobian {
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) n_states: usize,
+}
+
+/// Sum of the beliefs' squared, scaled distances.
+pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
+    free.iter().filter_map(|f| f.prior.map(|(mean, sd)| ((parameters[f.parameter] - mean) / sd).powi(2))).sum()
+}
+
+impl Jacobian {
+    /// Sum of squares with the beliefs' terms.
+    pub(crate) fn cost(&self, experiment: &Experiment, point: &Point, free: &[Free]) -> f64 {
+        let Starts { samples, more } = experiment.starts;
+        let first = |b: &Block| b.residual.iter().take(samples * experiment.columns.len()).map(|e| e * e).sum::<f64>();
+        let squares = self.blocks.iter().map(|b| b.residual.norm_squared() + more * first(b)).sum::<f64>();
+        squares + prior_cost(&point.parameters, free)
+    }
+
+    /// Residuals with NaN for what is missing.
+    pub(crate) fn residuals(&self) -> Vec<Vec<f64>> {
+        self.blocks
+            .iter()
+            .map(|b| b.residual.iter().zip(&b.present).map(|(&e, &there)| if there { e } else { f64::NAN }).collect())
+            .collect()
+    }
+}
+
+/// Step of the finite difference of column `column`.
+pub(super) fn difference(experiment: &Experiment, n_states: usize, free: &[Free], column: usize) -> f64 {
+    DIFFERENCE * if column < n_states { experiment.scale[column] } else { free[column - n_states].scale }
+}

@@ -1,0 +1,126 @@
+//! Parameters, starts and windows that come back.
+
+use super::*;
+use crate::data::{Channel, Dataset, Run};
+use crate::expression::Expression;
+use crate::model::{Control, Model, Parameter, State};
+use faer::Mat;
+
+fn cart(force: &str) -> Model {
+    Model {
+        states: vec![
+            State::new("x", Expression::parse("v").unwrap()),
+            State::new("v", Expression::parse(&format!("{force} - k*x - b*v")).unwrap()),
+        ],
+        controls: vec![Control::new("u")],
+        parameters: [("k", 4.0), ("b", 0.3), ("tau", 0.033)].map(|(n, v)| Parameter::new(n, v)).into(),
+        ..Model::default()
+    }
+}
+
+/// Logs of the model itself, position only, made with a far finer step.
+fn logs(model: &Model, values: &[f64]) -> Dataset {
+    let system = model.compile().unwrap();
+    let fine = 20;
+    let runs = (0..2)
+        .map(|r| {
+            let time: Vec<f64> = (0..200).map(|i| 0.05 * i as f64).collect();
+            let u = |i: usize| (0.7 * time[i] + r as f64).sin() + f64::from((i / 37).is_multiple_of(2));
+            let log = Log {
+                name: "truth".into(),
+                time: time.clone(),
+                controls: vec![(0..200).map(u).collect()],
+                measured: vec![vec![0.0; 200]],
+            };
+            let parameters: Vec<[f64; 1]> = values.iter().map(|&v| [v]).collect();
+            let mut lanes = lanes::Lanes::<1>::new(&system, &log, (Hold::Zero, Past::Still), &parameters);
+            let mut values = Mat::zeros(200, 2);
+            lanes.roll((0, 199), &[[0.5], [0.0]], &[0], fine, |i, _, v| values[(i, 0)] = v[0]);
+            for i in 0..200 {
+                values[(i, 1)] = u(i);
+            }
+            Run { name: format!("{r}"), time, values }
+        })
+        .collect();
+    Dataset::new(vec![Channel::new("x"), Channel::new("u")], runs).unwrap()
+}
+
+#[test]
+fn parameters_and_hidden_initial_velocity_come_back_from_positions() {
+    let model = cart("u");
+    let data = logs(&model, &[4.0, 0.3, 0.0]);
+    let system = model.compile().unwrap();
+    let mut experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap();
+    experiment.substeps = 4;
+    let free = [Free::new(0, 1.0), Free::new(1, 1.0)];
+    let fit = Refine::default().fit(&system, &experiment, &[3.0, 1.0, 0.0], &free, None).unwrap();
+    // Both integrators are exact to about 1e-8 here.
+    assert!((fit.parameters[0] - 4.0).abs() < 1e-5, "{:?}", fit.parameters);
+    assert!((fit.parameters[1] - 0.3).abs() < 1e-5, "{:?}", fit.parameters);
+    assert!(fit.initial[0][1].abs() < 1e-4, "{:?}", fit.initial);
+    assert!(fit.converged);
+}
+
+#[test]
+fn a_delay_between_samples_comes_back() {
+    let model = cart("delay(u, tau)");
+    let data = logs(&model, &[4.0, 0.3, 0.083]);
+    let system = model.compile().unwrap();
+    let mut experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap();
+    experiment.substeps = 2;
+    let free = [Free { lower: 0.0, ..Free::new(2, 0.05) }, Free::new(0, 1.0)];
+    let fit = Refine::default().fit(&system, &experiment, &[3.9, 0.3, 0.01], &free, None).unwrap();
+    // The mean of a switched control over a step leaves an error of h^2/8 = 8e-5 a switch.
+    assert!((fit.parameters[2] - 0.083).abs() < 5e-4, "{:?}", fit.parameters);
+}
+
+/// The cart and its logs in windows of 2 s.
+fn in_windows() -> (System, Experiment) {
+    let model = cart("u");
+    let data = logs(&model, &[4.0, 0.3, 0.0]);
+    let system = model.compile().unwrap();
+    let experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap().with_windows_of(2.0);
+    (system, Experiment { substeps: 4, ..experiment })
+}
+
+#[test]
+fn windows_give_the_same_answer_as_whole_runs() {
+    let (system, experiment) = in_windows();
+    assert_eq!(experiment.windows.len(), 10);
+    let fit =
+        Refine::default().fit(&system, &experiment, &[3.0, 1.0, 0.0], &[Free::new(0, 1.0), Free::new(1, 1.0)], None);
+    let fit = fit.unwrap();
+    assert!((fit.parameters[0] - 4.0).abs() < 1e-4, "{:?}", fit.parameters);
+}
+
+#[test]
+fn first_samples_that_count_more_hold_the_starts_of_a_wrong_model() {
+    let (system, experiment) = in_windows();
+    // Too soft a spring, and nothing to fit but the starts.
+    let fit = |starts: Starts| {
+        let experiment = Experiment { starts, ..experiment.clone() };
+        Refine::default().fit(&system, &experiment, &[2.0, 0.3, 0.0], &[], None).unwrap()
+    };
+    let first = |fit: &Refined| fit.residuals.iter().map(|window| window[0].abs()).fold(0.0, f64::max);
+    let free = fit(Starts::default());
+    let held = fit(Starts { samples: 1, more: 1e8 });
+    assert!(first(&free) > 1.0, "{}", first(&free));
+    assert!(first(&held) < 1e-3, "{}", first(&held));
+    // The cost is the one that the search saw: every first value counts 1e8 times more.
+    let squares: f64 = held.residuals.iter().flatten().map(|e| e * e).sum();
+    let firsts: f64 = held.residuals.iter().map(|window| window[0] * window[0]).sum();
+    assert!((held.cost / (squares + 1e8 * firsts) - 1.0).abs() < 1e-12, "{}", held.cost);
+}
+
+#[test]
+fn a_belief_holds_what_the_data_do_not_tell() {
+    let model = cart("u");
+    let data = logs(&model, &[4.0, 0.3, 0.0]);
+    let system = model.compile().unwrap();
+    let experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap();
+    // tau does not enter: only its prior can place it.
+    let free = [Free { prior: Some((0.2, 0.1)), ..Free::new(2, 1.0) }];
+    let fit = Refine::default().fit(&system, &experiment, &[4.0, 0.3, 0.9], &free, None).unwrap();
+    assert!((fit.parameters[2] - 0.2).abs() < 1e-6);
+    assert!((fit.covariance[0][0] - 0.01).abs() < 1e-6);
+}

@@ -1,0 +1,79 @@
+//! How the columns of a log are found, and by which clock.
+
+use crate::error::{Error, Result};
+
+/// How columns of a log are found.
+#[derive(Debug, Clone, Default)]
+pub struct LogOptions {
+    /// The time column of a table; default `t`, else `time` in any case, else `__time`.
+    pub time: Option<String>,
+    /// The column whose value distinguishes the runs of a file; default: a file is a run.
+    pub run: Option<String>,
+    /// Columns that get another name: (name or whole header, new name).
+    pub rename: Vec<(String, String)>,
+    /// Where a column comes from: (its name, topic and field, or a table's column).
+    pub map: Vec<(String, String)>,
+    /// Units of columns whose format has none: (name, unit).
+    pub unit: Vec<(String, String)>,
+    /// The clock of messages.
+    pub stamp: Stamp,
+    /// What is added to the stamps of a topic.
+    pub offset: Vec<(String, Offset)>,
+}
+
+impl LogOptions {
+    /// Refuses a map that names a column twice, and an offset for a log that is one table.
+    pub(crate) fn check(&self, file: &str, table: bool) -> Result<()> {
+        for (i, (name, _)) in self.map.iter().enumerate() {
+            if self.map[..i].iter().any(|(other, _)| other == name) {
+                return Err(Error::file(file, format!("--map: `{name}` is mapped twice; map each name once")));
+            }
+        }
+        match self.offset.first() {
+            Some((topic, _)) if table => {
+                let message = format!("--offset {topic}: the log is a table, with one clock for all of its columns");
+                Err(Error::file(file, message))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The unit that the options give a column, empty where they give none.
+    #[cfg(any(feature = "mcap", feature = "ulog"))]
+    pub(crate) fn unit_of(&self, name: &str) -> String {
+        self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()
+    }
+}
+
+/// What is added to the stamps of a topic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Offset {
+    /// So many seconds.
+    Seconds(f64),
+    /// What makes its columns agree with those of the other topics best.
+    Auto,
+}
+
+impl std::str::FromStr for Offset {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let seconds = text.parse().ok().filter(|s: &f64| s.is_finite());
+        seconds.map(Self::Seconds).ok_or_else(|| format!("`{text}` is neither a number of seconds nor `auto`"))
+    }
+}
+
+/// The clock of messages.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Stamp {
+    /// The stamp in the message's header where there is one, else the time of recording.
+    #[default]
+    Auto,
+    /// The stamp in the message's header; a topic without one is refused.
+    Header,
+    /// The time of recording.
+    Log,
+}

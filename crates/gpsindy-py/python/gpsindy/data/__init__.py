@@ -1,0 +1,1 @@
+"""Logs and tables, as runs of samples."""

@@ -1,0 +1,1 @@
+"""Identification: estimators, smoothing, and their settings."""
