@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsindy._tables import Array
+from gpsindy.data._tables import Array
 from gpsindy.mujoco._engine import mujoco
 
 #: Inertia of a base that moves as it is told, as a multiple of the model's own: its legs then move it by less than a millionth.
