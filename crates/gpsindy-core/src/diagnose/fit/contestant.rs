@@ -73,10 +73,9 @@ impl Contestant {
         self.system.n_states() - self.hypotheses.iter().map(Hypothesis::added_states).sum::<usize>()
     }
 
-    /// Number of starts of states that hypotheses added: of every window its own, except where the log's past determines them.
+    /// Starts of states that hypotheses added, in each window: none where the log's past determines them.
     pub(crate) fn added_starts(&self) -> usize {
-        let hidden = self.system.n_states() - self.nominal_states() - self.system.followers().len();
-        hidden * self.experiment.windows.len()
+        self.system.n_states() - self.nominal_states() - self.system.followers().len()
     }
 
     /// The model with the fitted values in place.

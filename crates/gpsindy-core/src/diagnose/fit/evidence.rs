@@ -17,17 +17,19 @@ pub(crate) struct Evidence {
     /// Squared distances of the tolerated parameters from what is believed of them, in their deviations.
     beliefs: f64,
     complexity: usize,
+    /// How many of them are starts of states that hypotheses brought, and the values of a window, of which each is known.
+    starts: (usize, f64),
     spent: usize,
     effective: f64,
 }
 
 impl Evidence {
-    /// The evidence of a fit in which hypotheses brought `complexity` parameters.
+    /// The evidence of a fit in which hypotheses brought so many parameters of the machine, and in each window so many starts.
     pub(crate) fn of(
         experiment: &Experiment,
         refined: &Refined,
         free: &[Free],
-        complexity: usize,
+        (parameters, started): (usize, usize),
         model_error: f64,
     ) -> Self {
         let colours = colours(&refined.residuals, experiment.columns.len());
@@ -36,7 +38,11 @@ impl Evidence {
         let beliefs = prior_cost(&refined.parameters, free);
         let longest = experiment.windows.iter().map(|w| w.last - w.first + 1).max().unwrap_or(1);
         let effective = colours.iter().map(|c| effective_count(c, longest)).sum::<f64>().max(2.0);
-        let mut evidence = Self { colours, model_error, strain: 0.0, beliefs, complexity, spent, effective };
+        let windows = experiment.windows.len();
+        let complexity = parameters + started * windows;
+        let values = colours.iter().map(|c| c.count).sum::<usize>() as f64 / windows.max(1) as f64;
+        let starts = (started * windows, values);
+        let mut evidence = Self { colours, model_error, strain: 0.0, beliefs, complexity, starts, spent, effective };
         evidence.strain = tolerance::strain(refined, free, evidence.count());
         evidence
     }
@@ -84,9 +90,14 @@ impl Evidence {
 
     /// Log likelihood and BIC's price where only a share `alone` of the values counts: a quasi-likelihood, its overdispersion that of
     /// the rest (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section 2.5).
+    ///
+    /// A parameter is known from all values, a start from those of its window, and each pays for its own (Berger, Bayarri and Pericchi
+    /// 2014, Econometric Reviews 33, "The effective sample size").
     pub(crate) fn score_of(&self, alone: f64) -> f64 {
-        let count = (alone * self.count() as f64).max(2.0);
-        alone * self.likelihood() - 0.5 * self.complexity as f64 * count.ln()
+        let price = |parameters: usize, values: f64| 0.5 * parameters as f64 * (alone * values).max(2.0).ln();
+        let (starts, of_window) = self.starts;
+        let parameters = price(self.complexity - starts, self.count() as f64);
+        alone * self.likelihood() - parameters - price(starts, of_window)
     }
 
     /// Values that count alone: fewer than there are where what is left is larger than the noise and lasts.

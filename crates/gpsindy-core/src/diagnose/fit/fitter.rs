@@ -49,7 +49,7 @@ impl Fitter {
     ) -> Result<Contestant> {
         let at = (&system.parameter_values()[..], &free[..]);
         let (refined, _) = budget.refine().fit_watched(&system, &experiment, at, None, watch)?;
-        let evidence = Evidence::of(&experiment, &refined, &free, 0, self.model_error);
+        let evidence = Evidence::of(&experiment, &refined, &free, (0, 0), self.model_error);
         let nominal = Contestant {
             hypotheses: Vec::new(),
             searches: Vec::new(),
@@ -246,9 +246,9 @@ impl Fitter {
         let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
         let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
         let fitted = fitted.count();
-        let complexity = fitted + contestant.added_starts();
+        let brought = (fitted, contestant.added_starts());
         let Contestant { experiment, refined, free, .. } = &*contestant;
-        contestant.evidence = Evidence::of(experiment, refined, free, complexity, self.model_error);
+        contestant.evidence = Evidence::of(experiment, refined, free, brought, self.model_error);
     }
 }
 

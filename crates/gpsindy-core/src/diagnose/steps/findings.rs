@@ -41,6 +41,8 @@ pub(crate) struct Outcome {
     pub(crate) seats: Vec<Seat>,
     /// Where no effect convinced: single effects, best first.
     pub(crate) singles: Vec<Contestant>,
+    /// What was fitted one move away from the winner.
+    pub(crate) near: Vec<Contestant>,
     pub(crate) left: Option<Left>,
     /// Straight-line gain of every hypothesis at the winner.
     pub(crate) screened: Vec<Summary>,

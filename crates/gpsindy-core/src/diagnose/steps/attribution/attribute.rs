@@ -2,7 +2,8 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, REST, SWAP};
+use crate::diagnose::limits::weigh::LEAST_REST;
+use crate::diagnose::limits::{MOST_MOVES, NAMED, SWAP};
 use crate::diagnose::steps::attribution::charge::charge_tolerated;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
@@ -59,7 +60,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
         removed: place.removed,
     };
     let seats = best.hypotheses.iter().zip(places).map(seat).collect();
-    let outcome = Outcome { best, seats, singles, left, screened: round.screened };
+    let outcome = Outcome { best, seats, singles, near: round.fits, left, screened: round.screened };
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
 }
 
@@ -104,7 +105,7 @@ fn moved(
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     // Where a rest is left anyhow, what removes little of the gap is a use for that.
-    let share = if is_structured { NAMED } else { REST };
+    let share = if is_structured { NAMED } else { LEAST_REST };
     let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share));
     richer(contest, other.unwrap_or(best), that_count)
         .or_else(|| contest.best(simpler))

@@ -26,6 +26,7 @@ impl Suspected {
             best: self.nominal.clone(),
             seats: Vec::new(),
             singles: self.first.singles(),
+            near: self.first.fits,
             left: None,
             screened: self.first.screened,
         };

@@ -12,7 +12,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::weigh::LIKELY;
 use crate::diagnose::limits::{CHANCE, CONVINCING, NOISE};
-use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat};
 use crate::error::Result;
 use account::Account;
@@ -28,13 +28,15 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     if is_moot || !is_due || contest.run.is_out_of_time() {
         return Ok(judged);
     }
-    let Outcome { best, left, .. } = &judged.outcome;
+    let Outcome { best, left, near, .. } = &judged.outcome;
     let is_left = left.as_ref().is_some_and(|l| l.p_value < CHANCE) || best.evidence.misfit() > NOISE;
     if !best.hypotheses.is_empty() && !is_left {
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;
-    let mut found = Account::forced(contest, &judged.nominal)?;
+    // What no effect convinces beside, because all that the gusts leave counts against it, may convince beside the gusts.
+    let beside_nothing = if best.hypotheses.is_empty() { &near[..] } else { &[] };
+    let mut found = Account::forced(contest, &judged.nominal, beside_nothing)?;
     stage.advance()?;
     if !judged.outcome.best.hypotheses.is_empty()
         && let Some(beside) = beside_causes(contest, &judged)?
@@ -63,7 +65,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     if forcing.probability() < LIKELY {
         return Ok(judged);
     }
-    Ok(replaced(judged, found.fit, forcing, chance))
+    Ok(replaced(contest, judged, found, forcing, chance))
 }
 
 /// The winner with coloured noise alone.
@@ -74,24 +76,28 @@ fn without_forces(contest: &Contest<'_>, judged: &Judged) -> Result<Option<Accou
     winner.map_or_else(|| Account::unforced(contest, &judged.nominal), |account| Ok(Some(account)))
 }
 
-/// The verdict with `fit` in the place of the winner, and random forces; `chance`: that the logs are what the sensors' noise alone
+/// The verdict with an account in the place of the winner, and random forces; `chance`: that the logs are what the sensors' noise alone
 /// makes of what was found without them.
-fn replaced(mut judged: Judged, fit: Contestant, forcing: Forcing, chance: f64) -> Judged {
+fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: Forcing, chance: f64) -> Judged {
     let outcome = &mut judged.outcome;
     outcome.left = None;
+    let fit = &found.fit;
     if !fit.has_effects_of(&outcome.best) {
-        let seat = |hypothesis: &Hypothesis| Seat {
-            hypothesis: hypothesis.clone(),
-            alternatives: vec![fit.clone()],
-            removed: outcome
-                .seats
-                .iter()
-                .find(|known| known.hypothesis == *hypothesis)
-                .map_or(0.0, |known| known.removed),
+        let twins = found.twins(contest, &outcome.near);
+        let seat = |hypothesis: &Hypothesis| {
+            let others: Vec<_> = fit.hypotheses.iter().filter(|h| *h != hypothesis).collect();
+            let stands_there = |twin: &&&Contestant| {
+                twin.hypotheses.len() == fit.hypotheses.len() && others.iter().all(|h| twin.hypotheses.contains(h))
+            };
+            let known = outcome.seats.iter().find(|known| known.hypothesis == *hypothesis);
+            let removed = known.map_or(outcome.best.evidence.misfit() - fit.evidence.misfit(), |known| known.removed);
+            let twins = twins.iter().filter(stands_there).map(|twin| (*twin).clone());
+            let alternatives = keep_first_of_each(std::iter::once(fit.clone()).chain(twins).collect());
+            Seat { hypothesis: hypothesis.clone(), alternatives, removed: removed.max(0.0) }
         };
         outcome.seats = fit.hypotheses.iter().map(seat).collect();
     }
-    outcome.best = fit;
+    outcome.best = found.fit;
     // A row that is pushed at random has a gap; a sensor whose noise has a memory has none.
     if outcome.best.hypotheses.is_empty() {
         judged.detected.gap = !forcing.forces.is_empty();
@@ -104,7 +110,8 @@ fn replaced(mut judged: Judged, fit: Contestant, forcing: Forcing, chance: f64) 
 
 /// The winner with random forces, without those of its effects that do not convince beside them.
 fn beside_causes(contest: &Contest<'_>, judged: &Judged) -> Result<Option<Account>> {
-    let Some(mut best) = Account::forced(contest, &judged.outcome.best)? else { return Ok(None) };
+    let Outcome { best, near, .. } = &judged.outcome;
+    let Some(mut best) = Account::forced(contest, best, near)? else { return Ok(None) };
     while best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
         for place in 0..best.fit.hypotheses.len() {

@@ -1,7 +1,8 @@
 //! Simplify: removes effects that only fit unexplained structure.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{CHANCE, NAMED, REST, STRUCTURE};
+use crate::diagnose::limits::weigh::LEAST_REST;
+use crate::diagnose::limits::{CHANCE, NAMED, STRUCTURE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::nameless_p_value;
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -18,7 +19,7 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
         let least = rests.into_iter().flatten().min_by(|a, b| a.evidence.misfit().total_cmp(&b.evidence.misfit()));
         let Some(rest) = least.filter(|rest| !counts(nominal, &best, rest, NAMED)) else { break };
         // What is left is asked for only where it decides.
-        if counts(nominal, &best, &rest, REST) && !is_structured(&best, &nameless(contest, &best)?) {
+        if counts(nominal, &best, &rest, LEAST_REST) && !is_structured(&best, &nameless(contest, &best)?) {
             break;
         }
         best = rest;

@@ -10,6 +10,7 @@ use crate::diagnose::limits::forcing::{
     CLIMB_STEPS, CLIMBED, CURVED, DURATIONS, LAST_STEP, LAWFUL, LEVELS, LONGEST, MOST_PATHS, MOST_READINGS, SETTLED,
     SKETCHED_READINGS, SLOPED, UNSEEN,
 };
+use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::error::Result;
@@ -52,29 +53,61 @@ impl Account {
     }
 
     /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes
-    /// it, or where a part of the logs shows already that what they leave follows a law.
-    pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
-        let model = fit.system.model();
-        let rows = (0..fit.nominal_states()).filter(|&j| !model.is_kinematic(j)).map(Acts::Row);
-        let places: Vec<Acts> = rows.chain(columns(fit)).collect();
-        let Some(whole) = Self::of(contest, fit, &[])? else { return Ok(None) };
-        let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
-        let part = part.charged_anew(contest).map(|part| part.grown(contest, &places)).transpose()?;
-        let Some(part) = part else { return Ok(None) };
+    /// it.
+    ///
+    /// Where a part of the logs shows already that what they leave follows a law, the one of the fits `near` it of which those
+    /// readings speak best; nothing where a law is left beside that, too.
+    pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant, near: &[Contestant]) -> Result<Option<Self>> {
+        let Some(mut part) = Self::in_part(contest, fit)? else { return Ok(None) };
         if part.functions(contest)? < LAWFUL {
-            return Ok(None);
+            let better = part.best_of(contest, near).filter(|better| better.score > part.score + CONVINCING);
+            let Some(better) = better else { return Ok(None) };
+            let Some(own) = Self::in_part(contest, &better.fit)? else { return Ok(None) };
+            if own.functions(contest)? < LAWFUL {
+                return Ok(None);
+            }
+            part = own;
         }
-        let whole = Self { most: whole_stretches(fit), ..part };
+        let (fit, places) = (part.fit.clone(), places(&part.fit));
+        let whole = Self { most: whole_stretches(&fit), ..part };
         let whole = match whole.linear(&whole.processes) {
             Some(linear) if !whole.processes.is_empty() => {
-                let ranges = whole.processes.iter().map(|p| range(contest, fit, p.acts)).collect();
+                let ranges = whole.processes.iter().map(|p| range(contest, &fit, p.acts)).collect();
                 let start = whole.processes.clone();
-                let bare = Self { score: contest.prior(fit), ..whole };
+                let bare = Self { score: contest.prior(&fit), ..whole };
                 Sketch { climb: Climb { account: bare, ranges, linear }, start, cost: f64::NAN }.finished()
             }
             _ => whole.charged_anew(contest),
         };
         whole.map(|whole| whole.grown(contest, &places)).transpose()
+    }
+
+    /// `fit` with random processes where they convince on a part of the readings.
+    fn in_part(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+        let Some(whole) = Self::of(contest, fit, &[])? else { return Ok(None) };
+        let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
+        part.charged_anew(contest).map(|part| part.grown(contest, &places(fit))).transpose()
+    }
+
+    /// The same processes beside another fit, on the same readings; nothing where no filter takes it.
+    fn beside(&self, contest: &Contest<'_>, fit: &Contestant) -> Option<Self> {
+        let acts = self.processes.iter().map(|p| p.acts);
+        let bare = Self::bare(contest, fit, acts, self.most).ok()??;
+        Self { processes: self.processes.clone(), ..bare }.charged()
+    }
+
+    /// The same processes beside that one of some fits of which the readings speak best.
+    fn best_of(&self, contest: &Contest<'_>, fits: &[Contestant]) -> Option<Self> {
+        let accounts: Vec<Self> = fits.par_iter().filter_map(|fit| self.beside(contest, fit)).collect();
+        accounts.into_iter().max_by(|a, b| a.score.total_cmp(&b.score))
+    }
+
+    /// Those of some fits that are not told from its own beside its processes: odds as of twins.
+    pub(super) fn twins<'f>(&self, contest: &Contest<'_>, fits: &'f [Contestant]) -> Vec<&'f Contestant> {
+        let is_twin = |fit: &&Contestant| {
+            self.beside(contest, fit).is_some_and(|other| 2.0 * (self.score - other.score).abs() < TWINS)
+        };
+        fits.par_iter().filter(is_twin).collect()
     }
 
     /// With random processes at some of `places` besides, the best first, while they convince.
@@ -220,6 +253,13 @@ fn whole_stretches(fit: &Contestant) -> usize {
         before = Some(*window);
     }
     count
+}
+
+/// The rows that random forces may push, and the columns that may have coloured noise.
+fn places(fit: &Contestant) -> Vec<Acts> {
+    let model = fit.system.model();
+    let rows = (0..fit.nominal_states()).filter(|&j| !model.is_kinematic(j)).map(Acts::Row);
+    rows.chain(columns(fit)).collect()
 }
 
 /// The columns that may have coloured noise.
