@@ -37,6 +37,11 @@ impl<'a> Contest<'a> {
         Self { run, hypotheses, joint, rivals, scene, random, most, fitter }
     }
 
+    /// The scene in the windows of `base`, in which the size and the pace of some effects have their ends.
+    pub(crate) fn scene_of(&self, base: &Contestant) -> Scene {
+        Scene { window: base.experiment.longest_window(), ..self.scene.clone() }
+    }
+
     /// Log prior odds: families alike but for those of time, members alike within their family.
     fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
         let mut families: BTreeMap<_, usize> = BTreeMap::new();
@@ -119,7 +124,7 @@ impl<'a> Contest<'a> {
     ) -> Result<Option<Contestant>> {
         let hypotheses: Vec<&Hypothesis> = entrants.iter().map(|e| e.hypothesis).collect();
         // Effects that can't be written together, as a delay of what another effect made a state, are no set.
-        let written = joint::apply(&hypotheses, base.system.model(), &self.scene);
+        let written = joint::apply(&hypotheses, base.system.model(), &self.scene_of(&base));
         let Some(applied) = written.ok().filter(|applied| applied.model.check().is_ok()) else { return Ok(None) };
         let base = standing_at(base, best);
         unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))

@@ -25,7 +25,7 @@ use crate::refine::{Refined, tangent};
 /// Of long logs all are screened on a part of the windows first, and only those that lead there on all of them; the others keep what
 /// the part says of the whole, but below the leaders. Suspects of a simulator that steps have one more gain each, by the innovations.
 pub(crate) fn screen(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Survey> {
-    let scene = Scene { peaks: peaks(base), ..contest.scene.clone() };
+    let scene = Scene { peaks: peaks(base), ..contest.scene_of(base) };
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
     // Where there are innovations, all suspects have their turn with them, too.
