@@ -33,7 +33,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let is_known = !is_moved && best.has_effects_of(&found);
     let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
     let mut round = if is_known { round } else { again(&best)? };
-    let mut places = places::places(contest, &nominal, &best, &round.fits, is_structured)?;
+    let mut places = places::places(contest, &nominal, &best, &round.fits)?;
     let mut known: Vec<Contestant> = Vec::new();
     for _ in 0..MOST_MOVES {
         known.push(best.clone());
@@ -46,7 +46,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
         }
         best = next;
         round = again(&best)?;
-        places = places::places(contest, &nominal, &best, &round.fits, is_structured)?;
+        places = places::places(contest, &nominal, &best, &round.fits)?;
         if is_again {
             break;
         }

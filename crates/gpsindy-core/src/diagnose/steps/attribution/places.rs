@@ -1,10 +1,9 @@
 //! Places: what else may replace each effect of the winner, and what the winner is without it.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, IN_SIGHT, NAMED};
+use crate::diagnose::limits::{Budget, IN_SIGHT};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::findings::gap_size;
 use crate::error::Result;
 use crate::parallel::each;
 
@@ -18,16 +17,15 @@ pub(crate) struct Place {
     pub(crate) removed: f64,
 }
 
-/// Every place of `best`, of the `fits` one move away from it; `is_structured`: whether structure without a name is left.
+/// Every place of `best`, of the `fits` one move away from it.
 pub(crate) fn places(
     contest: &Contest<'_>,
     nominal: &Contestant,
     best: &Contestant,
     fits: &[Contestant],
-    is_structured: bool,
 ) -> Result<Vec<Place>> {
     contest.run.begin("places of the winner's effects");
-    (0..best.hypotheses.len()).map(|place| at(contest, nominal, best, fits, is_structured, place)).collect()
+    (0..best.hypotheses.len()).map(|place| at(contest, nominal, best, fits, place)).collect()
 }
 
 fn at(
@@ -35,7 +33,6 @@ fn at(
     nominal: &Contestant,
     best: &Contestant,
     fits: &[Contestant],
-    is_structured: bool,
     place: usize,
 ) -> Result<Place> {
     let rest = match best.hypotheses.len() {
@@ -48,14 +45,6 @@ fn at(
     };
     let mut fits: Vec<Contestant> = fits.iter().filter(stands_there).cloned().collect();
     fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
-    // While structure is left, its use to a more flexible effect is no evidence for that one.
-    let slight = NAMED * gap_size(nominal, best);
-    let is_plain = |f: &Contestant| {
-        !is_structured
-            || f.evidence.complexity() <= best.evidence.complexity()
-            || f.evidence.misfit() < best.evidence.misfit() - slight
-    };
-    fits.retain(is_plain);
     fits.push(best.clone());
     let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
     let finish = |f: Contestant| match !f.refined.converged && contest.score(&f) > leader - IN_SIGHT {
