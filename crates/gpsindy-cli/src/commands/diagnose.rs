@@ -8,8 +8,8 @@ mod timings;
 pub(crate) use files::{report_json, write};
 
 use crate::args::{AutoHold, Columns};
-use crate::commands::nominal::Nominal;
-use crate::commands::setup::{PartOptions, SetupOptions};
+use crate::commands::given::nominal::Nominal;
+use crate::commands::given::setup::{PartOptions, SetupOptions};
 use crate::commands::{Session, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;

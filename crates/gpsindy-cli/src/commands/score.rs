@@ -1,8 +1,8 @@
 //! `gpsindy score`: rollout, windowed and one-step errors of models on logs, by state.
 
 use crate::args::{Columns, Output};
-use crate::commands::nominal::Nominal;
-use crate::commands::setup::SetupOptions;
+use crate::commands::given::nominal::Nominal;
+use crate::commands::given::setup::SetupOptions;
 use crate::commands::simulate::Between;
 use crate::commands::{Session, check_out, deliver, model_dataset, opened};
 use crate::failure::{Failure, Outcome};

@@ -1,8 +1,8 @@
 //! `gpsindy simulate`: a rollout of a model under the controls of a log or under constant ones, as CSV.
 
 use crate::args::{Columns, Output, values};
-use crate::commands::nominal::Nominal;
-use crate::commands::setup::SetupOptions;
+use crate::commands::given::nominal::Nominal;
+use crate::commands::given::setup::SetupOptions;
 use crate::commands::{Session, check_out, check_states, columns_of, dataset, deliver, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;

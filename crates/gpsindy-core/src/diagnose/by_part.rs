@@ -1,6 +1,7 @@
 //! The findings of a diagnosis summed up by joint, in a roboticist's words.
 
 use super::catalogue::list::Effect;
+use super::limits::verify::{MILLI, PERCENT, PLAIN};
 use super::limits::weigh::ON_JOINT;
 use super::parts::{Part, PartKind};
 use super::report::{Bound, Cause, Diagnosis, Parameter, PartFound, Verdict};
@@ -83,7 +84,7 @@ fn says(found: &PartFound, model: &Model, diagnosis: &Diagnosis) -> String {
     // Of a gap that a cause in another joint makes, it has its part.
     let is_unnamed = diagnosis.verdict != Verdict::NoGap && diagnosis.included().next().is_none();
     if is_unnamed && found.share > ON_JOINT {
-        return format!("{:.0} % of the gap, no cause named{unseen}", 100.0 * found.share);
+        return format!("{:.0} % of the gap, no cause named{unseen}", PERCENT * found.share);
     }
     match bounds.is_empty() {
         true if !found.measured => "not measured".into(),
@@ -96,7 +97,7 @@ fn says(found: &PartFound, model: &Model, diagnosis: &Diagnosis) -> String {
 fn bound(bound: &Bound) -> String {
     match Effect::from_id(&bound.effect) {
         Some(Effect::InputDelay) => format!("{} of delay", milliseconds(bound.above)),
-        Some(Effect::InputGain) => format!("{} % of gain", short(100.0 * bound.above)),
+        Some(Effect::InputGain) => format!("{} % of gain", short(PERCENT * bound.above)),
         _ => with_unit(bound.above, &bound.unit),
     }
 }
@@ -116,10 +117,10 @@ fn cause(cause: &Cause, part: &str, model: &Model) -> String {
         Some(Effect::Bias) => changed("force", size.value),
         Some(Effect::SensorBias) => changed("sensor bias", size.value),
         Some(Effect::InputDelay) => {
-            format!("command late by {}{}", milliseconds(size.value), range(&|v| short(1000.0 * v)))
+            format!("command late by {}{}", milliseconds(size.value), range(&|v| short(MILLI * v)))
         }
         Some(Effect::SensorDelay) => {
-            format!("sensor late by {}{}", milliseconds(size.value), range(&|v| short(1000.0 * v)))
+            format!("sensor late by {}{}", milliseconds(size.value), range(&|v| short(MILLI * v)))
         }
         _ => format!("{} {} = {}{}", name(cause), size.name, with_unit(size.value, &size.unit), range(&short)),
     }
@@ -150,7 +151,7 @@ fn name(cause: &Cause) -> String {
 }
 
 fn milliseconds(seconds: f64) -> String {
-    format!("{} ms", short(1000.0 * seconds))
+    format!("{} ms", short(MILLI * seconds))
 }
 
 fn signed(value: f64, unit: &str) -> String {
@@ -168,7 +169,7 @@ fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    if !(1e-4..1e6).contains(&size) {
+    if !(PLAIN.0..PLAIN.1).contains(&size) {
         return format!("{value:.2e}").replace(".00e", "e");
     }
     let decimals = (2 - size.log10().floor() as i32).clamp(0, 9) as usize;

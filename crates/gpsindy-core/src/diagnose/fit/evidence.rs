@@ -2,6 +2,7 @@
 
 use crate::diagnose::fit::colours::colour::{Colour, colours};
 use crate::diagnose::fit::tolerance;
+use crate::diagnose::limits::verify::BAND_95;
 use crate::diagnose::limits::{FAR, NEARLY_ALL, NEGLIGIBLE};
 use crate::refine::{Experiment, Free, Refined, prior_cost};
 
@@ -182,7 +183,7 @@ pub(crate) fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
 /// The value below which a normal variable lies with the probability `p`.
 pub(crate) fn normal_quantile(p: f64) -> f64 {
     use statrs::distribution::{ContinuousCDF, Normal};
-    Normal::new(0.0, 1.0).map_or(1.96, |n| n.inverse_cdf(p))
+    Normal::new(0.0, 1.0).map_or(BAND_95, |n| n.inverse_cdf(p))
 }
 
 #[cfg(test)]

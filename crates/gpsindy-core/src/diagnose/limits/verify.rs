@@ -40,5 +40,12 @@ pub(crate) const LOG_DIGITS: f64 = 1e-9;
 pub(crate) const LOST: f64 = 0.25;
 pub(crate) const LOST_NOISE: f64 = 4.0;
 
-/// Share of a percentage. Argument.
+/// Percent in a whole. Argument.
 pub(crate) const PERCENT: f64 = 100.0;
+/// Milliseconds in a second. Argument.
+pub(crate) const MILLI: f64 = 1000.0;
+
+/// Percent of the gap below which a share is printed as "less than": its last digit. Convention.
+pub(crate) const LEAST_PERCENT: f64 = 0.1;
+/// Sizes between which a number is printed without an exponent. Convention.
+pub(crate) const PLAIN: (f64, f64) = (1e-4, 1e6);

@@ -2,7 +2,7 @@
 
 use crate::diagnose::limits::CHANCE;
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::verify::PERCENT;
+use crate::diagnose::limits::verify::{LEAST_PERCENT, PERCENT};
 use crate::diagnose::limits::weigh::{LEAST_REST, LIKELY, TYPICAL};
 use crate::diagnose::report::{Check, Closure, Unexplained};
 use crate::diagnose::steps::findings::{Left, Outcome};
@@ -129,8 +129,12 @@ impl Checked<'_> {
 
 /// A share of the gap in words; one that would be printed as zero is said to be small.
 fn share_of_gap(share: f64) -> String {
-    let percent = 100.0 * share;
-    if percent < 0.1 { "less than 0.1 % of the gap".into() } else { format!("{percent:.1} % of the gap") }
+    let percent = PERCENT * share;
+    if percent < LEAST_PERCENT {
+        format!("less than {LEAST_PERCENT} % of the gap")
+    } else {
+        format!("{percent:.1} % of the gap")
+    }
 }
 
 /// Held-out error of the corrected model over what noise leaves.

@@ -6,7 +6,7 @@ use gpsindy_core::{Expression, Model};
 use gpsindy_files::Logs;
 
 /// Warns of every state of a simulator that no column carries, with names that are near. Rates of a measured position are made from it.
-pub(super) fn warn_of_unmeasured(logs: &Logs, model: &Model, screen: &Screen) {
+pub(crate) fn warn_of_unmeasured(logs: &Logs, model: &Model, screen: &Screen) {
     for name in unmeasured(model, &|name| logs.resolve(name).is_ok()) {
         if let Err(error) = logs.resolve(name) {
             screen.warn(&format!("`{name}` is not measured, the simulator runs it unseen: {}", Failure::from(error)));
