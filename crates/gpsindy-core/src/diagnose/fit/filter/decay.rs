@@ -28,26 +28,23 @@ impl Decay {
 pub(super) fn weights(s: f64, time: f64) -> [f64; TERMS] {
     let mut all = [0.0; TERMS];
     // s^j / j!
-    let mut power = 1.0;
+    let mut powers = [1.0; TERMS];
+    (1..TERMS).for_each(|j| powers[j] = powers[j - 1] * s / j as f64);
     if s < SOON * time {
-        for (j, weight) in all.iter_mut().enumerate() {
-            // The series of the incomplete gamma function.
-            let (mut term, mut m) = (s / (j + 1) as f64, (j + 1) as f64);
-            while term.abs() > 1e-12 * s {
-                *weight += power * term;
-                m += 1.0;
-                term *= -s / time / m;
-            }
-            power *= s / (j + 1) as f64;
+        // The last by the series of the incomplete gamma function, and by parts back to the first, which loses no digits.
+        let last = TERMS - 1;
+        let (mut term, mut m) = (powers[last] * s / TERMS as f64, TERMS as f64);
+        let least = 1e-12 * term;
+        while term.abs() > least {
+            all[last] += term;
+            m += 1.0;
+            term *= -s / time / m;
         }
+        (0..last).rev().for_each(|j| all[j] = powers[j + 1] - all[j + 1] / time);
     } else {
         // By parts, each from the one before.
-        let mut before = 0.0;
-        for (j, weight) in all.iter_mut().enumerate() {
-            *weight = if j == 0 { time * -(-s / time).exp_m1() } else { time * (power - before) };
-            before = *weight;
-            power *= s / (j + 1) as f64;
-        }
+        all[0] = time * -(-s / time).exp_m1();
+        (1..TERMS).for_each(|j| all[j] = time * (powers[j] - all[j - 1]));
     }
     all
 }

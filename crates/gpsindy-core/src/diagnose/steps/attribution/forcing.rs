@@ -34,17 +34,12 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;
-    // What no effect convinces beside, because all that the gusts leave counts against it, may convince beside the gusts.
-    let beside_nothing = if best.hypotheses.is_empty() { &near[..] } else { &[] };
-    let mut found = Account::forced(contest, &judged.nominal, beside_nothing)?;
+    // Where gusts drown every effect, one of them may still convince beside the gusts.
+    let near = if best.hypotheses.is_empty() { &near[..] } else { &[] };
+    let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
+    let Some(found) = Account::forced(contest, best, near)? else { return Ok(judged) };
     stage.advance()?;
-    if !judged.outcome.best.hypotheses.is_empty()
-        && let Some(beside) = beside_causes(contest, &judged)?
-        && found.as_ref().is_none_or(|alone| beside.score > alone.score + CONVINCING)
-    {
-        found = Some(beside);
-    }
-    let Some(found) = found else { return Ok(judged) };
+    let found = beside(contest, &judged.nominal, found)?;
     stage.advance()?;
     let mut chance = 1.0;
     let is_account = if found.is_forced() {
@@ -108,14 +103,12 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
     judged
 }
 
-/// The winner with random forces, without those of its effects that do not convince beside them.
-fn beside_causes(contest: &Contest<'_>, judged: &Judged) -> Result<Option<Account>> {
-    let Outcome { best, near, .. } = &judged.outcome;
-    let Some(mut best) = Account::forced(contest, best, near)? else { return Ok(None) };
+/// An account without those of its effects that do not convince beside random forces.
+fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Result<Account> {
     while best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
         for place in 0..best.fit.hypotheses.len() {
-            let Some(fit) = contest.without(&judged.nominal, &best.fit, &[place])? else { continue };
+            let Some(fit) = contest.without(nominal, &best.fit, &[place])? else { continue };
             let Some(account) = Account::of(contest, &fit, &best.processes)? else { continue };
             if simpler.as_ref().is_none_or(|known| account.score > known.score) {
                 simpler = Some(account);
@@ -126,7 +119,12 @@ fn beside_causes(contest: &Contest<'_>, judged: &Judged) -> Result<Option<Accoun
             _ => break,
         }
     }
-    Ok(Some(best))
+    if best.fit.hypotheses.is_empty() || contest.run.is_out_of_time() {
+        return Ok(best);
+    }
+    // Forces of their own may do what the last one does.
+    let alone = Account::forced(contest, nominal, &[])?;
+    Ok(alone.filter(|alone| alone.score > best.score - CONVINCING).unwrap_or(best))
 }
 
 #[cfg(test)]
