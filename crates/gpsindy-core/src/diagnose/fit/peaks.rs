@@ -1,7 +1,7 @@
 //! Spectral lines of a residual: where a periodic effect should look.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{CARRIED, FREQUENCIES, LINES, OF_PERIOD};
+use crate::diagnose::limits::{CARRIED, FREQUENCIES, LINES, OF_LINE, OF_PERIOD};
 use crate::parallel::*;
 use std::f64::consts::{PI, TAU};
 
@@ -35,14 +35,45 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     }
     found.sort_by(f64::total_cmp);
     found.dedup();
-    // Logs on one clock resolve finer than one log alone: offer what lies between, too.
+    // Logs on one clock resolve finer than one log alone: offer what lies between, too, where the windows agree on the phase.
     let fine = PI / (total.1 - total.0).max(longest);
     let around = ((0.5 * spacing / fine).ceil() as i32).clamp(1, 6);
-    found
-        .iter()
-        .flat_map(|&w| (-around..=around).map(move |k| w + fine * f64::from(k)))
-        .filter(|&w| w > 0.0 && w.is_finite())
-        .collect()
+    let between = |&w: &f64| {
+        let all = (-around..=around).map(|k| w + fine * f64::from(k)).filter(|&w| w > 0.0 && w.is_finite());
+        let mut all: Vec<(f64, f64)> = all.map(|w| (w, coherent_power_at(fitted, w, n_columns))).collect();
+        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        all.into_iter().take(OF_LINE).map(|(w, _)| w).collect::<Vec<_>>()
+    };
+    let mut offered: Vec<f64> = found.par_iter().map(between).collect::<Vec<_>>().concat();
+    offered.sort_by(f64::total_cmp);
+    offered.dedup();
+    offered
+}
+
+/// Power of the residual at one angular frequency on the clock of the logs, all windows in phase, each column in units of its own.
+fn coherent_power_at(fitted: &Contestant, omega: f64, n_columns: usize) -> f64 {
+    let mut sums = vec![(0.0, 0.0, 0.0); n_columns];
+    for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
+        let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
+        let stride = thinned(time, omega);
+        for (&t, row) in time.iter().zip(residual.chunks_exact(n_columns)).step_by(stride) {
+            let (sine, cosine) = (omega * t).sin_cos();
+            for (sum, value) in sums.iter_mut().zip(row).filter(|(_, value)| value.is_finite()) {
+                *sum = (sum.0 + value * cosine, sum.1 + value * sine, sum.2 + value * value);
+            }
+        }
+    }
+    let of_column = |(real, imaginary, squares): &(f64, f64, f64)| match *squares > 0.0 {
+        true => (real * real + imaginary * imaginary) / squares,
+        false => 0.0,
+    };
+    sums.iter().map(of_column).sum()
+}
+
+/// By how many samples to go where long windows are thinned to what a frequency needs.
+fn thinned(time: &[f64], omega: f64) -> usize {
+    let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
+    ((TAU / omega / OF_PERIOD / period) as usize).max(1)
 }
 
 /// Power of the residual at one angular frequency, summed over windows and columns.
@@ -50,9 +81,7 @@ fn power_at(fitted: &Contestant, omega: f64, n_columns: usize, differenced: bool
     let mut power = 0.0;
     for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
         let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
-        // Long windows are thinned to what the frequency needs.
-        let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
-        let stride = ((TAU / omega / OF_PERIOD / period) as usize).max(1);
+        let stride = thinned(time, omega);
         for c in 0..n_columns {
             let (mut real, mut imaginary) = (0.0, 0.0);
             let mut last = 0.0;

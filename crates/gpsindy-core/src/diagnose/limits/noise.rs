@@ -16,6 +16,8 @@ pub(crate) const NOISE: f64 = 1.5;
 /// first harmonics of one disturbance. Convention.
 pub(crate) const FREQUENCIES: usize = 400;
 pub(crate) const LINES: usize = 5;
+/// Of what lies between two of these frequencies, as many are tried as may lie beside the top: it, and one on each side. Argument.
+pub(crate) const OF_LINE: usize = 3;
 
 /// Least `(1 - sum a_k)^2` of a noise model, by which its spectrum at zero frequency is divided: noise that remembers for 32 samples.
 /// A residual that remembers longer is hardly told from a drift, whose spectrum there has no bound. Argument.
