@@ -6,6 +6,9 @@
 /// log a test of exactly nothing would find them. Convention.
 pub(crate) const NEGLIGIBLE: f64 = 0.005;
 
+/// Chance below which a gap is certain, and no further search is made for it: no model of the noise is right so far out. Argument.
+pub(crate) const CERTAIN: f64 = 1e-12;
+
 /// Mean squared change of the outputs (noise units) that a parameter may make within its tolerance and be no cause.
 ///
 /// Half the noise's standard deviation: the user expects the parameter to be off by as much, and does not see it. Convention.

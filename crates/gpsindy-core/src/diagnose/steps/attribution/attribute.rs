@@ -12,7 +12,7 @@ use crate::diagnose::steps::attribution::places::{self, Place};
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::attribution::search::{richer, search};
-use crate::diagnose::steps::attribution::simplify::{counts, is_structured, pruned, strongest};
+use crate::diagnose::steps::attribution::simplify::{Pruned, counts, is_structured, pruned, strongest};
 use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat};
 use crate::error::Result;
 
@@ -27,13 +27,13 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let Suspected { nominal, first, nameless, detected } = suspected;
     let singles = first.singles();
     let (found, round) = search(contest, &nominal, first)?;
-    let Settled { nominal, mut best, left, is_moved } = settle(contest, nominal, &found)?;
+    let Settled { nominal, mut best, rests, left, is_moved } = settle(contest, nominal, &found)?;
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
     let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
     let mut round = if is_known { round } else { again(&best)? };
-    let mut places = places::places(contest, &nominal, &best, &round.fits)?;
+    let mut places = places::places(contest, &nominal, &best, &round.fits, rests)?;
     let mut known: Vec<Contestant> = Vec::new();
     for _ in 0..MOST_MOVES {
         known.push(best.clone());
@@ -46,14 +46,14 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
         }
         best = next;
         round = again(&best)?;
-        places = places::places(contest, &nominal, &best, &round.fits)?;
+        places = places::places(contest, &nominal, &best, &round.fits, None)?;
         if is_again {
             break;
         }
     }
     let left = if known.len() > 1 { self::nameless(contest, &best)? } else { left };
     let left = left_over(contest, &best, &left, &round);
-    let nameless = if is_moved { self::nameless(contest, &nominal)? } else { nameless };
+    let nameless = nameless.filter(|_| !is_moved).map_or_else(|| self::nameless(contest, &nominal), Ok)?;
     let seat = |(hypothesis, place): (&Hypothesis, Place)| Seat {
         hypothesis: hypothesis.clone(),
         alternatives: place.fits,
@@ -68,6 +68,8 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
 struct Settled {
     nominal: Contestant,
     best: Contestant,
+    /// The same without each of its effects, where that was looked at.
+    rests: Option<Vec<Option<Contestant>>>,
     /// Gain and degrees of freedom of every function without a name beside them.
     left: Vec<(f64, usize)>,
     /// Whether rollouts or tolerances are others now.
@@ -76,15 +78,15 @@ struct Settled {
 
 fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
     contest.run.begin("settling");
-    let best = pruned(contest, &nominal, found.clone())?;
+    let Pruned { best, rests } = pruned(contest, &nominal, found.clone())?;
     let before = (best.experiment.windows.clone(), nominal.free.len());
     let (nominal, best) = lengthen(contest, nominal, best)?;
     let (nominal, best) = charge_tolerated(contest, nominal, best)?;
     let is_moved = before != (best.experiment.windows.clone(), nominal.free.len());
     // Once more, because longer rollouts show what an effect is worth.
-    let best = if is_moved { pruned(contest, &nominal, best)? } else { best };
+    let Pruned { best, rests } = if is_moved { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };
     let left = nameless(contest, &best)?;
-    Ok(Settled { nominal, best, left, is_moved })
+    Ok(Settled { nominal, best, rests, left, is_moved })
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.

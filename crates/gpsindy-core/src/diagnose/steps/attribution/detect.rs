@@ -4,7 +4,7 @@ use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use crate::diagnose::fit::moved::{Moved, moved};
 use crate::diagnose::fit::substeps::finer;
-use crate::diagnose::limits::{Budget, CHANCE, TOLERABLE};
+use crate::diagnose::limits::{Budget, CERTAIN, CHANCE, TOLERABLE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -15,7 +15,8 @@ use crate::error::Result;
 pub(crate) struct Suspected {
     pub(crate) nominal: Contestant,
     pub(crate) first: Expansion,
-    pub(crate) nameless: Vec<(f64, usize)>,
+    /// Of every function without a name, where they were asked.
+    pub(crate) nameless: Option<Vec<(f64, usize)>>,
     pub(crate) detected: Detected,
 }
 
@@ -33,7 +34,7 @@ impl Suspected {
         Judged {
             nominal: self.nominal,
             detected: self.detected,
-            nameless: self.nameless,
+            nameless: self.nameless.unwrap_or_default(),
             outcome,
             forcing: None,
             was_asked_for_forces: false,
@@ -44,9 +45,14 @@ impl Suspected {
 /// Tries every suspect, and every function without a name, once.
 pub(crate) fn detect(contest: &Contest<'_>, nominal: Contestant) -> Result<Suspected> {
     let (nominal, first) = suspects(contest, nominal)?;
+    // Functions without a name are asked only where the suspects leave a doubt; where they lie, later.
+    let detected = judge(&first, None, &nominal);
+    if detected.p_value < CERTAIN {
+        return Ok(Suspected { nominal, first, nameless: None, detected });
+    }
     let nameless = nameless(contest, &nominal)?;
-    let detected = judge(&first, &nameless, &nominal);
-    Ok(Suspected { nominal, first, nameless, detected })
+    let detected = judge(&first, Some(&nameless), &nominal);
+    Ok(Suspected { nominal, first, nameless: Some(nameless), detected })
 }
 
 /// Every hypothesis tried at the nominal model, with integration steps short enough for the best of them.
@@ -70,7 +76,7 @@ pub(crate) fn nameless_p_value(gains: &[(f64, usize)], at: &Contestant) -> f64 {
 }
 
 /// Judges the nominal model by all that was tried at it.
-fn judge(first: &Expansion, nameless: &[(f64, usize)], nominal: &Contestant) -> Detected {
+fn judge(first: &Expansion, nameless: Option<&[(f64, usize)]>, nominal: &Contestant) -> Detected {
     let evidence = &nominal.evidence;
     let count = evidence.count();
     let allowed = evidence.negligible() * count as f64;
@@ -80,7 +86,8 @@ fn judge(first: &Expansion, nameless: &[(f64, usize)], nominal: &Contestant) -> 
         gain_tail(gain - allowed, fit.evidence.complexity(), count, evidence.spent())
     });
     let refitted = first.searches.pay(refitted.fold(1.0, f64::min));
-    let searches = [refitted, first.p_value(nominal), nameless_p_value(nameless, nominal), strained(nominal)];
+    let nameless = nameless.map_or(1.0, |gains| nameless_p_value(gains, nominal));
+    let searches = [refitted, first.p_value(nominal), nameless, strained(nominal)];
     let p_value = Searches::of(searches.len()).pay(searches.into_iter().fold(1.0, f64::min));
     Detected { gap: p_value <= CHANCE, p_value }
 }

@@ -17,15 +17,25 @@ pub(crate) struct Place {
     pub(crate) removed: f64,
 }
 
-/// Every place of `best`, of the `fits` one move away from it.
+/// Every place of `best`, of the `fits` one move away from it; `rests`: what it is without each of its effects, where that is known.
 pub(crate) fn places(
     contest: &Contest<'_>,
     nominal: &Contestant,
     best: &Contestant,
     fits: &[Contestant],
+    rests: Option<Vec<Option<Contestant>>>,
 ) -> Result<Vec<Place>> {
     contest.run.begin("places of the winner's effects");
-    (0..best.hypotheses.len()).map(|place| at(contest, nominal, best, fits, place)).collect()
+    let rests = match rests {
+        Some(rests) => rests,
+        None if best.hypotheses.len() == 1 => vec![Some(nominal.clone())],
+        None => {
+            let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, best, &[place]));
+            rests.collect::<Result<_>>()?
+        }
+    };
+    let one = |(place, rest)| at(contest, nominal, best, fits, (place, rest));
+    rests.into_iter().enumerate().map(one).collect()
 }
 
 fn at(
@@ -33,12 +43,8 @@ fn at(
     nominal: &Contestant,
     best: &Contestant,
     fits: &[Contestant],
-    place: usize,
+    (place, rest): (usize, Option<Contestant>),
 ) -> Result<Place> {
-    let rest = match best.hypotheses.len() {
-        1 => Some(nominal.clone()),
-        _ => contest.without(nominal, best, &[place])?,
-    };
     let others: Vec<_> = best.hypotheses.iter().enumerate().filter(|(i, _)| *i != place).map(|(_, h)| h).collect();
     let stands_there = |fit: &&Contestant| {
         fit.hypotheses.len() == best.hypotheses.len() && others.iter().all(|h| fit.hypotheses.contains(h))

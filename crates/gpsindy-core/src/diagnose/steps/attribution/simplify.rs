@@ -11,20 +11,28 @@ use crate::error::Result;
 
 /// The winner without effects that remove next to nothing of the gap; where structure without a name is left anyhow,
 /// without those that remove little of it.
-pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Contestant) -> Result<Contestant> {
+pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Contestant) -> Result<Pruned> {
     while best.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         // An effect without which nothing can be fitted is none to leave out.
         let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, &best, &[place]));
         let rests = rests.collect::<Result<Vec<_>>>()?;
-        let least = rests.into_iter().flatten().min_by(|a, b| a.evidence.misfit().total_cmp(&b.evidence.misfit()));
-        let Some(rest) = least.filter(|rest| !counts(nominal, &best, rest, NAMED)) else { break };
-        // What is left is asked for only where it decides.
-        if counts(nominal, &best, &rest, LEAST_REST) && !is_structured(&best, &nameless(contest, &best)?) {
-            break;
-        }
+        let misfit = |rest: &&Contestant| rest.evidence.misfit();
+        let least = rests.iter().flatten().min_by(|a, b| misfit(a).total_cmp(&misfit(b)));
+        let rest = match least.filter(|rest| !counts(nominal, &best, rest, NAMED)) {
+            // What is left is asked for only where it decides.
+            Some(rest) if !counts(nominal, &best, rest, LEAST_REST) => rest.clone(),
+            Some(rest) if is_structured(&best, &nameless(contest, &best)?) => rest.clone(),
+            _ => return Ok(Pruned { best, rests: Some(rests) }),
+        };
         best = rest;
     }
-    Ok(best)
+    Ok(Pruned { best, rests: None })
+}
+
+/// The winner, and what is left of it without each of its effects, where that was looked at.
+pub(crate) struct Pruned {
+    pub(crate) best: Contestant,
+    pub(crate) rests: Option<Vec<Option<Contestant>>>,
 }
 
 /// Whether `best` removes a `share` of the gap beyond what `rest` does.
