@@ -124,7 +124,7 @@ impl<'a> Contest<'a> {
     ) -> Result<Option<Contestant>> {
         let hypotheses: Vec<&Hypothesis> = entrants.iter().map(|e| e.hypothesis).collect();
         // Effects that can't be written together, as a delay of what another effect made a state, are no set.
-        let written = joint::apply(&hypotheses, base.system.model(), &self.scene_of(&base));
+        let written = joint::apply(&hypotheses, base.system.model(), &self.scene_of(base));
         let Some(applied) = written.ok().filter(|applied| applied.model.check().is_ok()) else { return Ok(None) };
         let base = standing_at(base, best);
         unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))
