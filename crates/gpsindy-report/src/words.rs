@@ -344,7 +344,7 @@ mod tests {
     fn a_search_that_ended_before_it_looked_for_a_gap_claims_none() {
         let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "arm", "runs": {"train": [], "holdout": []}, "verdict": "unexplained",
             "gap": {"detected": false, "p_value": 1, "by_state": [], "by_region": [], "by_window": []}, "causes": [], "excluded": [],
-            "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "notes": ["the time limit of 120 s ended the search early"],
+            "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "interrupted": 120, "notes": [],
             "closure": {"metric": "rollout_rmse", "before": 80.2, "floor_source": "sensor noise", "by_state": []}}"#;
         let told = verdict_sentence(&serde_json::from_str(json).unwrap());
         assert!(

@@ -2,8 +2,8 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::MATERIAL;
 use crate::diagnose::limits::weigh::{CROWDED, PARTED, TWINS};
+use crate::diagnose::limits::{MATERIAL, SUBSTITUTE};
 use crate::diagnose::steps::attribution::survey::Summary;
 
 /// Whether there is a gap.
@@ -46,6 +46,20 @@ pub(crate) struct Outcome {
     pub(crate) left: Option<Left>,
     /// Straight-line gain of every hypothesis at the winner.
     pub(crate) screened: Vec<Summary>,
+}
+
+impl Outcome {
+    /// Whether an effect does most of what one of the winner's does, in its place: where the winner is not the whole truth, it may
+    /// carry what that one carries, at a size of its own.
+    pub(crate) fn may_carry(&self, hypothesis: &Hypothesis) -> bool {
+        let is_it = |h: &Hypothesis| h.id() == hypothesis.id() && h.state == hypothesis.state;
+        let carries = |seat: &Seat, fit: &Contestant| {
+            let is_swap = !fit.hypotheses.contains(&seat.hypothesis) && fit.hypotheses.iter().any(is_it);
+            is_swap && fit.evidence.misfit() < self.best.evidence.misfit() + SUBSTITUTE * seat.removed
+        };
+        let fits = |seat: &Seat| self.near.iter().chain(&seat.alternatives).any(|fit| carries(seat, fit));
+        self.seats.iter().any(fits)
+    }
 }
 
 impl Seat {

@@ -6,7 +6,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::SHOWN;
 use crate::diagnose::limits::weigh::QUIET_GAIN;
-use crate::diagnose::report::{Cause, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, finite};
+use crate::diagnose::report::{Cause, Diagnosis, Excluded, Figures, ModelParameter, Runs, SCHEMA, Verdict, finite};
 use crate::diagnose::run::Ending;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::findings::Outcome;
@@ -40,7 +40,7 @@ pub(crate) fn assemble(
         gap: located.gap,
         causes,
         parameters: if keep { parameters(nominal, &augmented, &outcome.best) } else { Vec::new() },
-        excluded: excluded(contest, outcome),
+        excluded: excluded(contest, outcome, verdict),
         by_part: Vec::new(),
         unexplained,
         checks: if keep { checks } else { Vec::new() },
@@ -77,9 +77,11 @@ fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelPara
     after.parameters.iter().enumerate().map(one).collect()
 }
 
-/// Effects that these logs would have shown besides the winner's, had they been larger than a size.
-fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
+/// Effects that these logs would have shown besides the winner's, had they been larger than a size: where the winner leaves a rest,
+/// none of those that may do what it does.
+fn excluded(contest: &Contest<'_>, outcome: &Outcome, verdict: Verdict) -> Vec<Excluded> {
     let model = outcome.best.system.model();
+    let is_whole = matches!(verdict, Verdict::Explained | Verdict::NoGap);
     let mut all: Vec<Excluded> = Vec::new();
     for (hypothesis, summary) in contest.hypotheses.iter().zip(&outcome.screened) {
         let Some((deviation, unit)) = &summary.resolution else { continue };
@@ -90,7 +92,8 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome) -> Vec<Excluded> {
                 && (h.frees().is_none() || h.frees() == hypothesis.frees())
         };
         let is_quiet = summary.gain < QUIET_GAIN && !outcome.best.hypotheses.iter().any(is_same);
-        if is_quiet && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
+        let may_be = !is_whole && outcome.may_carry(hypothesis);
+        if is_quiet && !may_be && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
             let state = model.states[hypothesis.moves()].name.clone();
             let (variables, place) = (hypothesis.variables.clone(), hypothesis.place());
             let is_listed = |e: &Excluded| {
