@@ -1,8 +1,7 @@
 //! Simplify: removes effects that only fit unexplained structure.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{CHANCE, NAMED, STRUCTURE};
+use crate::diagnose::limits::{CHANCE, NAMED, REST, STRUCTURE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::nameless_p_value;
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -20,7 +19,7 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
         let least = rests.iter().flatten().min_by(|a, b| misfit(a).total_cmp(&misfit(b)));
         let rest = match least.filter(|rest| !counts(nominal, &best, rest, NAMED)) {
             // What is left is asked for only where it decides.
-            Some(rest) if !counts(nominal, &best, rest, LEAST_REST) => rest.clone(),
+            Some(rest) if !counts(nominal, &best, rest, REST) => rest.clone(),
             Some(rest) if is_structured(&best, &nameless(contest, &best)?) => rest.clone(),
             _ => return Ok(Pruned { best, rests: Some(rests) }),
         };
