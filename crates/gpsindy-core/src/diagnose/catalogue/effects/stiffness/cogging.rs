@@ -13,6 +13,9 @@ use crate::expression::{Expression, Function, Operator};
 use crate::model::unit;
 use std::f64::consts::{PI, TAU};
 
+/// Most ripples of a turn that are tried beyond sixty over the range: motors of twelve slots and fourteen poles have 84.
+const MOST_OF_TURN: i32 = 96;
+
 pub(super) static DEFINITION: Definition = Definition {
     name: "cogging",
     meaning: "A force that is periodic in the position.",
@@ -47,8 +50,16 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let angle = Expression::Binary(Operator::Multiply, n.into(), z.into());
     writer.add_term(c.times(angle.plus(phase).apply(Function::Sin)));
     let small = writer.small();
-    // Up to sixty ripples over the range; steps of half a ripple, so that no line is missed.
-    Ok((3..120).map(|k| sinusoid(&[small, PI * f64::from(k) / range, 0.0])).collect())
+    // Up to sixty ripples over the range, in steps of half a ripple, so that no line is missed.
+    let over_range = (3..120).map(|k| PI * f64::from(k) / range);
+    // What turns repeats with its turns, of which a log may hold many: a whole number of ripples a turn.
+    let turn = match writer.unit_of(0).as_str() {
+        "rad" => 1.0,
+        "deg" => PI / 180.0,
+        _ => f64::INFINITY,
+    };
+    let of_turns = (1..=MOST_OF_TURN).map(|k| turn * f64::from(k)).filter(|n| n.is_finite() && n * range > 120.0 * PI);
+    Ok(over_range.chain(of_turns).map(|n| sinusoid(&[small, n, 0.0])).collect())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
@@ -56,4 +67,54 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let n = Expression::Number(6.3 * TAU / range.max(f64::MIN_POSITIVE));
     planting.add("c*sin(n*z + phase)", &[("n", n), ("phase", Expression::Number(0.7))])?;
     Ok(Some(Size::added(planting.rate_unit(), planting.rate())))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, State, System};
+    use crate::progress::Silent;
+    use crate::refine::Hold;
+    use crate::simulate::{Excitation, Simulate};
+    use faer::Mat;
+
+    fn motor(ripple: &str) -> Model {
+        Model {
+            states: vec![
+                State { unit: "rad".into(), ..State::new("phi", Expression::parse("om").unwrap()) },
+                State {
+                    unit: "rad/s".into(),
+                    ..State::new("om", Expression::parse(&format!("4*u - om{ripple}")).unwrap())
+                },
+            ],
+            controls: vec![Control::new("u")],
+            ..Model::default()
+        }
+    }
+
+    #[test]
+    fn a_motor_that_turns_many_times_has_its_ripples_by_turn() {
+        let machine = System::new(&motor(" + 6*sin(11*phi)")).unwrap();
+        let runs = (0..4).map(|run| {
+            let time: Vec<f64> = (0..2000).map(|i| 0.01 * f64::from(i)).collect();
+            let drive = |i: usize| if (i / (300 + 70 * run)).is_multiple_of(2) { 0.9 } else { 0.5 };
+            let controls = Mat::from_fn(time.len(), 1, |i, _| drive(i));
+            let excitation = Excitation::new(&machine, &time, controls.as_ref(), Hold::Zero).unwrap();
+            let states = Simulate::default().rollout(&machine, &excitation, &[0.0, 2.0]).unwrap().outputs;
+            let noise = |i: usize, c: usize| 2e-3 * (1.7 * (i * i + 31 * i * (run + 1) + 7 * c) as f64).sin();
+            let values =
+                Mat::from_fn(time.len(), 3, |i, c| if c < 2 { states[(i, c)] + noise(i, c) } else { controls[(i, 0)] });
+            Run { name: format!("run {run}"), time, values }
+        });
+        let data = Dataset::new(["phi", "om", "u"].map(Channel::new).into(), runs.collect()).unwrap();
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&motor(""), &train, &holdout, &Silent).unwrap().diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(named, ["cogging"], "{:?}", found.verdict);
+        let ripples = found.causes[0].parameters.iter().find(|p| p.name == "n").unwrap().value;
+        assert!((ripples - 11.0).abs() < 0.01, "{ripples}");
+    }
 }
