@@ -8,8 +8,11 @@ const PIP: [&str; 5] = ["-m", "pip", "install", "--quiet", "--disable-pip-versio
 /// Builds the wheel with maturin, installs it with its test requirements, runs pytest and compares the stubs with the module.
 pub(crate) fn test() -> Result<(), String> {
     let python = environment(&[])?;
-    run(&python, ["-m", "pytest", "-q", "-rs", "crates/gpsindy-py"], &[])?;
-    run(&python, ["-m", "pytest", "-q", "-rs", "experiments"], &[])?;
+    // Side by side on all cores: most tests wait for a program or a simulator of their own.
+    let pytest = ["-m", "pytest", "-q", "-rs", "-n", "auto", "--dist", "worksteal"];
+    for tests in ["crates/gpsindy-py", "experiments"] {
+        run(&python, pytest.iter().chain(&[tests]), &[])?;
+    }
     // The package carries its types; the compiled part has a stub by hand, which is compared with the module itself.
     let package = "crates/gpsindy-py";
     let configuration = format!("{package}/pyproject.toml");
