@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::verify::QUIET;
-use crate::diagnose::limits::weigh::{COUNTS, CROWDING, LEAST_REST, LIKELY, PART, REAL, REST_LEFT, TYPICAL};
+use crate::diagnose::limits::weigh::{COUNTS, CROWDING, FEW, LEAST_REST, LIKELY, MANY, PART, REAL, REST_LEFT, TYPICAL};
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::report::{Check, Unexplained, Verdict};
 use crate::diagnose::run::Ending;
@@ -48,13 +48,14 @@ impl Decided {
             None => unexplained(nominal, outcome, detected, verification, typicality.as_ref()),
         };
         let gap = gap_energy(nominal, outcome);
+        let named = hypotheses.len() - usize::from(has_function);
         let credible = |place: usize| {
             // A function without a name imitates nothing: it is what it is.
             if hypotheses[place].is_nameless() {
                 return 1.0;
             }
             let share = outcome.seats[place].removed / gap;
-            credible(share, unexplained.probability, stabilities[place].as_ref().map_or(1.0, |s| s.p_value))
+            credible(share, unexplained.probability, named, stabilities[place].as_ref().map_or(1.0, |s| s.p_value))
         };
         let credible: Vec<f64> = (0..hypotheses.len()).map(credible).collect();
         let is_forced = forcing.as_ref().is_some_and(|forcing| !forcing.forces.is_empty());
@@ -84,14 +85,15 @@ impl Decided {
 }
 
 /// Probability that an effect is one of the machine's, and imitates none that the catalogue lacks: of one that removes `share` of
-/// the gap, where a rest is left with probability `rest`.
+/// the gap, where a rest is left with probability `rest` and so many effects are `named`.
 ///
 /// Its odds are those of [`REAL`] times the share, for a use that a search finds for one more effect is small; less where much
-/// is left. Then by the `chance` of the disagreement of its sizes between parts of the logs: that of a true
+/// is left or many are named. Then by the `chance` of the disagreement of its sizes between parts of the logs: that of a true
 /// cause is spread evenly, that of some imitations crowds near zero.
-fn credible(share: f64, rest: f64, chance: f64) -> f64 {
+fn credible(share: f64, rest: f64, named: usize, chance: f64) -> f64 {
+    let many = if named < FEW { 1.0 } else { MANY };
     let disagreement = 1.0 - CROWDING + CROWDING * crowding(chance);
-    let odds = REAL * share.clamp(0.0, 1.0) / (REST_LEFT.powf(rest) * disagreement);
+    let odds = REAL * share.clamp(0.0, 1.0) / (many * REST_LEFT.powf(rest) * disagreement);
     odds / (1.0 + odds)
 }
 
@@ -174,17 +176,17 @@ mod tests {
 
     #[test]
     fn a_cause_of_the_whole_gap_is_credible_and_one_of_a_hundredth_of_it_is_not() {
-        assert!(credible(1.0, 0.0, 0.5) > 0.95);
-        assert!(credible(0.001, 0.0, 0.5) < 0.3);
+        assert!(credible(1.0, 0.0, 1, 0.5) > 0.95);
+        assert!(credible(0.001, 0.0, 2, 0.5) < 0.3);
         // Dry friction that removes nearly all of a real drive's gap is as likely as not, where a rest is left besides it.
-        assert!((0.5..0.7).contains(&credible(0.97, 1.0, 0.5)));
-        assert!(credible(0.3, 1.0, 0.5) < 0.3);
+        assert!((0.5..0.7).contains(&credible(0.97, 1.0, 1, 0.5)));
+        assert!(credible(0.2, 1.0, 1, 0.5) < 0.3);
     }
 
     #[test]
     fn a_size_that_differs_between_parts_makes_an_imitation_likely() {
-        assert!(credible(1.0, 0.0, 1e-6) < 0.05);
-        let all: Vec<f64> = (0..60).map(|i| credible(1.0, 0.0, 10f64.powf(-0.1 * f64::from(i)))).collect();
+        assert!(credible(1.0, 0.0, 1, 1e-6) < 0.05);
+        let all: Vec<f64> = (0..60).map(|i| credible(1.0, 0.0, 1, 10f64.powf(-0.1 * f64::from(i)))).collect();
         assert!(all.windows(2).all(|w| w[1] <= w[0] && w[0] - w[1] < 0.15), "{all:?}");
     }
 }
