@@ -7,23 +7,11 @@ import os
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 import gpsindy
 from hinge import HINGE, real_log
-
-
-def command(*arguments, folder=None, **environment):
-    """Runs the command as a user's shell does."""
-    line = [sys.executable, "-m", "gpsindy", *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True, cwd=folder, env={**os.environ, **environment}, check=False)
-
-
-def write_log(path, log):
-    names = list(log)
-    rows = np.column_stack([log[name] for name in names])
-    path.write_text("\n".join([",".join(names), *(",".join(repr(float(v)) for v in row) for row in rows), ""]))
+from program import command, write_log
 
 
 def test_it_is_the_one_program_with_its_exit_statuses(tmp_path):

@@ -1,6 +1,6 @@
 """Ranges for domain randomisation out of a diagnosis: as numbers, and as a Python file for mjlab and Isaac Lab.
 
-What the logs identify keeps their error, widened where the runs disagree. Of the rest, an error that they would have shown is
+What the logs identify keeps their error, with what differs from run to run added to it. Of the rest, an error that they would have shown is
 left out of its range, and the rest keeps its prior range.
 """
 
@@ -189,6 +189,9 @@ def randomization(
         raise ValueError(f"prior: no parameter {unknown[0]!r}; the simulator has {', '.join(nominal)}")
     z = NormalDist().inv_cdf(0.5 + 0.5 * confidence) * _disagreement(diagnosis)
     values, deviations = _spread(diagnosis)
+    for key, between in _between_runs(diagnosis).items():
+        if deviations.get(key, 0.0) > 0.0:
+            deviations[key] = math.hypot(deviations[key], between)
     excluded = _excluded(diagnosis)
     ranges, notes = [], []
     # A delay is an actuator's, whatever its column is called.
@@ -261,11 +264,34 @@ def _excluded(diagnosis: Diagnosis) -> dict[str, float]:
     return found
 
 
+def _between_runs(diagnosis: Diagnosis) -> dict[tuple[str, str], float]:
+    """How far a number of the simulator, or a delay, differs from run to run: a deviation beside that of the fit."""
+    carried: Mapping[tuple[str, str], str] = getattr(diagnosis.augmented._source, "_carried", {})
+    found: dict[tuple[str, str], float] = {}
+    for cause in diagnosis.included:
+        if not cause.between_runs:
+            continue
+        number = carried.get((cause.effect, cause.place or ""))
+        if cause.effect == "parameter_error":
+            key = ("parameter", cause.variables[0])
+        elif cause.effect == "input_delay":
+            key = ("delay", cause.variables[0])
+        elif number is not None:
+            key = ("parameter", number)
+        else:
+            continue
+        found[key] = float(cause.between_runs[0]["spread"])
+    return found
+
+
 def _disagreement(diagnosis: Diagnosis) -> float:
-    """How much wider errors are where the causes' sizes disagree between runs: the Birge ratio of the least likely cause."""
+    """How much wider errors are where the causes' sizes disagree between runs: the Birge ratio of the least likely cause.
+
+    A cause with sizes by run has the spread itself instead.
+    """
     widest = 1.0
     for cause in diagnosis.included:
-        told = cause.stability
+        told = None if cause.between_runs else cause.stability
         if told and told["runs"] > 1 and told["p_value"] < 0.5:
             degrees = told["runs"] - 1
             quantile = NormalDist().inv_cdf(1.0 - max(told["p_value"], 1e-12))

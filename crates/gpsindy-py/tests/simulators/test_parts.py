@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import gpsindy
+from program import command, write_log
 
 mujoco = pytest.importorskip("mujoco")
 gm = pytest.importorskip("gpsindy.mujoco")
-
-from test_command import command, write_log  # noqa: E402
 
 ARM = """
 <mujoco model="arm">
@@ -128,12 +127,17 @@ def test_a_size_that_differs_between_recordings_is_told_by_run_and_pooled():
     assert between["pooled"] == pytest.approx(0.25, abs=0.03) and between["spread"] == pytest.approx(0.1, abs=0.03)
     assert between["low"] < 0.25 < between["high"] and between["share"] > 0.95 and between["p_value"] < 1e-6
     assert "from run to run" in found.summary(200)
+    # What differs from run to run is what to randomise.
+    (rubbed,) = (one for one in found.randomization().ranges if one.name.endswith(".frictionloss") and one.identified)
+    assert rubbed.low < 0.15 and rubbed.high > 0.35, rubbed
     same = gpsindy.diagnose(
         gm.Simulator(ARM), [arm_log(seed, rubbing(0.25)) for seed in range(3)], arm_log(9, rubbing(0.25)),
         effects=["coulomb_friction", "bias"], hold="zero", most_effects=1,
     )  # fmt: skip
     (between,) = (row for row in same.included[0].between_runs if row["parameter"] == "c")
     assert between["spread"] < 0.01 and abs(between["pooled"] - 0.25) < 0.01
+    (rubbed,) = (one for one in same.randomization().ranges if one.name.endswith(".frictionloss") and one.identified)
+    assert rubbed.high - rubbed.low < 0.05, rubbed
 
 
 def test_rollouts_of_a_right_model_are_as_long_as_its_logs():
