@@ -134,7 +134,12 @@ pub(crate) struct Judged {
     pub(crate) was_asked_for_forces: bool,
 }
 
+/// Whether `best` removes a `share` of the gap beyond what `rest` does.
+pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant, share: f64) -> bool {
+    rest.evidence.misfit() - best.evidence.misfit() >= share * gap_size(nominal, best)
+}
+
 /// Mean squared residual (noise units) that the nominal model leaves beyond noise.
-pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
+fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
     nominal.evidence.misfit() - best.evidence.misfit().min(1.0)
 }

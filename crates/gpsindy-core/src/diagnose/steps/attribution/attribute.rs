@@ -12,8 +12,8 @@ use crate::diagnose::steps::attribution::places::{self, Place};
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::attribution::search::{richer, search};
-use crate::diagnose::steps::attribution::simplify::{Pruned, counts, is_structured, pruned, strongest};
-use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat};
+use crate::diagnose::steps::attribution::simplify::{Pruned, is_structured, pruned, strongest};
+use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat, counts};
 use crate::error::Result;
 
 /// The causes of a detected gap.

@@ -1,9 +1,10 @@
 //! Search: from one set of effects to a better one, a move at a time.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, NO_REST, SWAP};
+use crate::diagnose::limits::{MOST_MOVES, NAMED, NO_REST, NOISE, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::findings::counts;
 use crate::error::Result;
 
 /// The set of effects from which no move leads to a better one, and the round that found none; `first` is the round at the nominal
@@ -12,6 +13,11 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
     let (mut best, mut round) = (nominal.clone(), first);
     for number in 1..=MOST_MOVES {
         let Some(next) = better(contest, &best, &round.fits) else { break };
+        // One more effect that removes little, and leaves a rest, would be left out again at the end.
+        let is_richer = next.hypotheses.len() > best.hypotheses.len();
+        if is_richer && next.evidence.misfit() > NOISE && !counts(nominal, next, &best, NAMED) {
+            break;
+        }
         best = next.clone();
         if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
             round.fits.clear();

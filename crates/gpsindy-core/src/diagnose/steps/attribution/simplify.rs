@@ -5,7 +5,7 @@ use crate::diagnose::limits::{CHANCE, NAMED, REST, STRUCTURE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::nameless_p_value;
 use crate::diagnose::steps::attribution::screen::nameless;
-use crate::diagnose::steps::findings::gap_size;
+use crate::diagnose::steps::findings::counts;
 use crate::error::Result;
 
 /// The winner without effects that remove next to nothing of the gap; where structure without a name is left anyhow,
@@ -32,11 +32,6 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
 pub(crate) struct Pruned {
     pub(crate) best: Contestant,
     pub(crate) rests: Option<Vec<Option<Contestant>>>,
-}
-
-/// Whether `best` removes a `share` of the gap beyond what `rest` does.
-pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant, share: f64) -> bool {
-    rest.evidence.misfit() - best.evidence.misfit() >= share * gap_size(nominal, best)
 }
 
 /// Whether structure is left that has no name, by the `gains` of functions at `best`.
