@@ -140,8 +140,9 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_core::SeedableRng;
 
-    /// Seed of the boat's gusts and noise. Of the seeds 11 to 18 the tests below hold for: gusts alone 6, a sensor with a memory 4, a
-    /// drag beside gusts 5, a loss that depends on the rate 8.
+    /// Seed of the boat's gusts and noise. Of the seeds 11 to 18 the tests below hold for: gusts alone 5 (two more explain the gap, and
+    /// 79 and 84 % of the held-out errors lie in their band), a sensor with a memory 3, a drag beside gusts 8, a loss that depends on
+    /// the rate 8.
     const SEED: u64 = 13;
 
     /// A boat that turns at a rate `w` under a rudder; five runs of 400 samples at 20 Hz with noise of a hundredth.
