@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import Any
@@ -252,13 +252,19 @@ def _untold(
     return Range(name, float(low), float(high), unit, value, False, bounded)
 
 
+def _number(diagnosis: Diagnosis, effect: str, place: str | None, variables: Sequence[str]) -> str | None:
+    """The number of the simulator that an effect changes, where it changes one."""
+    if effect == "parameter_error" and variables:
+        return variables[0]
+    carried: Mapping[tuple[str, str], str] = getattr(diagnosis.augmented._source, "_carried", {})
+    return carried.get((effect, place or ""))
+
+
 def _excluded(diagnosis: Diagnosis) -> dict[str, float]:
     """Sizes of errors of the simulator's numbers above which the logs would have shown them."""
-    carried: Mapping[tuple[str, str], str] = getattr(diagnosis.augmented._source, "_carried", {})
     found: dict[str, float] = {}
     for row in diagnosis._report["excluded"]:
-        variables = row.get("variables", [])
-        name = variables[0] if row["effect"] == "parameter_error" and variables else carried.get((row["effect"], row.get("place") or ""))
+        name = _number(diagnosis, row["effect"], row.get("place"), row.get("variables", ()))
         if name is not None:
             found[name] = max(found.get(name, 0.0), float(row["above"]))
     return found
@@ -266,21 +272,12 @@ def _excluded(diagnosis: Diagnosis) -> dict[str, float]:
 
 def _between_runs(diagnosis: Diagnosis) -> dict[tuple[str, str], float]:
     """How far a number of the simulator, or a delay, differs from run to run: a deviation beside that of the fit."""
-    carried: Mapping[tuple[str, str], str] = getattr(diagnosis.augmented._source, "_carried", {})
     found: dict[tuple[str, str], float] = {}
     for cause in diagnosis.included:
-        if not cause.between_runs:
-            continue
-        number = carried.get((cause.effect, cause.place or ""))
-        if cause.effect == "parameter_error":
-            key = ("parameter", cause.variables[0])
-        elif cause.effect == "input_delay":
-            key = ("delay", cause.variables[0])
-        elif number is not None:
-            key = ("parameter", number)
-        else:
-            continue
-        found[key] = float(cause.between_runs[0]["spread"])
+        is_late = cause.effect == "input_delay"
+        name = cause.variables[0] if is_late else _number(diagnosis, cause.effect, cause.place, cause.variables)
+        if cause.between_runs and name is not None:
+            found["delay" if is_late else "parameter", name] = float(cause.between_runs[0]["spread"])
     return found
 
 

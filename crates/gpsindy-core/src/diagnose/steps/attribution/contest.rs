@@ -130,9 +130,10 @@ impl<'a> Contest<'a> {
         unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))
     }
 
-    /// `best` without the effects at some places, fitted again from the nominal model.
-    pub(crate) fn without(&self, nominal: &Contestant, best: &Contestant, out: &[usize]) -> Result<Option<Contestant>> {
-        self.again_with(nominal, best, &best.entrants_without(out))
+    /// `best` without each of its effects in turn, fitted again from the nominal model; none where the others can't be fitted.
+    pub(crate) fn without_each(&self, nominal: &Contestant, best: &Contestant) -> Result<Vec<Option<Contestant>>> {
+        let without = |place| self.again_with(nominal, best, &best.entrants_without(&[place]));
+        (0..best.hypotheses.len()).map(without).collect()
     }
 }
 

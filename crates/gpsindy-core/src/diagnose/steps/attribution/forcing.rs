@@ -107,8 +107,7 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
 fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Result<Account> {
     while best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
-        for place in 0..best.fit.hypotheses.len() {
-            let Some(fit) = contest.without(nominal, &best.fit, &[place])? else { continue };
+        for fit in contest.without_each(nominal, &best.fit)?.into_iter().flatten() {
             let Some(account) = Account::of(contest, &fit, &best.processes)? else { continue };
             if simpler.as_ref().is_none_or(|known| account.score > known.score) {
                 simpler = Some(account);

@@ -29,10 +29,7 @@ pub(crate) fn places(
     let rests = match rests {
         Some(rests) => rests,
         None if best.hypotheses.len() == 1 => vec![Some(nominal.clone())],
-        None => {
-            let rests = (0..best.hypotheses.len()).map(|place| contest.without(nominal, best, &[place]));
-            rests.collect::<Result<_>>()?
-        }
+        None => contest.without_each(nominal, best)?,
     };
     let one = |(place, rest)| at(contest, nominal, best, fits, (place, rest));
     rests.into_iter().enumerate().map(one).collect()
