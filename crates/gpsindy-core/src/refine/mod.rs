@@ -12,6 +12,7 @@ mod jacobian;
 pub(crate) mod lanes;
 mod normal;
 mod profile;
+mod search;
 mod stepped;
 pub(crate) mod tally;
 
@@ -30,6 +31,7 @@ use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::DMatrix;
 use normal::Normal;
+use search::Wanted;
 use std::sync::Arc;
 
 /// A parameter that a fit may change.
@@ -98,9 +100,8 @@ pub struct Refined {
     pub(crate) kept: Option<Arc<Kept>>,
 }
 
-/// Factors on the damping that a step tries side by side: nearly Newton's own step, about as far as before, and two that are
-/// shorter, so that a round that fails raises the damping by little more than the longest of them.
-const DAMPING: [f64; 4] = [0.01, 0.3, 10.0, 300.0];
+/// Steps up to which a fit only ranks. A Jacobian costs as much as several of them.
+const RANKING: usize = 5;
 
 impl Refine {
     /// Fits the `free` parameters and every window's initial state, from `parameters` (all of the system's).
@@ -128,7 +129,9 @@ impl Refine {
         initial: &[Vec<f64>],
         kept: Option<&Arc<Kept>>,
     ) -> Result<Refined> {
-        let (refined, _) = self.fit_from(system, experiment, (parameters, free), Some(initial), kept, &|_| Ok(()))?;
+        let wanted = if self.only_ranks() { Wanted::Rank } else { Wanted::Derivatives };
+        let from = (Some(initial), kept, wanted);
+        let (refined, _) = self.fit_from(system, experiment, (parameters, free), from, &|_| Ok(()))?;
         Ok(refined)
     }
 
@@ -141,7 +144,12 @@ impl Refine {
         initial: Option<&[Vec<f64>]>,
         watch: &dyn Fn(usize) -> Result<()>,
     ) -> Result<(Refined, Jacobian)> {
-        self.fit_from(system, experiment, (parameters, free), initial, None, watch)
+        self.fit_from(system, experiment, (parameters, free), (initial, None, Wanted::Derivatives), watch)
+    }
+
+    /// Whether a fit with so few steps only ranks: it is not worth derivatives of where it ends.
+    fn only_ranks(&self) -> bool {
+        self.max_iterations <= RANKING
     }
 
     fn fit_from(
@@ -149,8 +157,7 @@ impl Refine {
         system: &System,
         experiment: &Experiment,
         (parameters, free): (&[f64], &[Free]),
-        initial: Option<&[Vec<f64>]>,
-        kept: Option<&Arc<Kept>>,
+        (initial, kept, wanted): (Option<&[Vec<f64>]>, Option<&Arc<Kept>>, Wanted),
         watch: &dyn Fn(usize) -> Result<()>,
     ) -> Result<(Refined, Jacobian)> {
         experiment.tally.fit();
@@ -168,40 +175,7 @@ impl Refine {
         if system.engine().is_some() {
             return stepped::fit(self, (system, experiment, free), point, kept, watch);
         }
-        let mut jacobian = Jacobian::new(system, experiment, &point, free)?;
-        let mut cost = jacobian.cost(experiment, &point, free);
-        let mut damping = 1e-3;
-        let mut converged = false;
-        let mut iterations = 0;
-        while iterations < self.max_iterations && !converged && !experiment.tally.is_over() {
-            watch(iterations)?;
-            iterations += 1;
-            let normal = Normal::new(&jacobian, experiment, &point, free);
-            let mut improved = false;
-            for _ in 0..3 {
-                let (factors, trials): (Vec<f64>, Vec<Point>) = DAMPING
-                    .iter()
-                    .filter_map(|factor| Some((*factor, normal.step(&point, free, damping * factor)?)))
-                    .unzip();
-                let costs = costs(system, experiment, &trials, free);
-                let Some(best) = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])) else { break };
-                if costs[best] < cost {
-                    converged = cost - costs[best] <= self.tolerance * cost;
-                    damping = (damping * factors[best]).clamp(1e-12, 1e6);
-                    cost = costs[best];
-                    point = trials[best].clone();
-                    improved = true;
-                    break;
-                }
-                damping *= 1e4;
-            }
-            // Where no step of any length helps: the floor of the arithmetic, or of the finite differences.
-            converged |= !improved;
-            if improved {
-                jacobian = Jacobian::new(system, experiment, &point, free)?;
-            }
-        }
-        let found = Found { point, jacobian, cost, converged, iterations };
+        let found = search::fit(self, (system, experiment, free), point, wanted, watch)?;
         Ok(found.refined(experiment, free))
     }
 }

@@ -55,7 +55,7 @@ pub(super) fn fit(
         search.advance(settings.tolerance, may_renew);
     }
     // A fit that only ranks is not worth derivatives of its own.
-    let ranks_only = settings.max_iterations <= WORTH;
+    let ranks_only = settings.only_ranks();
     if !ranks_only && !is_over() {
         let stale = (0..search.windows.len()).filter(|&w| !search.windows[w].is_verified());
         search.renew(&stale.map(|w| (w, Slopes::Fine)).collect::<Vec<_>>());
