@@ -1,9 +1,10 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
+use crate::diagnose::catalogue::clock::tells_time;
 use crate::diagnose::catalogue::excursion::{Excursion, turns};
 use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
-use crate::refine::{Experiment, Log, present};
+use crate::refine::{Experiment, Log, Window, present};
 
 /// The trajectories of the nominal model and what they excite.
 #[derive(Debug, Clone)]
@@ -12,6 +13,8 @@ pub(crate) struct Scene {
     pub(crate) controls: Vec<Excursion>,
     /// Of an unlogged speed whose place is logged whether that goes either way; nothing of other states.
     pub(crate) turns: Vec<Option<bool>>,
+    /// Names of the states and controls that tell how long a run has lasted.
+    pub(crate) clocks: Vec<String>,
     /// Typical size of every state's rate, in its unit per second.
     pub(crate) rates: Vec<f64>,
     /// Median sampling period, s.
@@ -69,9 +72,36 @@ impl Scene {
         let duration = experiment.logs.iter().map(length).fold(period, f64::max);
         let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         let reach = Reach::new(system, &states, &controls, &rates);
+        let clocks = clocks(system, experiment, paths);
         let window = experiment.longest_window();
-        Self { states, controls, turns, rates, period, times, duration, window, peaks: Vec::new(), reach }
+        Self { states, controls, turns, clocks, rates, period, times, duration, window, peaks: Vec::new(), reach }
     }
+}
+
+/// States and controls that tell how long a run has lasted: states by their logs, those that are not logged by the trajectories.
+fn clocks(system: &System, experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> Vec<String> {
+    let model = system.model();
+    let since = |log: &Log, sample: usize| log.time[sample] - log.time[0];
+    let of_log = |log: &Log, values: &[f64]| -> Vec<(f64, f64)> {
+        values.iter().enumerate().map(|(sample, &value)| (since(log, sample), value)).collect()
+    };
+    let of_state = |j: usize| -> Vec<(f64, f64)> {
+        if let Some(c) = experiment.column_of(j) {
+            return experiment.logs.iter().flat_map(|log| of_log(log, &log.measured[c])).collect();
+        }
+        let windows = experiment.windows.iter().zip(paths);
+        let of_window = |(window, path): (&Window, &Vec<Vec<f64>>)| -> Vec<(f64, f64)> {
+            let log = &experiment.logs[window.log];
+            path[j].iter().enumerate().map(|(i, &value)| (since(log, window.first + i), value)).collect()
+        };
+        windows.flat_map(of_window).collect()
+    };
+    let states = (0..model.states.len()).filter(|&j| tells_time(&of_state(j))).map(|j| model.states[j].name.clone());
+    let of_control = |c: usize| -> Vec<(f64, f64)> {
+        experiment.logs.iter().flat_map(|log| of_log(log, &log.controls[c])).collect()
+    };
+    let controls = (0..system.n_controls()).filter(|&c| tells_time(&of_control(c)));
+    states.chain(controls.map(|c| model.controls[c].name.clone())).collect()
 }
 
 /// Root mean square of the rate of state `j` along the trajectories; `least` where it never moves.

@@ -102,7 +102,7 @@ fn moved(
     let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = places.iter().filter_map(|place| place.rest.as_ref()).filter(superfluous);
     let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP;
-    let other = contest.best(places.iter().filter_map(|place| place.fits.first()).filter(is_better));
+    let other = contest.best(places.iter().flat_map(|place| &place.fits).filter(is_better));
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);

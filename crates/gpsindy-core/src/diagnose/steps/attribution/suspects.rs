@@ -25,6 +25,8 @@ pub(crate) struct Suspects {
     pub(crate) scene: Scene,
     /// Whether random forces are suspects.
     pub(crate) random: bool,
+    /// Whether what depends on time may depend on a variable that tells it.
+    pub(crate) time_is_told: bool,
 }
 
 /// Which effects are suspects.
@@ -102,7 +104,9 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
     }
     let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
     let rivals = rival::enumerate(model, &scene, model.states.len());
-    Ok(Suspects { hypotheses, joint, rivals, scene, random })
+    // The place of a machine that moves alike everywhere acts on nothing.
+    let time_is_told = scene.clocks.iter().any(|name| !places.contains(&name.as_str()));
+    Ok(Suspects { hypotheses, joint, rivals, scene, random, time_is_told })
 }
 
 /// Why an effect is no suspect at a place.
