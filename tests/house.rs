@@ -8,14 +8,20 @@ use std::path::{Path, PathBuf};
 /// Sources of a folder, at most: more get floors of their own.
 const MOST_FILES: usize = 20;
 
-/// Lines of a source, at most: "about 400".
-const MOST_LINES: usize = 420;
+/// Lines of a source, at most.
+const MOST_LINES: usize = 400;
 
 /// Longer ones, and why.
-const LONG: [(&str, &str); 1] = [(
-    "crates/gpsindy-py/python/gpsindy/identifying/estimator.py",
-    "one class, of which a third is the table of its settings",
-)];
+const LONG: [(&str, &str); 2] = [
+    (
+        "crates/gpsindy-py/python/gpsindy/identifying/estimator.py",
+        "one class, of which a third is the table of its settings",
+    ),
+    (
+        "crates/gpsindy-core/src/diagnose/steps/attribution/forcing/account.rs",
+        "one account, whose climb would have to know it, and it the climb",
+    ),
+];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -87,5 +93,5 @@ fn a_crowded_folder_and_a_long_file_would_be_seen() {
     let more = [few.clone(), vec![("a/more.rs".into(), 1)]].concat();
     assert_eq!(crowded(&more), ["a has 21 files; give it floors"]);
     let long = [few, vec![("c/long.rs".into(), MOST_LINES + 1)]].concat();
-    assert_eq!(crowded(&long), ["c/long.rs has 421 lines; split it by noun"]);
+    assert_eq!(crowded(&long), ["c/long.rs has 401 lines; split it by noun"]);
 }

@@ -1,5 +1,5 @@
-//! Every threshold of the diagnosis is in its `limits`, once, and says where its value comes from; none is anywhere else. Those of an
-//! identification and of a fleet say where they come from, too.
+//! Every threshold of the diagnosis, of an identification and of a fleet is in its `limits`, once, and says where its value comes from;
+//! none is anywhere else.
 #![allow(clippy::unwrap_used)]
 
 #[path = "layers/sources.rs"]
@@ -22,7 +22,7 @@ const ROUNDING: f64 = 1.5e-8;
 
 /// Where numbers are the matter itself: what defines an effect (its starts, ranges, planted sizes and where it is probed), and
 /// tests.
-const DEFINITIONS: [&str; 10] = [
+const DEFINITIONS: [&str; 12] = [
     "catalogue/effects/",
     "catalogue/custom/starts.rs",
     "catalogue/example.rs",
@@ -31,17 +31,18 @@ const DEFINITIONS: [&str; 10] = [
     "catalogue/rival.rs",
     "catalogue/writer.rs",
     "contract.rs",
+    "drawn.rs",
     "fixture.rs",
+    "limits.rs",
     "limits/",
 ];
 
-fn diagnosis() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../gpsindy-core/src/diagnose")
-}
+/// The methods whose thresholds are looked through.
+const METHODS: [&str; 3] = ["diagnose", "identify", "fleet"];
 
-/// Every source of the diagnosis, from its folder: `steps/verify.rs`.
-fn all() -> Vec<(String, String)> {
-    let root = diagnosis();
+/// Every source of a method, from its folder: `steps/verify.rs`.
+fn all(method: &str) -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../gpsindy-core/src").join(method);
     let mut files = Vec::new();
     sources::collect(&root, &mut files);
     let named = |path: &PathBuf| {
@@ -156,13 +157,12 @@ fn bare(source: &str) -> Vec<(usize, f64)> {
 
 #[test]
 fn every_threshold_has_one_name_and_says_where_it_comes_from() {
-    let files: Vec<(String, String)> = all().into_iter().filter(|(file, _)| file.starts_with("limits/")).collect();
-    assert!(files.iter().map(|(_, source)| constants(source).len()).sum::<usize>() > 100);
-    let mut wrong = [unlabelled(&files), ambiguous(&files)].concat();
-    for other in ["identify/limits.rs", "fleet/limits.rs"] {
-        let source = std::fs::read_to_string(diagnosis().join("..").join(other)).unwrap();
-        assert!(constants(&source).len() > 10);
-        wrong.extend(unlabelled(&[(other.to_string(), source)]));
+    let mut wrong = Vec::new();
+    for (method, least) in METHODS.iter().zip([100, 10, 10]) {
+        let files: Vec<(String, String)> =
+            all(method).into_iter().filter(|(file, _)| file.starts_with("limits")).collect();
+        assert!(files.iter().map(|(_, source)| constants(source).len()).sum::<usize>() > least, "{method}");
+        wrong.extend([unlabelled(&files), ambiguous(&files)].concat().iter().map(|what| format!("{method}/{what}")));
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
@@ -174,11 +174,14 @@ fn no_number_decides_anything_outside_of_the_limits() {
         !is_test && !DEFINITIONS.iter().any(|place| file.starts_with(place))
     };
     let mut wrong = Vec::new();
-    for (file, source) in all().iter().filter(|file| outside(file)) {
-        wrong.extend(bare(source).iter().map(|(line, value)| format!("{file}:{line}: {value} has no name in limits")));
-        for (name, doc) in constants(source) {
-            if !EXACT.iter().any(|label| doc.ends_with(label)) && !name.starts_with("ALL") {
-                wrong.push(format!("{file}: {name} is neither in limits nor Exact or Rounding"));
+    for method in METHODS {
+        for (file, source) in all(method).iter().filter(|file| outside(file)) {
+            let bare = bare(source).into_iter();
+            wrong.extend(bare.map(|(line, value)| format!("{method}/{file}:{line}: {value} has no name in limits")));
+            for (name, doc) in constants(source) {
+                if !EXACT.iter().any(|label| doc.ends_with(label)) && !name.starts_with("ALL") {
+                    wrong.push(format!("{method}/{file}: {name} is neither in limits nor Exact or Rounding"));
+                }
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::model::{from_toml, read_text};
+use crate::options::plain;
 use gpsindy_core::Expression;
 use gpsindy_core::diagnose::{CustomEffect, CustomParameter};
 use serde::Deserialize;
@@ -60,6 +61,10 @@ pub fn parse_effects(file: &str, text: &str) -> Result<Vec<CustomEffect>> {
         return Err(Error::file(file, "no effect; add an [[effect]] with id, state, form and parameters"));
     }
     for (i, entry) in read.effects.iter().enumerate() {
+        let ranges = entry.parameters.iter().flat_map(|range| [&range.name, &range.unit]);
+        for text in [&entry.id, &entry.state].into_iter().chain(ranges) {
+            plain(file, &format!("effect {}", i + 1), text)?;
+        }
         if read.effects[..i].iter().any(|other| other.id == entry.id) {
             return Err(Error::file(file, format!("effect `{}` appears twice; give one another id", entry.id)));
         }
@@ -123,6 +128,14 @@ mod tests {
             (LIFT.replace("state = 'v'\n", ""), "e.toml:1: missing field `state`"),
             (format!("{LIFT}{LIFT}"), "e.toml: effect `lift` appears twice"),
             (LIFT.replace("'lift'", "'function'"), "e.toml: the id `function` has a meaning of its own already"),
+            (
+                LIFT.replace("lift", "li\u{ad}ft"),
+                "e.toml: effect 1: character 3 of a name or unit is U+00AD, which does not show; write it without",
+            ),
+            (
+                LIFT.replace("1/s", "\u{feff}1/s"),
+                "e.toml: effect 1: character 1 of a name or unit is U+FEFF, which does not show; write it without",
+            ),
             (LIFT.replace("'lift'", "'bias'"), "e.toml: the id `bias` has a meaning of its own already"),
         ] {
             let error = parse_effects("e.toml", &text).unwrap_err().to_string();

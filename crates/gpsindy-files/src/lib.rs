@@ -34,6 +34,6 @@ pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
 pub use near::hint;
 pub use options::{LogOptions, Offset, Stamp};
-pub use output::{finish_writing, write_together, write_whole};
+pub use output::{finish_writing, start_of, write_together, write_whole};
 pub use stream::{Sample, Stream};
 pub use table::Table;

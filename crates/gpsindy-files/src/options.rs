@@ -22,8 +22,14 @@ pub struct LogOptions {
 }
 
 impl LogOptions {
-    /// Refuses a map that names a column twice, and an offset for a log that is one table.
+    /// Refuses a name or a unit that hides something, a map that names a column twice, and an offset for a log that is one table.
     pub(crate) fn check(&self, file: &str, table: bool) -> Result<()> {
+        let renames = self.rename.iter().map(|(_, name)| ("--rename", name));
+        let maps = self.map.iter().map(|(name, _)| ("--map", name));
+        let units = self.unit.iter().flat_map(|(name, unit)| [("[unit]", name), ("[unit]", unit)]);
+        for (place, text) in renames.chain(maps).chain(units) {
+            plain(file, place, text)?;
+        }
         for (i, (name, _)) in self.map.iter().enumerate() {
             if self.map[..i].iter().any(|(other, _)| other == name) {
                 return Err(Error::file(file, format!("--map: `{name}` is mapped twice; map each name once")));
@@ -42,6 +48,20 @@ impl LogOptions {
     #[cfg(any(feature = "mcap", feature = "ulog"))]
     pub(crate) fn unit_of(&self, name: &str) -> String {
         self.unit.iter().find(|(n, _)| n == name).map(|(_, unit)| unit.clone()).unwrap_or_default()
+    }
+}
+
+/// Refuses a name or a unit with a character that does not show.
+pub(crate) fn plain(file: &str, place: &str, text: &str) -> Result<()> {
+    match text.chars().zip(1..).find(|&(c, _)| !gpsindy_core::shows(c)) {
+        Some((hidden, at)) => {
+            let code = u32::from(hidden);
+            let message = format!(
+                "{place}: character {at} of a name or unit is U+{code:04X}, which does not show; write it without"
+            );
+            Err(Error::file(file, message))
+        }
+        None => Ok(()),
     }
 }
 
@@ -76,4 +96,30 @@ pub enum Stamp {
     Header,
     /// The time of recording.
     Log,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_or_unit_that_hides_something_is_refused() {
+        let one = |name: &str, other: &str| vec![(name.to_string(), other.to_string())];
+        let told = |options: LogOptions| options.check("a.csv", true).unwrap_err().to_string();
+        for hidden in ['\u{feff}', '\u{ad}'] {
+            let (name, code) = (format!("v{hidden}x"), u32::from(hidden));
+            let wanted = |place: &str| {
+                format!(
+                    "a.csv: {place}: character 2 of a name or unit is U+{code:04X}, which does not show; write it without"
+                )
+            };
+            assert_eq!(told(LogOptions { rename: one("v", &name), ..LogOptions::default() }), wanted("--rename"));
+            assert_eq!(told(LogOptions { map: one(&name, "v"), ..LogOptions::default() }), wanted("--map"));
+            assert_eq!(told(LogOptions { unit: one(&name, "m"), ..LogOptions::default() }), wanted("[unit]"));
+            assert_eq!(told(LogOptions { unit: one("v", &name), ..LogOptions::default() }), wanted("[unit]"));
+        }
+        // What is looked for in a log may be as the log has it.
+        let there = LogOptions { rename: one("v\u{ad}", "v"), map: one("w", "/a.w\u{ad}"), ..LogOptions::default() };
+        assert!(there.check("a.csv", true).is_ok());
+    }
 }

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -13,6 +13,9 @@ static WRITING: Mutex<()> = Mutex::new(());
 
 /// Links that are followed from one name, as many as Linux follows.
 const MOST_LINKS: usize = 40;
+
+/// Bytes at the begin of a file that name its writer.
+const START: u64 = 4096;
 
 /// Writes a file by way of a temporary one next to it, which is then renamed.
 ///
@@ -26,8 +29,8 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Writes files that belong together, each as [`write_whole`] does, and removes the `stale` ones, which an earlier set had and this one
-/// lacks. Nothing is replaced before every file is on the disk, so that a full disk leaves the earlier set; only a kill or a power cut within the
-/// renames that follow can leave files of both.
+/// lacks. Nothing is replaced before every file is on the disk, so that a full disk leaves the earlier set, and two programs that write
+/// into one folder replace their sets one after the other; only a kill or a power cut within the renames can leave files of both.
 ///
 /// # Errors
 /// [`Error::Write`]; no temporary file is left then.
@@ -42,6 +45,7 @@ pub fn write_together(files: &[(PathBuf, &[u8])], stale: &[PathBuf]) -> Result<(
                 Place::File(target) => staged.push((path, Part::write(target, bytes).map_err(failed(path))?)),
             }
         }
+        let _replacing = if files.len() + stale.len() > 1 { lock(&staged) } else { Vec::new() };
         for (path, part) in staged {
             part.commit().map_err(failed(path))?;
         }
@@ -58,6 +62,26 @@ pub fn write_together(files: &[(PathBuf, &[u8])], stale: &[PathBuf]) -> Result<(
         stream.and_then(|mut stream| stream.write_all(bytes)).map_err(failed(path))?;
     }
     Ok(())
+}
+
+/// Locks the folders of a set while it takes the place of another, which is moments. A system that has no locks of folders does without.
+fn lock(staged: &[(&PathBuf, Part)]) -> Vec<File> {
+    let mut folders: Vec<&Path> = staged.iter().filter_map(|(_, part)| part.target.parent()).collect();
+    // In one order, so that no two programs wait for each other.
+    folders.sort_unstable();
+    folders.dedup();
+    let opened = folders.into_iter().map(|folder| if folder == Path::new("") { Path::new(".") } else { folder });
+    opened.filter_map(|folder| File::open(folder).ok()).filter(|folder| folder.lock().is_ok()).collect()
+}
+
+/// How a file begins, enough to know who wrote it; none where there is no such file. A pipe is none, and would let the reader wait.
+pub fn start_of(path: &Path) -> Option<String> {
+    let mut start = Vec::new();
+    if !path.is_file() {
+        return None;
+    }
+    File::open(path).ok()?.take(START).read_to_end(&mut start).ok()?;
+    Some(String::from_utf8_lossy(&start).into_owned())
 }
 
 /// Waits for the files that [`write_together`] is writing, and lets none begin: for a process that is about to end.

@@ -73,8 +73,8 @@ pub fn compare(manifest: &Manifest, attempts: &[Attempt], store: &dyn Store) -> 
         report.notes.push("no effect was found in two units or periods: there is nothing to compare".into());
     }
     let json = serde_json::to_string_pretty(&report).map_err(|e| gpsindy_core::Error::file(e.to_string()))? + "\n";
-    store.write("fleet.html", gpsindy_report::fleet::render(&report).as_bytes())?;
-    store.write("fleet.json", json.as_bytes())?;
+    let page = gpsindy_report::fleet::render(&report);
+    store.write_together(&[("fleet.html", page.as_bytes()), ("fleet.json", json.as_bytes())])?;
     Ok(report)
 }
 

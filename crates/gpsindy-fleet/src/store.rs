@@ -1,6 +1,6 @@
 //! Where results go: a folder, or any other place that keeps files by name.
 
-use gpsindy_files::{Error, Result, write_whole};
+use gpsindy_files::{Error, Result, write_together};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +23,14 @@ pub trait Store: Sync {
     /// # Errors
     /// A place that does not take it.
     fn write(&self, name: &str, content: &[u8]) -> Result<()>;
+
+    /// Writes files that belong together; where the place can, none is replaced before all of them are there.
+    ///
+    /// # Errors
+    /// A place that does not take one of them.
+    fn write_together(&self, files: &[(&str, &[u8])]) -> Result<()> {
+        files.iter().try_for_each(|(name, content)| self.write(name, content))
+    }
 
     /// Removes a file; one that is not there is as good.
     ///
@@ -64,11 +72,17 @@ impl Store for Folder {
     }
 
     fn write(&self, name: &str, content: &[u8]) -> Result<()> {
-        let path = self.0.join(name);
-        let folder = path.parent().unwrap_or(&self.0);
-        let file = folder.display().to_string();
-        std::fs::create_dir_all(folder).map_err(|source| Error::Write { file, source })?;
-        write_whole(&path, content)
+        self.write_together(&[(name, content)])
+    }
+
+    fn write_together(&self, files: &[(&str, &[u8])]) -> Result<()> {
+        let files: Vec<(PathBuf, &[u8])> = files.iter().map(|(name, content)| (self.0.join(name), *content)).collect();
+        for (path, _) in &files {
+            let folder = path.parent().unwrap_or(&self.0);
+            let file = folder.display().to_string();
+            std::fs::create_dir_all(folder).map_err(|source| Error::Write { file, source })?;
+        }
+        write_together(&files, &[])
     }
 
     fn remove(&self, name: &str) -> Result<()> {
@@ -99,6 +113,11 @@ mod tests {
         assert_eq!(folder.read("tasks/a/report.json").unwrap().unwrap(), b"{}");
         folder.remove("tasks/a/report.json").unwrap();
         assert!(!folder.has("tasks/a/report.json").unwrap());
+        // Of two files that belong together the second can't be written, so the first stays as it was.
+        folder.write("fleet.html", b"old").unwrap();
+        std::fs::create_dir(path.join("fleet.json")).unwrap();
+        assert!(folder.write_together(&[("fleet.html", b"new"), ("fleet.json", b"new")]).is_err());
+        assert_eq!(folder.read("fleet.html").unwrap().unwrap(), b"old");
         std::fs::remove_dir_all(path).unwrap();
     }
 }

@@ -11,6 +11,7 @@ use gpsindy_core::diagnose::{
     CustomEffect, CustomParameter, Diagnose, Diagnosed, Effect, Part, PartKind, Power, hold_out,
 };
 use gpsindy_core::{Dataset, Expression, Model, Paired};
+use gpsindy_files::hint;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -57,12 +58,21 @@ pub(crate) struct Options {
     power: Option<u64>,
 }
 
+/// The part that a user names.
+fn named(parts: &[Part], kind: PartKind, name: &str) -> PyResult<Part> {
+    Part::find(parts, kind, name).cloned().map_err(|_| {
+        let known = parts.iter().filter(|part| part.kind == kind).map(|part| part.name.as_str());
+        let (kind, hint) = (kind.as_str(), hint(name, known));
+        PyValueError::new_err(format!("{kind}s: the model has no {kind} `{name}`{hint}"))
+    })
+}
+
 impl Options {
     pub(crate) fn settings(self) -> PyResult<Diagnose> {
         let parts = self.parts.into_iter().map(part).collect::<PyResult<Vec<Part>>>()?;
-        let joints = self.joints.iter().map(|name| Part::find(&parts, PartKind::Joint, name));
-        let actuators = self.actuators.iter().map(|name| Part::find(&parts, PartKind::Actuator, name));
-        let only = joints.chain(actuators).map(|found| found.cloned().map_err(error)).collect::<PyResult<_>>()?;
+        let joints = self.joints.iter().map(|name| (PartKind::Joint, name));
+        let actuators = self.actuators.iter().map(|name| (PartKind::Actuator, name));
+        let only = joints.chain(actuators).map(|(kind, name)| named(&parts, kind, name)).collect::<PyResult<_>>()?;
         Ok(Diagnose {
             parts,
             only,
@@ -190,6 +200,16 @@ pub(crate) fn read_effects(path: PathBuf) -> PyResult<Vec<Custom>> {
 #[pyfunction]
 pub(crate) fn write_whole(path: PathBuf, text: &str) -> PyResult<()> {
     gpsindy_files::write_whole(&path, text.as_bytes()).map_err(file_error)
+}
+
+/// Writes the files of a diagnosis into their folder, all or none, and removes those of an earlier one that have no successor.
+#[pyfunction]
+pub(crate) fn write_report(folder: PathBuf, files: Vec<(String, String)>) -> PyResult<()> {
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let stale = gpsindy_report::stale(&names, |name| gpsindy_files::start_of(&folder.join(name)));
+    let stale: Vec<PathBuf> = stale.into_iter().map(|name| folder.join(name)).collect();
+    let whole: Vec<(PathBuf, &[u8])> = files.iter().map(|(name, text)| (folder.join(name), text.as_bytes())).collect();
+    gpsindy_files::write_together(&whole, &stale).map_err(file_error)
 }
 
 /// Id, form, parameters, signature, name, meaning, and twins with their experiments.

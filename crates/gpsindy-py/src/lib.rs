@@ -39,7 +39,8 @@ mod _gpsindy {
     use super::design::{PyOpen, design};
     #[pymodule_export]
     use super::diagnose::{
-        augmented_toml, diagnose, diagnose_paired, effects, read_effects, render, report_json, summary, write_whole,
+        augmented_toml, diagnose, diagnose_paired, effects, read_effects, render, report_json, summary, write_report,
+        write_whole,
     };
     #[pymodule_export]
     use super::fleet::{FleetManifest, fleet_task};

@@ -63,6 +63,25 @@ pub fn simulator(model: &str) -> String {
     format!("{MARK}: the simulator, identified from its logs.\n{model}")
 }
 
+/// Every file that some diagnosis writes into the folder of its report.
+pub const FILES: [&str; 8] = [
+    "report.json",
+    "report.html",
+    "augmented.toml",
+    "augmented.xml",
+    "augmented.ssv",
+    "randomization.py",
+    "simulator.toml",
+    "open.json",
+];
+
+/// Files of an earlier diagnosis that the `new` ones do not replace: they would be taken for the new one's. `start` is how a file of the
+/// folder begins, none where there is no such file.
+pub fn stale(new: &[&str], start: impl Fn(&str) -> Option<String>) -> Vec<&'static str> {
+    let is_left = |name: &&str| !new.contains(name) && start(name).is_some_and(|start| is_ours(name, &start));
+    FILES.into_iter().filter(is_left).collect()
+}
+
 /// Whether a file of a report's folder that begins with `start` was written by a diagnosis.
 pub fn is_ours(name: &str, start: &str) -> bool {
     match name {

@@ -30,6 +30,7 @@ pub(crate) fn run() -> Result<(), String> {
     lab.kill_identifications(&mut rng)?;
     lab.kill_fleets(&mut rng)?;
     lab.lack_room()?;
+    lab.refuse_the_disk()?;
     lab.close_the_pipe()?;
     lab.share_a_folder()?;
     shell::say("faults: every file was whole and every failure one line\n");
@@ -230,6 +231,57 @@ impl Lab {
         Ok(())
     }
 
+    /// A disk that is full, and one for reading alone: a file system in memory, which a user may mount in a name space of its own.
+    fn refuse_the_disk(&self) -> Result<(), String> {
+        let disk = self.folder.join("disk");
+        fs::create_dir_all(&disk).map_err(|e| format!("{}: {e}", disk.display()))?;
+        let mut may = Command::new("unshare");
+        may.args(["--map-root-user", "--mount", "mount", "-t", "tmpfs", "none"]).arg(&disk).stderr(Stdio::null());
+        if !may.status().is_ok_and(|status| status.success()) {
+            shell::say("faults: no name space for a disk of its own here, so none was full or closed\n");
+            return Ok(());
+        }
+        self.done(&Self::diagnosis(CONFIDENCES[0], "full"))?;
+        let diagnosis = Self::diagnosis(CONFIDENCES[1], "disk/full");
+        let mut refused = 0;
+        for kilobytes in [900, 880, 860, 840, 820, 800, 780] {
+            let fill = format!("dd if=/dev/zero of=disk/filling bs=1k count={kilobytes} status=none");
+            refused += usize::from(!self.on_disk(&fill, &diagnosis)?);
+        }
+        expect(refused > 0, || "no disk was too full".into())?;
+        shell::say(&format!("faults: a full disk, 7 times, {refused} of them too full: each report whole\n"));
+        for line in [
+            &diagnosis,
+            &Self::diagnosis(CONFIDENCES[1], "disk/full/new"),
+            "smooth unit_0_0.csv --state v --quiet --out disk/full/smooth.csv",
+            "fleet fleet.toml --out disk/full/fleet --effects bias --quiet",
+        ] {
+            let is_done = self.on_disk("mount -o remount,ro disk", line)?;
+            expect(!is_done, || format!("gpsindy {line}: done on a disk for reading alone"))?;
+        }
+        shell::say("faults: a disk for reading alone, 4 commands: one line each\n");
+        Ok(())
+    }
+
+    /// Runs a command beside a report on a small disk that `change` has made worse, and says whether it did its work. Where it did not, it
+    /// said so in one line; the report is a whole one, and nothing is left beside it.
+    fn on_disk(&self, change: &str, line: &str) -> Result<bool, String> {
+        let script = format!(
+            "mount -t tmpfs -o size=1m none disk && cp -r full disk/ && {change}; '{}' {line}; status=$?; cp -r disk/full found; exit $status",
+            self.program.display()
+        );
+        let mut shell = Command::new("unshare");
+        shell.args(["--map-root-user", "--mount", "bash", "-c", &script]).current_dir(&self.folder);
+        let output = shell.stdin(Stdio::null()).output().map_err(|e| format!("unshare: {e}"))?;
+        let told = |what: &str| format!("{change}; gpsindy {line}: {what}; {}", told(&output));
+        expect(self.is_one_report("found")?, || told("files of two reports"))?;
+        let [found, full] = ["found", "full"].map(|folder| names(&self.folder.join(folder)));
+        expect(found == full, || told("a part was left"))?;
+        expect(output.status.success() || one_line(&output), || told("not one line"))?;
+        fs::remove_dir_all(self.folder.join("found")).map_err(|e| format!("found: {e}"))?;
+        Ok(output.status.success())
+    }
+
     /// Nobody reads what is printed: neither an error nor a word.
     fn close_the_pipe(&self) -> Result<(), String> {
         for line in ["effects", "man", "export slider.toml --to c", "smooth unit_0_0.csv --state v --quiet"] {
@@ -245,7 +297,7 @@ impl Lab {
         Ok(())
     }
 
-    /// Two runs into one folder at a time: one of both reports is there in the end, and each was whole while it was there.
+    /// Two runs into one folder at a time: one of both reports is there in the end.
     fn share_a_folder(&self) -> Result<(), String> {
         for _ in 0..10 {
             let start =
@@ -255,15 +307,10 @@ impl Lab {
                 let output = child.wait_with_output().map_err(|e| e.to_string())?;
                 expect(output.status.success(), || told(&output))?;
             }
-            for file in ["report.json", "augmented.toml"] {
-                let found = self.read(&format!("shared/{file}"))?;
-                let whole =
-                    |confidence| self.read(&format!("whole_{confidence}/{file}")).is_ok_and(|whole| whole == found);
-                expect(CONFIDENCES.iter().any(whole), || format!("shared/{file}: not whole"))?;
-            }
+            expect(self.is_one_report("shared")?, || "shared: files of two reports".into())?;
             expect(parts(&self.folder.join("shared")) == 0, || "shared: a part was left".into())?;
         }
-        shell::say("faults: two runs into one folder, 10 times: each file whole\n");
+        shell::say("faults: two runs into one folder, 10 times: one report each time\n");
         Ok(())
     }
 

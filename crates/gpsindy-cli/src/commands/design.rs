@@ -10,6 +10,7 @@ use gpsindy_core::diagnose::{Candidate, Design as Settings, Designed, Open, Part
 use gpsindy_core::{Channel, Model};
 use gpsindy_files::{Table, read_model};
 use serde_json::json;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// The file of a diagnosis' folder that says what its logs can't distinguish.
@@ -125,6 +126,12 @@ fn open(command: &Design, screen: &Screen) -> Outcome<Open> {
 fn of_diagnosis(folder: &Path) -> Outcome<Open> {
     let path = folder.join(OPEN);
     let text = std::fs::read_to_string(&path).map_err(|e| {
+        if e.kind() == ErrorKind::NotFound && folder.join("augmented.toml").is_file() {
+            return Failure::input(format!(
+                "{}: the diagnosis has fewer than two explanations of the logs, so no pair is to be told apart; name models instead, or diagnose with more effects",
+                folder.display()
+            ));
+        }
         Failure::input(format!(
             "{}: {e}; a diagnosis of equations writes it, and the one of a simulator that steps designs from Python: diagnosis.design(...)",
             path.display()

@@ -115,7 +115,10 @@ fn folder(out: &Path) -> Outcome<Folder> {
         let what = format!("--out takes a folder, found {}; gpsindy.fleet in Python writes to a URL", out.display());
         return Err(Failure::input(what));
     }
-    std::fs::create_dir_all(out).map_err(|e| Failure::input(format!("--out: {}: {e}", out.display())))?;
+    if out.is_file() {
+        return Err(Failure::input(format!("--out: {} is a file; name a folder", out.display())));
+    }
+    std::fs::create_dir_all(out).map_err(|e| Failure::Work(format!("{}: {e}", out.display())))?;
     Ok(Folder::new(out))
 }
 

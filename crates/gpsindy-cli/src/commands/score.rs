@@ -83,6 +83,10 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
         }
     }
     match scored.iter().position(|(_, score)| is_without_number(score)) {
+        Some(k) if is_without_value(&data, &models[k]) => Err(Failure::input(format!(
+            "{}: the logs hold no value of a state of the model, which would be compared; log one, or score on other logs",
+            command.models[k].display()
+        ))),
         Some(k) => Err(Failure::Work(format!(
             "{}: no prediction of the model is a number, not one step ahead; check its parameters (a division by 0?) and its initial values",
             command.models[k].display()
@@ -94,6 +98,12 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
 /// Whether no error of any state and kind is a number.
 fn is_without_number(score: &Scores) -> bool {
     kinds(score).iter().all(|(_, errors)| errors.by_state.iter().all(|state| !state.rmse.is_finite()))
+}
+
+/// Whether no state of the model has a value in the logs.
+fn is_without_value(data: &Dataset, model: &Model) -> bool {
+    let columns: Vec<usize> = model.states.iter().filter_map(|state| data.index_of(&state.name).ok()).collect();
+    data.runs().iter().all(|run| columns.iter().all(|&column| run.column(column).iter().all(|v| v.is_nan())))
 }
 
 /// What a model is called and how it did.

@@ -112,4 +112,10 @@ fn what_a_diagnosis_leaves_open_is_parted_by_the_run_that_it_asks_for() {
     let ran = folder.run(line).done();
     let found: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     assert!(found["pairs"][0]["nats"].as_f64().unwrap() > 3.0, "{}", ran.stdout);
+    // One explanation is no pair.
+    let effects = "--effects quadratic_drag --hold zero --out alone";
+    folder.run(&format!("diagnose nominal.toml run_0.csv run_1.csv run_2.csv {effects}")).done();
+    let ran = folder.run("design alone --limit u=-2:2 --duration 1 --rate 20").ended(2);
+    let told = "error: alone: the diagnosis has fewer than two explanations of the logs, so no pair is to be told apart; name models instead, or diagnose with more effects\n";
+    assert_eq!(ran.stderr, told);
 }

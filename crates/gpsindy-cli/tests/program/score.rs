@@ -123,3 +123,15 @@ fn a_model_that_predicts_no_number_is_a_failure() {
         );
     }
 }
+
+#[test]
+fn a_log_without_a_value_is_no_fault_of_the_model() {
+    let folder = Folder::new();
+    let rows: String = (0..50).map(|i| format!("{},nan\n", 0.1 * f64::from(i))).collect();
+    folder
+        .write("m.toml", "schema = \"gpsindy.model/1\"\nname = \"m\"\n[[state]]\nname = \"v\"\nequation = \"-v\"\n")
+        .write("log.csv", &format!("t,v\n{rows}"));
+    let ran = folder.run("score m.toml --data log.csv").ended(2);
+    let told = "error: m.toml: the logs hold no value of a state of the model, which would be compared; log one, or score on other logs\n";
+    assert_eq!(ran.stderr, told);
+}

@@ -9,7 +9,7 @@
 
 use super::Quantity;
 use super::held::{Inverse, Series};
-use super::limits::{PRIOR_CHANGE, SIZES};
+use super::limits::{PRIOR_CHANGE, SIZES, TAIL};
 use super::report::{Change, Shape};
 use nalgebra::DVector;
 
@@ -151,7 +151,7 @@ impl Series {
             shape,
             since: average(&|c| c.day),
             date: String::new(),
-            interval: (quantile(0.05), quantile(0.95)),
+            interval: (quantile(TAIL), quantile(1.0 - TAIL)),
             from: average(&|c| c.level),
             to: average(&|c| c.level + c.delta),
             probability,

@@ -1,5 +1,11 @@
 //! Every threshold of the comparison, with its reason.
 
+/// Share of the odd units, and of the changes, that may be false where nobody says otherwise. Convention.
+pub(super) const FALSE_DISCOVERIES: f64 = 0.05;
+
+/// Level at which a spread between units is there, and what lies on either side of the interval of a day. Convention.
+pub(super) const TAIL: f64 = 0.05;
+
 /// Fewest units from which a spread can be estimated: with fewer, any unit is as odd as the others. Argument.
 pub(super) const FEWEST_UNITS: usize = 4;
 

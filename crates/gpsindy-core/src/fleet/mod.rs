@@ -71,7 +71,7 @@ pub struct Compare {
 
 impl Default for Compare {
     fn default() -> Self {
-        Self { false_discovery_rate: 0.05 }
+        Self { false_discovery_rate: limits::FALSE_DISCOVERIES }
     }
 }
 

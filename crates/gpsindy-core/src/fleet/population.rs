@@ -7,7 +7,7 @@
 //! Source: Harville 1977, Maximum likelihood approaches to variance component estimation, equation 5.5.
 
 use super::columns::{self, Column};
-use super::limits::{FINEST, LADDER, LOWEST_DECADE};
+use super::limits::{FINEST, LADDER, LOWEST_DECADE, TAIL};
 use super::report::{Population, Shrunk};
 use super::{Observation, Quantity};
 use nalgebra::{DMatrix, DVector};
@@ -181,7 +181,7 @@ impl Table {
             covariates: fit
                 .as_ref()
                 .map_or_else(Vec::new, |fit| columns::slopes(quantity, &self.columns, (&fit.beta, &fit.covariance))),
-            randomise: (spread_p_value < 0.05).then_some((mean - 2.0 * spread, mean + 2.0 * spread)),
+            randomise: (spread_p_value < TAIL).then_some((mean - 2.0 * spread, mean + 2.0 * spread)),
             estimates,
         }
     }

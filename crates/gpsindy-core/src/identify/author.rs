@@ -8,6 +8,7 @@ use crate::data::{Dataset, Run};
 use crate::differentiate::{SecondStage, slope};
 use crate::error::{Error, Result};
 use crate::gp::Kernel;
+use crate::identify::limits::AUTHORS_TRAIN;
 use crate::library::{Library, LibrarySettings};
 use crate::model::{Control, IdentificationRecord, Model, State};
 use crate::progress::Progress;
@@ -59,7 +60,7 @@ impl Default for Author {
             controls: Vec::new(),
             derivatives: Vec::new(),
             library: LibrarySettings { degree: 1, products: true, ..LibrarySettings::default() },
-            train_fraction: 0.7,
+            train_fraction: AUTHORS_TRAIN,
             inputs: None,
             kernels,
             lambda: None,
@@ -83,7 +84,7 @@ pub struct AuthorResult {
 /// Their lambdas: 1e-6 ... 0.1 in decades, 1 to 10, 20 to 100.
 fn lambdas() -> Vec<f64> {
     let decades = (0..6).map(|k| 10f64.powi(k - 6));
-    decades.chain((1..=10).map(f64::from)).chain((2..=10).map(|k| 10.0 * f64::from(k))).collect()
+    decades.chain((1..=10).map(f64::from)).chain((2..=10).map(|k| f64::from(10 * k))).collect()
 }
 
 impl Author {

@@ -48,6 +48,20 @@ pub(crate) const NEAR_CLEAN: f64 = 0.01;
 /// Solvers are run to relative tolerances of 1e-3 to 1e-6, converters have 10 to 16 bits: what is smaller is theirs. Argument.
 pub(crate) const EXACT: f64 = 1e-4;
 
+/// Periods of sampling that the longest delay spans which is looked for where none is named: half a second at 50 Hz. Convention.
+pub(crate) const DELAYED_PERIODS: f64 = 25.0;
+
+/// Shares of the shortest run: that much of it is looked through where sampling is fine, and no more of it however coarse it is.
+/// Convention.
+pub(crate) const DELAYED_SHARES: (f64, f64) = (0.01, 0.1);
+
+/// Share of a state's typical size by which it is moved for a derivative of the rollout: the cube root of the rounding, 6e-6, would
+/// be best for differences of both sides, the square root, 1e-8, for one. Argument.
+pub(crate) const MOVED: f64 = 1e-6;
+
+/// Share of a run that the authors' pipeline learns from, as in their code. Convention.
+pub(crate) const AUTHORS_TRAIN: f64 = 0.7;
+
 /// Rounds of dropping, adding and exchanging terms. Searches end by themselves long before. Convention.
 pub(crate) const ROUNDS: usize = 25;
 
@@ -172,7 +186,7 @@ pub(crate) mod online {
     /// Samples at the first fit of hyperparameters. Convention.
     pub(crate) const FIRST_FIT: usize = 16;
     /// Values of a state before its process is fitted: see [`crate::gp::Weakness::FewPoints`]. Argument.
-    pub(crate) const FEWEST: usize = 8;
+    pub(crate) const FEWEST_OF_A_PROCESS: usize = 8;
     /// Share of its spread that a state's standard deviation may have; beyond it the state is not known. Convention.
     pub(crate) const UNKNOWN: f64 = 0.5;
     /// Steps longer than this many lengths of the smoothest process are not integrated over. Convention.

@@ -3,7 +3,7 @@
 use crate::data::{Channel, Dataset, Run};
 use crate::error::{Error, Result};
 use crate::identify::equations::{DelayValue, Equations, rate_name};
-use crate::identify::limits::FEWEST;
+use crate::identify::limits::{DELAYED_PERIODS, DELAYED_SHARES, FEWEST};
 use crate::identify::notes::Note;
 use crate::identify::settings::{Delay, Identify};
 use crate::library::Library;
@@ -94,7 +94,8 @@ fn sensible_delay(data: &Dataset) -> f64 {
     let length = |run: &Run| run.time[run.time.len() - 1] - run.time[0];
     let shortest = data.runs().iter().map(length).fold(f64::INFINITY, f64::min);
     let period = data.runs().iter().map(Run::period).fold(0.0, f64::max);
-    (25.0 * period).max(shortest / 100.0).min(shortest / 10.0)
+    let (least, most) = DELAYED_SHARES;
+    (DELAYED_PERIODS * period).max(least * shortest).min(most * shortest)
 }
 
 /// One delay a control.

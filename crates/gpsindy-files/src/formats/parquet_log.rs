@@ -12,6 +12,7 @@ use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;
 use std::collections::HashMap;
 
+mod arrow;
 mod episodes;
 mod footer;
 mod guard;

@@ -210,3 +210,29 @@ fn a_column_that_ends_or_begins_within_the_log_is_told() {
     );
     assert!(shown[1].0 == "w" && shown[1].1.starts_with("begins within the log: the first 75.0 %"), "{shown:?}");
 }
+
+#[cfg(feature = "mcap")]
+#[test]
+fn fields_that_the_first_messages_leave_empty_are_listed() {
+    use crate::formats::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
+    let mut bag = Bag::new(None);
+    let joints = bag.channel("/joints", "sensor_msgs/msg/JointState", JOINT_STATE);
+    let words = bag.json("/words");
+    for i in 0..20_i64 {
+        let time = i * 10_000_000;
+        let (names, values): (&[&str], &[f64]) = if i < 3 { (&[], &[]) } else { (&["elbow"], &[i as f64]) };
+        bag.write(joints, time, &joint_state(time, names, values));
+        let text = if i == 0 { "{}".into() } else { format!("{{\"w\":[{i}]}}") };
+        bag.write(words, time, text.as_bytes());
+    }
+    let found = inspected("late.mcap", &bag.done());
+    let column = |topic: usize, name: &str| {
+        let columns = &found.topics[topic].columns;
+        columns.iter().find(|column| column.name == name).unwrap_or_else(|| panic!("{columns:?}")).clone()
+    };
+    // Some messages are looked through for new fields, the fourth among them.
+    let (elbow, word) = (column(0, "position[elbow]"), column(1, "w[0]"));
+    assert_eq!((elbow.count, elbow.min, elbow.max), (17, Some(3.0), Some(19.0)));
+    assert_eq!((word.count, word.min, word.max), (19, Some(1.0), Some(19.0)));
+    assert!((elbow.missing - 0.15).abs() < 1e-12, "{elbow:?}");
+}

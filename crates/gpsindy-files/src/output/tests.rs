@@ -61,6 +61,27 @@ fn a_set_is_replaced_whole_or_not_at_all() {
     assert_eq!(folder.names(), ["a", "b", "taken"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_set_waits_for_that_of_another_program_in_its_folder() {
+    let folder = Folder::new("shared");
+    let set = [(folder.at("a"), &b"new"[..]), (folder.at("b"), b"new")];
+    // As the other program does while its files take their places; a lock of the same process by another opening is no other.
+    let other = File::open(&folder.0).unwrap();
+    other.lock().unwrap();
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(|| write_together(&set, &[]));
+        while folder.names().iter().filter(|name| name.ends_with(".part")).count() < 2 {
+            std::thread::yield_now();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert!(!folder.at("a").exists() && !folder.at("b").exists());
+        other.unlock().unwrap();
+        writer.join().unwrap().unwrap();
+    });
+    assert_eq!(folder.names(), ["a", "b"]);
+}
+
 #[test]
 fn a_file_without_write_permission_stays() {
     let folder = Folder::new("protected");

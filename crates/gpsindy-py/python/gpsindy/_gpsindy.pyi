@@ -30,6 +30,7 @@ __all__ = [
     "score",
     "smooth",
     "summary",
+    "write_report",
     "write_whole",
 ]
 
@@ -163,6 +164,7 @@ class Online:
     def copy(self) -> Online: ...
 
 def parse_header(text: str) -> tuple[str, str]: ...
+def write_report(folder: str, files: Sequence[tuple[str, str]]) -> None: ...
 def write_whole(path: str, text: str) -> None: ...
 def smooth(
     data: Dataset,

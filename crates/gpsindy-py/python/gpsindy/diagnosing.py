@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsindy import _gpsindy
 from gpsindy.catalogue import CustomEffect
-from gpsindy.data._tables import names_of, unknown
+from gpsindy.data._tables import names_of
 from gpsindy.data.dataset import Path, as_dataset
 from gpsindy.diagnosis import Diagnosis
 from gpsindy.model import Hold, Model, Progress, Simulator, as_model
@@ -140,18 +140,8 @@ def diagnose(
         _refuse_parts(named)
     else:
         options["parts"] = parts()
-        _check_parts(options)
     report, *models, left = _gpsindy.diagnose(nominal._inner, train, held, options, progress)
     return _diagnosis(report, models, left, nominal._source)
-
-
-def _check_parts(options: Mapping[str, Any]) -> None:
-    """Refuses a joint or actuator that the simulator lacks."""
-    for kind in ("joints", "actuators"):
-        known = [name for part, name, *_ in options["parts"] if f"{part}s" == kind]
-        for name in options[kind]:
-            if name not in known:
-                raise unknown(f"{kind}: the model has no {kind[:-1]}", name, known)
 
 
 def _refuse_parts(named: Any) -> None:

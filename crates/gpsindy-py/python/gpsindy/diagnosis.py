@@ -261,7 +261,7 @@ class Diagnosis:
 
     def save(self, directory: Path) -> None:
         """Writes ``report.json``, ``report.html`` and the corrected model, in its simulator's own format where it has one:
-        ``augmented.toml``, ``augmented.xml`` (MuJoCo) or ``augmented.ssv`` (FMU).
+        ``augmented.toml``, ``augmented.xml`` (MuJoCo) or ``augmented.ssv`` (FMU). They replace those of an earlier diagnosis, all or none.
         """
         folder = pathlib.Path(os.fspath(directory))
         files = {"report.json": self.to_json(), "report.html": self.html()}
@@ -275,8 +275,7 @@ class Diagnosis:
             files[name] = text
         files.update(self._beside())
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            _gpsindy.write_whole(os.fspath(folder / name), text)
+        _gpsindy.write_report(os.fspath(folder), list(files.items()))
 
     def _beside(self) -> list[tuple[str, str]]:
         """Further files of a diagnosis of an engine's model."""

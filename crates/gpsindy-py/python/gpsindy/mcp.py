@@ -99,7 +99,7 @@ def explain(what: str) -> str:
                 f"In a log: {effect.signature}{apart}"
             )
     path = pathlib.Path(what)
-    if path.name.endswith(".json") and path.is_file():
+    if _is_report(what) and path.is_file():
         try:
             return str(_gpsindy.summary(path.read_text(encoding="utf-8"), 100, False))
         except ValueError as failure:
@@ -108,21 +108,34 @@ def explain(what: str) -> str:
     return f"nothing is called {what!r}. Verdicts: {', '.join(VERDICTS)}. Effects: {known}. Or the path of a report.json."
 
 
+def _is_report(what: str) -> bool:
+    """Whether a word to explain is the path of a report: the file's name says so, whatever stands behind it (`a.json/.`)."""
+    return pathlib.Path(what).name.endswith(".json")
+
+
 #: Arguments of the tools that are paths.
 PATHS = ("log", "model", "logs", "holdout", "out")
 
 
 def confined(paths: Iterable[str], folders: Sequence[pathlib.Path]) -> None:
-    """Refuses a path that leads out of the folders, by ``..`` or by a link."""
+    """Refuses a path that leads out of the folders, by ``..``, by a link, or by a link in a folder that it names."""
     for path in paths:
-        place = pathlib.Path(path).resolve()
-        if not any(place.is_relative_to(folder) for folder in folders):
-            allowed = ", ".join(str(folder) for folder in folders)
-            raise ValueError(f"{path}: outside the folders that this server may use ({allowed}); start it with that folder as well")
+        given = pathlib.Path(path)
+        for place in (given, *_links(given)):
+            if not any(place.resolve().is_relative_to(folder) for folder in folders):
+                allowed = ", ".join(str(folder) for folder in folders)
+                which = path if place == given else place
+                raise ValueError(
+                    f"{which}: outside the folders that this server may use ({allowed}); start it with that folder as well"
+                )
 
 
-#: Words in quotes that are the library's own, not a file's.
-OWN = frozenset({"t", "time", "timestamp", "=", "-"})
+def _links(folder: pathlib.Path) -> list[pathlib.Path]:
+    """Links where a report, a bag or a LeRobot data set has its files; none where the path is no folder."""
+    if not folder.is_dir():
+        return []
+    inside = (folder.iterdir(), *((folder / name).rglob("*") for name in ("data", "meta")))
+    return [one for part in inside for one in part if one.is_symlink()]
 
 
 def without_content(message: str, said: Iterable[str]) -> str:
@@ -150,7 +163,7 @@ def _paths(tool: Callable[..., Any], values: tuple[Any, ...], named: dict[str, A
     """The paths among the arguments of a call."""
     arguments = signatures.signature(tool).bind(*values, **named).arguments
     given = [arguments[name] for name in PATHS if arguments.get(name) is not None]
-    if str(arguments.get("what", "")).endswith(".json"):
+    if _is_report(str(arguments.get("what", ""))):
         given.append(arguments["what"])
     return [path for one in given for path in ([one] if isinstance(one, str) else one)]
 

@@ -42,18 +42,15 @@ class Model:
     ... name = "cart"
     ... [[state]]
     ... name = "v"
-    ... equation = "(u - b*v)/m"
+    ... equation = "(u - b*v)/1.5"
     ... [[control]]
     ... name = "u"
     ... [[parameter]]
     ... name = "b"
     ... value = 0.3
-    ... [[parameter]]
-    ... name = "m"
-    ... value = 1.5
     ... ''')
     >>> cart
-    Model 'cart': v' = (u - b*v)/m
+    Model 'cart': v' = (u - b*v)/1.5
     >>> run = cart.simulate({"v": 0.0}, [0.0, 1.0, 2.0], u=[3.0, 3.0, 3.0])
     >>> run["v"].round(4)
     array([0.    , 1.8127, 3.2968])

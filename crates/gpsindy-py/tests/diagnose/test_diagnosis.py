@@ -94,6 +94,22 @@ def test_the_report_is_written_and_travels(found, tmp_path):
     assert {row["name"] for row in found.parameters} >= {"b"}
 
 
+def test_a_report_replaces_an_older_one_whole_or_not_at_all(found, tmp_path):
+    found.save(tmp_path)
+    stale, older = tmp_path / "simulator.toml", {file.name: file.read_text() for file in tmp_path.iterdir()}
+    stale.write_text("# Written by gpsindy diagnose: the simulator, identified from its logs.\n")
+    (tmp_path / "augmented.toml").unlink()
+    (tmp_path / "augmented.toml").mkdir()
+    (tmp_path / "report.json").write_text(older["report.json"] + "\n")
+    with pytest.raises(OSError, match="augmented.toml"):
+        found.save(tmp_path)
+    assert (tmp_path / "report.json").read_text() == older["report.json"] + "\n" and stale.exists()
+    (tmp_path / "augmented.toml").rmdir()
+    found.save(tmp_path)
+    # What the older one had and this one lacks is gone.
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == older
+
+
 def test_a_callable_is_diagnosed_like_its_equations():
     def simulator(t, x, u):
         return [x[1], u[0] - 0.5 * x[1]]

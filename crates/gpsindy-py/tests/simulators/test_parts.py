@@ -77,7 +77,7 @@ def test_parts_hold_what_is_theirs():
 @pytest.mark.parametrize("kind", ["joints", "actuators"])
 def test_a_part_that_is_not_there_is_named_with_one_that_is_near(kind):
     logs = [arm_log(seed) for seed in range(2)]
-    with pytest.raises(ValueError, match=rf"{kind}: the model has no {kind[:-1]} 'elbw'; did you mean 'elbow'"):
+    with pytest.raises(ValueError, match=rf"{kind}: the model has no {kind[:-1]} `elbw`; did you mean `elbow`"):
         gpsindy.diagnose(gm.Simulator(ARM), logs, **{kind: ["elbw"]})
 
 

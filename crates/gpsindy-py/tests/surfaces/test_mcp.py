@@ -111,6 +111,8 @@ def test_nothing_outside_the_folders_is_touched(folder, tmp_path_factory):
     (outside / "log.csv").write_text("t,v\n0,1\n1,2\n", encoding="utf-8")
     (outside / "report.json").write_text("{}", encoding="utf-8")
     (folder / "link.csv").symlink_to(outside / "log.csv")
+    (folder / "linked").mkdir()
+    (folder / "linked" / "report.html").symlink_to(outside / "page.html")
     log, model = str(folder / "log.csv"), str(folder / "cart.toml")
     _, results = call(
         folder,
@@ -120,7 +122,11 @@ def test_nothing_outside_the_folders_is_touched(folder, tmp_path_factory):
         ("diagnose", {"model": str(outside / "model.toml"), "logs": [log]}),
         ("diagnose", {"model": model, "logs": [log, str(outside / "log.csv")]}),
         ("diagnose", {"model": model, "logs": [log], "run": "run", "effects": ["bias"], "out": str(outside)}),
+        ("diagnose", {"model": model, "logs": [log], "run": "run", "effects": ["bias"], "out": str(folder / "linked")}),
         ("explain", {"what": str(outside / "report.json")}),
+        # The same file by other names.
+        ("explain", {"what": f"{outside}/report.json/"}),
+        ("explain", {"what": f"{outside}/report.json/."}),
     )
     for result in results:
         assert result.is_error and "outside the folders that this server may use" in text(result), text(result)

@@ -6,21 +6,9 @@ use crate::engine::Corrected;
 use crate::failure::{Failure, Outcome};
 use gpsindy_core::diagnose::Diagnosed;
 use gpsindy_core::diagnose::report::Diagnosis;
-use gpsindy_files::{model_to_toml, write_together};
-use gpsindy_report::Provenance;
+use gpsindy_files::{model_to_toml, start_of, write_together};
+use gpsindy_report::{FILES, Provenance};
 use std::path::{Path, PathBuf};
-
-/// Every file that some diagnosis writes.
-const NAMES: [&str; 8] = [
-    "report.json",
-    "report.html",
-    "augmented.toml",
-    "augmented.xml",
-    "augmented.ssv",
-    "randomization.py",
-    "simulator.toml",
-    OPEN,
-];
 
 /// How the corrected simulator is written.
 pub(super) enum Augmented {
@@ -48,8 +36,8 @@ impl Augmented {
 
 /// Refuses a folder that holds a file which the report would overwrite and gpsindy did not write.
 pub(super) fn refuse_others(folder: &Path) -> Outcome {
-    for name in NAMES {
-        if is_ours(folder, name) == Some(false) {
+    for name in FILES {
+        if start_of(&folder.join(name)).is_some_and(|start| !gpsindy_report::is_ours(name, &start)) {
             return Err(Failure::input(format!(
                 "--out: {} was not written by gpsindy; name another folder, or overwrite it with --force",
                 folder.join(name).display()
@@ -61,13 +49,7 @@ pub(super) fn refuse_others(folder: &Path) -> Outcome {
 
 /// Refuses a folder in which the report would overwrite what the diagnosis reads.
 pub(super) fn refuse_inputs(folder: &Path, inputs: &[&PathBuf]) -> Outcome {
-    NAMES.iter().try_for_each(|name| refuse_input(&folder.join(name), inputs.iter().copied()))
-}
-
-/// Whether a diagnosis wrote the file of this name; none where there is no such file.
-fn is_ours(folder: &Path, name: &str) -> Option<bool> {
-    let bytes = std::fs::read(folder.join(name)).ok()?;
-    Some(gpsindy_report::is_ours(name, &String::from_utf8_lossy(&bytes[..bytes.len().min(4096)])))
+    FILES.iter().try_for_each(|name| refuse_input(&folder.join(name), inputs.iter().copied()))
 }
 
 /// Writes the files of a diagnosis of equations.
@@ -99,9 +81,9 @@ pub(super) fn write_with(
         Augmented::None => {}
     }
     std::fs::create_dir_all(folder).map_err(|e| Failure::Work(format!("{}: {e}", folder.display())))?;
-    // One of an earlier diagnosis would be taken for this one's.
-    let is_stale = |name: &&&str| files.iter().all(|(new, _)| new != **name) && is_ours(folder, name) == Some(true);
-    let stale: Vec<PathBuf> = NAMES.iter().filter(is_stale).map(|name| folder.join(name)).collect();
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let stale = gpsindy_report::stale(&names, |name| start_of(&folder.join(name)));
+    let stale: Vec<PathBuf> = stale.into_iter().map(|name| folder.join(name)).collect();
     let files: Vec<(PathBuf, &[u8])> = files.iter().map(|(name, text)| (folder.join(name), text.as_bytes())).collect();
     Ok(write_together(&files, &stale)?)
 }

@@ -88,6 +88,12 @@ fn integrals(track: &Track, library: &Library, hold: Hold, delays: &[f64]) -> Re
     Ok(sums)
 }
 
+/// Weight of the middle in Simpson's rule, whose ends weigh 1. Exact.
+pub(crate) const MIDDLE: f64 = 4.0;
+
+/// Sum of the weights of Simpson's rule. Exact.
+pub(crate) const WEIGHTS: f64 = 6.0;
+
 /// Integral of every term over each step between samples from sample `first` on, by Simpson's rule on the smoothed path.
 pub(crate) fn simpson(track: &Track, library: &Library, hold: Hold, delays: &[f64], first: usize) -> Result<Mat<f64>> {
     let time = &track.time[first..];
@@ -100,7 +106,7 @@ pub(crate) fn simpson(track: &Track, library: &Library, hold: Hold, delays: &[f6
     }
     Ok(Mat::from_fn(count, library.n_terms(), |i, j| {
         let h = time[i + 1] - time[i];
-        h / 6.0 * (values[0][(i, j)] + 4.0 * values[1][(i, j)] + values[2][(i, j)])
+        h / WEIGHTS * (values[0][(i, j)] + MIDDLE * values[1][(i, j)] + values[2][(i, j)])
     }))
 }
 

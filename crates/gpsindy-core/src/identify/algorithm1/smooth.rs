@@ -16,6 +16,9 @@ use crate::refine::Hold;
 use crate::smooth::{Noise, Smoothed, SmoothedRun, Smoother};
 use faer::Mat;
 
+/// Median of the absolute value of a standard normal variable. Exact.
+const MEDIAN: f64 = 0.6745;
+
 /// The logs smoothed.
 pub(crate) struct Motion {
     /// One a run.
@@ -206,7 +209,7 @@ fn roughness(data: &Dataset, channels: &[usize]) -> Vec<f64> {
         bends.sort_by(f64::total_cmp);
         let middle = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
         let spread = if count > 0.0 { (square / count - (sum / count).powi(2)).max(0.0).sqrt() } else { 0.0 };
-        (middle / (0.6745 * 6f64.sqrt())).max(LEAST_NOISE * spread).max(f64::MIN_POSITIVE.sqrt())
+        (middle / (MEDIAN * 6f64.sqrt())).max(LEAST_NOISE * spread).max(f64::MIN_POSITIVE.sqrt())
     };
     channels.iter().map(|&c| of(c)).collect()
 }

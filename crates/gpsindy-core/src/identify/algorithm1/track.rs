@@ -7,6 +7,9 @@ use crate::refine::Hold;
 use crate::smooth::SmoothedRun;
 use faer::Mat;
 
+/// Weight of a step's slopes in the middle of the cubic through values and slopes of both ends. Exact.
+const SLOPES: f64 = 0.125;
+
 /// A run, cut to what is trained on.
 #[derive(Debug, Clone)]
 pub(crate) struct Track {
@@ -110,7 +113,7 @@ impl Track {
             for j in 0..n {
                 let (a, b) = (self.mean[(i, j)], self.mean[(i + 1, j)]);
                 parts[0][(i, j)] = a;
-                parts[1][(i, j)] = 0.5 * (a + b) + 0.125 * h * (self.slope[(i, j)] - self.slope[(i + 1, j)]);
+                parts[1][(i, j)] = 0.5 * (a + b) + SLOPES * h * (self.slope[(i, j)] - self.slope[(i + 1, j)]);
                 parts[2][(i, j)] = b;
             }
             for k in 0..m {

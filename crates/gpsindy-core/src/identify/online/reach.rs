@@ -22,12 +22,12 @@ fn samples(fit: &Fit, period: f64) -> Option<f64> {
     let (lambda, real, imaginary, spline) = match fit.kernel {
         Kernel::Matern32 => {
             let lambda = 3f64.sqrt() / length;
-            (lambda, 1.0, ratio(4.0, lambda).sqrt(), CUBIC)
+            (lambda, 1.0, ratio(MATERN_32, lambda).sqrt(), CUBIC)
         }
         Kernel::Matern52 => {
             let lambda = 5f64.sqrt() / length;
-            let root = ratio(16.0 / 3.0, lambda).cbrt();
-            (lambda, 1.0 - 0.5 * root, 0.75f64.sqrt() * root, QUINTIC)
+            let root = ratio(MATERN_52, lambda).cbrt();
+            (lambda, 1.0 - 0.5 * root, 0.5 * 3f64.sqrt() * root, QUINTIC)
         }
         _ => return None,
     };
@@ -35,10 +35,14 @@ fn samples(fit: &Fit, period: f64) -> Option<f64> {
     Some(1.0 / (rate * period) - 1.0 / spline.ln())
 }
 
-/// Factor a sample by which the influence in an interpolating cubic spline falls: `2 - sqrt(3)`.
+/// Spectral densities of the two processes at frequency 0, of unit variance and `lambda`. Exact.
+const MATERN_32: f64 = 4.0;
+const MATERN_52: f64 = 16.0 / 3.0;
+
+/// Factor a sample by which the influence in an interpolating cubic spline falls: `2 - sqrt(3)`. Exact.
 const CUBIC: f64 = 0.267_949_192_431_122_7;
 
-/// The same for a quintic one.
+/// The same for a quintic one. Exact.
 const QUINTIC: f64 = 0.430_575_347_099_973_8;
 
 /// Samples beyond which no other affects a smoothed value, at most `most`.

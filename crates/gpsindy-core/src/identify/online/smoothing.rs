@@ -10,7 +10,7 @@ use crate::gp::{Conditioned, Fit, FitSettings, Posterior, Quantity, Role, fit};
 use crate::identify::algorithm1::rows::simpson;
 use crate::identify::algorithm1::smooth::shortest_window;
 use crate::identify::algorithm1::track::Track;
-use crate::identify::limits::online::{FEWEST, LONGEST_STEP, UNKNOWN};
+use crate::identify::limits::online::{FEWEST_OF_A_PROCESS, LONGEST_STEP, UNKNOWN};
 use crate::identify::limits::{FOLDS, WINDOW_SAMPLES};
 use crate::library::Library;
 use faer::Mat;
@@ -52,8 +52,8 @@ impl Smoothing {
             let points = recent.points(s);
             let count: usize = points.iter().map(|p| p.len()).sum();
             fits.push(match old {
-                Some(old) if count < FEWEST => old.fits[s].clone(),
-                None if count < FEWEST => return Ok(None),
+                Some(old) if count < FEWEST_OF_A_PROCESS => old.fits[s].clone(),
+                None if count < FEWEST_OF_A_PROCESS => return Ok(None),
                 _ => fit(&settings.kernels, &points, &FitSettings::default())?,
             });
         }

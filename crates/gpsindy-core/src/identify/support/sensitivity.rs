@@ -8,8 +8,10 @@
 //! Source: Hairer, Norsett and Wanner 1993, Solving Ordinary Differential Equations I, section I.14.
 
 use crate::error::Result;
+use crate::identify::algorithm1::rows::{MIDDLE, WEIGHTS};
 use crate::identify::algorithm1::track::Track;
 use crate::identify::equations::Equations;
+use crate::identify::limits::MOVED;
 use crate::library::Library;
 use crate::model::System;
 use crate::refine::lanes::Lanes;
@@ -17,11 +19,8 @@ use crate::refine::{Experiment, Hold, Log, Point, Window};
 use faer::Mat;
 use nalgebra::DMatrix;
 
-/// Lanes of a rollout: the trajectory itself and states moved a little.
+/// Lanes of a rollout, as many as a [`Lanes`] has: the trajectory itself and states moved a little. Exact.
 const LANES: usize = 8;
-
-/// Share of a state's typical size by which it is moved.
-const MOVED: f64 = 1e-6;
 
 /// What the sensitivities are taken along.
 pub(crate) struct Course<'a> {
@@ -136,11 +135,11 @@ impl Course<'_> {
                         to[s][k] += weight * kept(theta[(3 * step + place, j)]);
                     }
                 };
-                push(&mut now, 0, h / 6.0);
+                push(&mut now, 0, h / WEIGHTS);
                 carry(&transitions[2 * step], &now, &mut next);
-                push(&mut next, 1, 4.0 * h / 6.0);
+                push(&mut next, 1, MIDDLE * h / WEIGHTS);
                 carry(&transitions[2 * step + 1], &next, &mut now);
-                push(&mut now, 2, h / 6.0);
+                push(&mut now, 2, h / WEIGHTS);
             }
         }
         Ok(rows)

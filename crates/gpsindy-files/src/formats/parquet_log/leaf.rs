@@ -1,5 +1,6 @@
 //! The leaves of a Parquet schema, and their values as numbers or text.
 
+use super::arrow;
 use super::footer::is_broken;
 use super::guard::guarded;
 use crate::error::{Error, Result};
@@ -7,7 +8,7 @@ use crate::input::Input;
 use bytes::Bytes;
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::{ByteArray, DataType, FixedLenByteArray};
+use parquet::data_type::{ByteArray, DataType, FixedLenByteArray, Int96};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
@@ -86,8 +87,18 @@ impl Table {
     }
 
     pub(crate) fn leaves(&self) -> Vec<Leaf> {
-        let schema = self.reader.metadata().file_metadata().schema_descr();
-        schema.columns().iter().enumerate().filter_map(|(index, column)| Leaf::of(index, column)).collect()
+        let metadata = self.reader.metadata().file_metadata();
+        let columns = metadata.schema_descr().columns().iter().enumerate();
+        let mut leaves: Vec<Leaf> = columns.filter_map(|(index, column)| Leaf::of(index, column)).collect();
+        let notes = metadata.key_value_metadata().into_iter().flatten();
+        let arrow = notes.filter(|note| note.key == arrow::KEY).find_map(|note| note.value.as_deref());
+        for (name, ticks) in arrow.map(arrow::durations).unwrap_or_default() {
+            let is_it = |leaf: &&mut Leaf| leaf.name == name && leaf.whole && leaf.seconds.is_none();
+            if let Some(leaf) = leaves.iter_mut().find(is_it) {
+                (leaf.told, leaf.seconds) = ("duration".into(), Some((1.0, ticks)));
+            }
+        }
+        leaves
     }
 
     /// The longest list among the first rows.
@@ -161,6 +172,11 @@ impl Table {
                 ColumnReader::Int64ColumnReader(r) => {
                     read(r, shape, take, &mut |v, first| Value::Integer { value: *v, first, unsigned })
                 }
+                ColumnReader::Int96ColumnReader(r) => read(r, shape, take, &mut |v: &Int96, first| Value::Integer {
+                    value: v.to_nanos(),
+                    first,
+                    unsigned,
+                }),
                 ColumnReader::FloatColumnReader(r) => {
                     read(r, shape, take, &mut |v, first| Value::Number { value: f64::from(*v), first })
                 }
@@ -324,6 +340,8 @@ impl Leaf {
             (None, ConvertedType::TIMESTAMP_MICROS) => Some(("timestamp", (1.0, 1e6))),
             (None, ConvertedType::TIME_MILLIS) => Some(("time of day", (1.0, 1e3))),
             (None, ConvertedType::TIME_MICROS) => Some(("time of day", (1.0, 1e6))),
+            // What Spark and Impala write: nanoseconds of a day and the day.
+            _ if kind == Physical::INT96 => Some(("timestamp", (1.0, 1e9))),
             _ => None,
         };
         let unsigned = matches!(&logical, Some(LogicalType::Integer(kind)) if !kind.is_signed)
@@ -332,7 +350,7 @@ impl Leaf {
                 ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64
             );
         let decimal = matches!(&logical, Some(LogicalType::Decimal(_))) || converted == ConvertedType::DECIMAL;
-        let whole = !decimal && matches!(kind, Physical::BOOLEAN | Physical::INT32 | Physical::INT64);
+        let whole = !decimal && matches!(kind, Physical::BOOLEAN | Physical::INT32 | Physical::INT64 | Physical::INT96);
         let is_half = matches!(&logical, Some(LogicalType::Float16)) && column.type_length() == 2;
         let number = !decimal && (whole || is_half || matches!(kind, Physical::FLOAT | Physical::DOUBLE));
         let told = match kind {

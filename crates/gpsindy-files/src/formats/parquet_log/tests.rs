@@ -5,7 +5,8 @@ use crate::logs::{Logs, Task};
 use gpsindy_core::Silent;
 use parquet::basic::Compression;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FixedLenByteArray, FixedLenByteArrayType, FloatType};
-use parquet::data_type::{Int32Type, Int64Type};
+use parquet::data_type::{Int32Type, Int64Type, Int96, Int96Type};
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
@@ -22,12 +23,19 @@ pub(crate) enum Cells {
     Integer(Vec<i64>),
     Short(Vec<i32>),
     Half(Vec<f32>),
+    Wide(Vec<Int96>),
     Text(Vec<&'static str>),
 }
 
 pub(crate) fn written(schema: &str, columns: &[Cells], groups: usize) -> Vec<u8> {
+    written_beside(schema, columns, groups, None)
+}
+
+/// A table with a note among the metadata of its file.
+fn written_beside(schema: &str, columns: &[Cells], groups: usize, note: Option<KeyValue>) -> Vec<u8> {
     let schema = Arc::new(parse_message_type(schema).unwrap());
-    let settings = Arc::new(WriterProperties::builder().set_compression(Compression::SNAPPY).build());
+    let settings = WriterProperties::builder().set_compression(Compression::SNAPPY);
+    let settings = Arc::new(settings.set_key_value_metadata(note.map(|note| vec![note])).build());
     let mut bytes = Vec::new();
     let mut file = SerializedFileWriter::new(&mut bytes, schema, settings).unwrap();
     for group in 0..groups {
@@ -55,6 +63,9 @@ pub(crate) fn written(schema: &str, columns: &[Cells], groups: usize) -> Vec<u8>
                     let half = |v: &f32| ByteArray::from(half::f16::from_f32(*v).to_le_bytes().to_vec()).into();
                     let halves: Vec<FixedLenByteArray> = part(v, group, groups).iter().map(half).collect();
                     column.typed::<FixedLenByteArrayType>().write_batch(&halves, None, None).unwrap();
+                }
+                Cells::Wide(v) => {
+                    column.typed::<Int96Type>().write_batch(part(v, group, groups), None, None).unwrap();
                 }
                 Cells::Text(v) => {
                     let texts: Vec<ByteArray> = part(v, group, groups).iter().map(|t| ByteArray::from(*t)).collect();
@@ -284,6 +295,24 @@ fn times_of_the_day_and_dates_are_seconds() {
     ] {
         assert_eq!(timed(time, stamps, "t").unwrap(), (seconds.to_vec(), vec![]), "{time}");
     }
+}
+
+#[test]
+fn durations_of_arrow_are_times() {
+    let columns = [Cells::Integer(vec![0, 10, 20]), Cells::Double(vec![1.0, 2.0, 3.0])];
+    let note = KeyValue::new(arrow::KEY.into(), arrow::tests::MILLISECONDS.to_string());
+    let bytes = written_beside("message schema { REQUIRED INT64 t; REQUIRED DOUBLE x; }", &columns, 1, Some(note));
+    let logs = Logs::parse("a.parquet", &bytes, &LogOptions::default()).unwrap();
+    let read = logs.assemble(&Task { needed: vec!["x".into()], ..Task::default() }, &Silent).unwrap();
+    assert_eq!((read.data.runs()[0].time.as_slice(), read.notes), (&[0.0, 0.01, 0.02][..], vec![]));
+}
+
+#[test]
+fn stamps_of_96_bits_are_times() {
+    // Nanoseconds of the day and its Julian number, here that of the first of 1970.
+    let day = |ns: u32| Int96::from(vec![ns, 0, 2_440_588]);
+    let stamps = Cells::Wide(vec![day(0), day(10_000_000), day(20_000_000)]);
+    assert_eq!(timed("INT96 t", stamps, "t").unwrap(), (vec![0.0, 0.01, 0.02], vec![]));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Every topic of an MCAP log, its fields as the first message has them.
+//! Every topic of an MCAP log, its fields as some of the messages have them: lists of the first one may be empty.
 
 use super::super::Sheet;
 use super::super::column::Column;
@@ -51,6 +51,7 @@ pub(crate) fn look(inputs: Vec<Input>, file: String, stamp: Stamp, progress: &dy
                     let at = place(&mut topics, known);
                     (at, reader(known, data, &mut topics[at]))
                 });
+                topics[*at].grow(reader, data);
                 topics[*at].take(reader, time, data, &mut outputs);
             }
         }
@@ -77,7 +78,7 @@ fn place(topics: &mut Vec<Topic>, channel: &Channel) -> usize {
     topics.len() - 1
 }
 
-/// What reads a channel; its first message says which elements its arrays have.
+/// What reads a channel; its first message says which elements its arrays have, later ones may add some.
 fn reader(channel: &Channel, data: &[u8], topic: &mut Topic) -> Reader {
     let schema = match channel.schema() {
         Ok(schema) => schema,
@@ -91,28 +92,61 @@ fn reader(channel: &Channel, data: &[u8], topic: &mut Topic) -> Reader {
         None => serde_json::from_slice(data).map(|m| json::leaves(&m)).unwrap_or_default(),
     };
     if topic.sheet.columns.is_empty() {
-        let stamp = schema.as_ref().and_then(stamp_of);
-        for leaf in leaves {
-            let is_stamp = stamp.as_ref().is_some_and(|paths| paths.contains(&leaf.path));
-            let name = path::shown(&leaf.path);
-            let number = leaf.number && !is_stamp;
-            topic.sheet.columns.push(Column::new(&name, &name, &leaf.type_name, "", number));
-            if number {
-                topic.paths.push(leaf.path);
-            }
-        }
+        topic.add(leaves, schema.as_ref());
     }
-    let Some(schema) = schema else { return Reader::Json };
-    let mut paths = topic.paths.clone();
-    let stamp = stamp_of(&schema);
-    paths.extend(stamp.iter().flatten().cloned());
-    match Wants::of(&schema, &paths) {
-        Ok(wants) => Reader::Cdr { schema, wants: Box::new(wants), stamped: stamp.is_some() },
-        Err(_) => Reader::None,
-    }
+    schema.map_or(Reader::Json, |schema| topic.of_cdr(schema))
 }
 
 impl Topic {
+    /// Columns for leaves that have none; what was read before holds no value of theirs.
+    fn add(&mut self, leaves: Vec<Leaf>, schema: Option<&Schema>) {
+        let stamp = schema.and_then(stamp_of);
+        for leaf in leaves {
+            let is_stamp = stamp.as_ref().is_some_and(|paths| paths.contains(&leaf.path));
+            let name = path::shown(&leaf.path);
+            if self.sheet.columns.iter().any(|column| column.name == name) {
+                continue;
+            }
+            let number = leaf.number && !is_stamp;
+            let mut column = Column::new(&name, &name, &leaf.type_name, "", number);
+            if number {
+                self.log.iter().for_each(|_| column.push(f64::NAN));
+                self.paths.push(leaf.path);
+            }
+            self.sheet.columns.push(column);
+        }
+    }
+
+    fn of_cdr(&self, schema: Schema) -> Reader {
+        let mut paths = self.paths.clone();
+        let stamp = stamp_of(&schema);
+        paths.extend(stamp.iter().flatten().cloned());
+        match Wants::of(&schema, &paths) {
+            Ok(wants) => Reader::Cdr { schema, wants: Box::new(wants), stamped: stamp.is_some() },
+            Err(_) => Reader::None,
+        }
+    }
+
+    /// Looks in few of the messages for fields that none before them had.
+    fn grow(&mut self, reader: &mut Reader, data: &[u8]) {
+        if self.log.is_empty() || !(self.log.len() + 1).is_power_of_two() {
+            return;
+        }
+        let known = self.paths.len();
+        match reader {
+            Reader::None => {}
+            Reader::Json => {
+                self.add(serde_json::from_slice(data).map(|m| json::leaves(&m)).unwrap_or_default(), None);
+            }
+            Reader::Cdr { schema, .. } => {
+                self.add(cdr::leaves(schema, data).unwrap_or_default(), Some(schema));
+                if self.paths.len() > known {
+                    *reader = self.of_cdr(schema.clone());
+                }
+            }
+        }
+    }
+
     fn take(&mut self, reader: &mut Reader, time: u64, data: &[u8], outputs: &mut Vec<f64>) {
         outputs.clear();
         let mut stamp = None;
@@ -125,6 +159,8 @@ impl Topic {
                 } else if *stamped {
                     let (sec, nanosec) = (outputs[wants.count - 2], outputs[wants.count - 1]);
                     stamp = Some(sec as i64 * 1_000_000_000 + nanosec as i64);
+                    // Another channel of the topic may have added columns that this one does not read.
+                    outputs.truncate(wants.count - 2);
                 }
             }
             Reader::Json => {

@@ -256,8 +256,13 @@ def read_csv(
     pairs = list((rename or {}).items())
     options = _gpsindy.LogOptions(time=time, run=run, rename=pairs)
     inner, doubts = _gpsindy.Dataset.read_log([os.fspath(file) for file in files], options)
+    return as_read(inner, doubts, angles)
+
+
+def as_read(inner: _gpsindy.Dataset, doubts: Iterable[str], angles: str | Iterable[str]) -> Dataset:
+    """What a function of a user's call has read, without jumps of the angles; its doubts are warnings at that call."""
     for doubt in doubts:
-        warnings.warn(doubt, DataWarning, stacklevel=2)
+        warnings.warn(doubt, DataWarning, stacklevel=3)
     unwrap = names_of(angles)
     return Dataset._of(inner.unwrap_angles(unwrap) if unwrap else inner)
 

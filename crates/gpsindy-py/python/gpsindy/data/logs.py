@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
@@ -12,8 +11,7 @@ from typing import Any, Union
 from gpsindy import _gpsindy
 from gpsindy.data._bags import as_mcap
 from gpsindy.data._tables import names_of
-from gpsindy.data.dataset import Dataset
-from gpsindy.errors import DataWarning
+from gpsindy.data.dataset import Dataset, as_read
 
 Path = Union[str, "os.PathLike[str]"]
 
@@ -169,7 +167,5 @@ def read_log(
                 hold == "linear",
             )
         )
-        for doubt in doubts:
-            warnings.warn(logs.told(doubt), DataWarning, stacklevel=2)
-    unwrap = names_of(angles)
-    return Dataset._of(inner.unwrap_angles(unwrap) if unwrap else inner)
+        doubts = [logs.told(doubt) for doubt in doubts]
+    return as_read(inner, doubts, angles)
