@@ -240,12 +240,12 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
     } else if differs {
         "The fitted sizes differ between parts of the logs, so another effect may be the true cause.".into()
     } else if report.is_cut() {
-        "The time limit ended the search, so another effect may be the true cause.".into()
+        "The search ended before all was tried, so another effect may be the true cause.".into()
     } else {
         "An effect outside the catalogue may be the true cause.".into()
     };
     let none = match report.is_cut() {
-        true => "no effect that was tried before the time limit explains it",
+        true => "no effect that was tried before the search ended explains it",
         false => "no effect of the catalogue explains it",
     };
     match report.verdict {
@@ -263,7 +263,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
             let missed = report.closure.before.map_or(String::new(), |before| {
                 format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
             });
-            format!("The time limit ended the search before it could tell whether there is a gap.{missed}")
+            format!("The search ended before it could tell whether there is a gap.{missed}")
         }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and {none}.")
@@ -373,10 +373,7 @@ mod tests {
             "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "interrupted": 120, "notes": [],
             "closure": {"metric": "rollout_rmse", "before": 80.2, "floor_source": "sensor noise", "by_state": []}}"#;
         let told = verdict_sentence(&serde_json::from_str(json).unwrap());
-        assert!(
-            told.starts_with("The time limit ended the search before") && told.contains("80.2 times the noise"),
-            "{told}"
-        );
+        assert!(told.starts_with("The search ended before") && told.contains("80.2 times the noise"), "{told}");
     }
 
     #[test]

@@ -23,6 +23,7 @@ use crate::args::{Arguments, Columns, Command};
 use crate::engine::Engines;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
+use crate::stop::FirstCtrlC;
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{Log, Logs, Task, TopicOffset};
 use output::{check_out, deliver};
@@ -36,6 +37,7 @@ pub(crate) struct Session<'a> {
     /// The command line, the program's name first.
     pub(crate) line: &'a [OsString],
     pub(crate) seed: u64,
+    pub(crate) first_ctrl_c: FirstCtrlC,
 }
 
 /// Runs the command that was asked for.
