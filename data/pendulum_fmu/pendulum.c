@@ -4,12 +4,15 @@
    With -DINTERNAL=h co-simulation makes whole steps of h s only, as solvers of a fixed step do. */
 #include <stdlib.h>
 #include <math.h>
-typedef struct { double v[8]; } Copy; /* th, w, der(th), der(w), u, f, m, b */
+typedef struct { double v[10]; } Copy; /* th, w, der(th), der(w), u, f, m, b; of FMI 3 time and the way to the wall, too */
 static void rates(Copy *c) {
   c->v[2] = c->v[1];
   c->v[3] = (c->v[4] + c->v[5] - c->v[7]*c->v[1])/c->v[6] - 9.81*sin(c->v[0]);
+#ifdef WALL
+  c->v[9] = WALL - c->v[0];
+#endif
 }
-static void start(Copy *c) { for (int i = 0; i < 8; i++) c->v[i] = 0; c->v[6] = 0.8; c->v[7] = 0.2; }
+static void start(Copy *c) { for (int i = 0; i < 10; i++) c->v[i] = 0; c->v[6] = 0.8; c->v[7] = 0.2; }
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
 void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, const void *f, int v, int l) {

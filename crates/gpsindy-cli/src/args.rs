@@ -84,7 +84,7 @@ pub(crate) struct Columns {
     /// The column that identifies the run of each row [default: one file is one run]
     #[arg(long, value_name = "COLUMN")]
     pub(crate) run: Option<String>,
-    /// Rename a column
+    /// Rename a column; a `*` on both sides stands for the same characters, as in 'q_*=*_joint'
     #[arg(long, value_name = "COLUMN=NAME", value_parser = pair)]
     pub(crate) rename: Vec<(String, String)>,
     /// Take a column from a field of a topic, such as q=/joint_states.position[elbow] or u=/command.data[0]; `gpsindy inspect` lists the fields

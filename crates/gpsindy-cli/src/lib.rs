@@ -36,10 +36,12 @@ pub fn run(line: impl IntoIterator<Item = OsString>, engines: &dyn Engines) -> u
         Err(error) => return refuse(&error),
     };
     let screen = Screen::new(&arguments.global);
-    let session = Session { screen, engines, line: &line, seed: arguments.global.seed.unwrap_or(0) };
+    let first_ctrl_c = stop::FirstCtrlC::default();
+    let seed = arguments.global.seed.unwrap_or(0);
+    let session = Session { screen, engines, line: &line, seed, first_ctrl_c: first_ctrl_c.clone() };
     stop::outlive_size_limits();
     if !commands::ends_by_itself(&arguments.command) {
-        stop::listen(screen);
+        stop::listen(screen, first_ctrl_c);
     }
     match commands::run(&arguments, &session) {
         // Whoever read the output has seen enough.

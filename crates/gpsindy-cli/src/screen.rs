@@ -5,8 +5,12 @@ use crate::failure::{Failure, Outcome};
 use gpsindy_core::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{ErrorKind, IsTerminal, Write};
-use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
+
+/// Seconds between two lines of progress where stderr is no terminal.
+const BETWEEN_LINES: f64 = 10.0;
 
 /// Where and how to print.
 #[derive(Debug, Clone, Copy)]
@@ -83,20 +87,32 @@ impl Screen {
 
     /// The last word before the process ends in the middle of its work: in place of a progress bar, which may be there.
     pub(crate) fn interrupted(&self, text: &str) {
-        if std::io::stderr().is_terminal() {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
-        }
+        self.clear();
         self.error(text);
     }
 
-    /// A progress bar on stderr, hidden with `--quiet` and where stderr is no terminal.
+    /// What becomes of work that is under way, in place of a progress bar.
+    pub(crate) fn stopping(&self, text: &str) {
+        self.clear();
+        self.line(text);
+    }
+
+    /// Takes out the line of a progress bar, where one may be there.
+    fn clear(&self) {
+        if std::io::stderr().is_terminal() {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+    }
+
+    /// A progress bar on stderr; lines from time to time where stderr is no terminal; nothing with `--quiet`.
     pub(crate) fn progress(&self) -> Bar {
         let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(None, target);
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}") {
             bar.set_style(style);
         }
-        Bar { bar, stage: Mutex::new(String::new()), begun: Instant::now() }
+        let lines = (!self.quiet && !std::io::stderr().is_terminal()).then(|| Mutex::new(Lines::default()));
+        Bar { bar, stage: Mutex::new(String::new()), begun: Instant::now(), lines, enough: None }
     }
 
     fn line(&self, text: &str) {
@@ -120,6 +136,35 @@ pub(crate) struct Bar {
     bar: ProgressBar,
     stage: Mutex<String>,
     begun: Instant,
+    /// In place of the bar where stderr is no terminal.
+    lines: Option<Mutex<Lines>>,
+    enough: Option<Arc<AtomicBool>>,
+}
+
+impl Bar {
+    /// The work ends with the best that it has as soon as somebody sets this flag.
+    pub(crate) fn ending_with(mut self, enough: Arc<AtomicBool>) -> Self {
+        self.enough = Some(enough);
+        self
+    }
+}
+
+/// Lines of progress, for logs of a pipeline.
+#[derive(Debug, Default)]
+struct Lines {
+    /// Seconds at the last one.
+    last: f64,
+}
+
+impl Lines {
+    /// The line that is due, if one is.
+    fn due(&mut self, stage: &str, done: usize, total: usize, now: f64) -> Option<String> {
+        if now < self.last + BETWEEN_LINES {
+            return None;
+        }
+        self.last = now;
+        Some(format!("{now:.0} s: {stage}, {done} of {total}"))
+    }
 }
 
 impl Progress for Bar {
@@ -132,7 +177,18 @@ impl Progress for Bar {
         }
         self.bar.set_length(total as u64);
         self.bar.set_position(done as u64);
+        let due = |lines: &Mutex<Lines>| {
+            let now = self.begun.elapsed().as_secs_f64();
+            lines.lock().ok().and_then(|mut lines| lines.due(stage, done, total, now))
+        };
+        if let Some(line) = self.lines.as_ref().and_then(due) {
+            let _ = writeln!(std::io::stderr(), "{line}");
+        }
         true
+    }
+
+    fn enough(&self) -> Option<Arc<AtomicBool>> {
+        self.enough.clone()
     }
 
     fn seconds(&self) -> Option<f64> {
@@ -143,5 +199,19 @@ impl Progress for Bar {
 impl Drop for Bar {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_progress_come_from_time_to_time() {
+        let mut lines = Lines::default();
+        let told: Vec<Option<String>> =
+            [3.0, 12.0, 15.0, 23.0].into_iter().map(|now| lines.due("suspects: fitting", 4, 40, now)).collect();
+        let line = |seconds: u32| Some(format!("{seconds} s: suspects: fitting, 4 of 40"));
+        assert_eq!(told, [None, line(12), None, line(23)]);
     }
 }

@@ -34,6 +34,18 @@ pub(crate) fn aligned(rows: &[Vec<String>]) -> String {
     text
 }
 
+/// Rows of cells in aligned columns, two blanks apart, all to the left.
+pub(crate) fn aligned_left<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |j: usize| rows.iter().map(|row| row[j].chars().count()).max().unwrap_or(0);
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<String> = row.iter().enumerate().map(|(j, cell)| format!("{cell:<w$}", w = width(j))).collect();
+        text += cells.join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
 /// `1 run`, `2 runs`.
 pub(crate) fn count(n: usize, noun: &str) -> String {
     if n == 1 { format!("1 {noun}") } else { format!("{n} {noun}s") }

@@ -1,6 +1,8 @@
 //! Progress and cancellation of long computations.
 
 use crate::error::{Error, Result};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Receives progress; the answer `false` asks the computation to stop with [`Error::Cancelled`].
 ///
@@ -14,6 +16,12 @@ pub trait Progress: Sync {
     /// The library has no clock of its own: results then depend on nothing but the input. A computation with a time limit
     /// asks here, and when its time is up ends with the best that it has, which is no [`Error::Cancelled`].
     fn seconds(&self) -> Option<f64> {
+        None
+    }
+
+    /// A flag that somebody sets who has waited long enough; none where nobody can. A diagnosis then ends with the best that it has, as
+    /// where its time is up, which is no [`Error::Cancelled`].
+    fn enough(&self) -> Option<Arc<AtomicBool>> {
         None
     }
 }

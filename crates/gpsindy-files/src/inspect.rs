@@ -72,6 +72,8 @@ pub(crate) struct Sheet {
     pub(crate) unread: Option<String>,
     /// Whether stamps are written as float32.
     pub(crate) single: bool,
+    /// What speaks against stamps in seconds.
+    pub(crate) doubt: Option<String>,
 }
 
 /// Looks through a log of any format.

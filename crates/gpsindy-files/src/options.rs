@@ -1,6 +1,7 @@
 //! How the columns of a log are found, and by which clock.
 
 use crate::error::{Error, Result};
+use crate::header::Header;
 
 /// How columns of a log are found.
 #[derive(Debug, Clone, Default)]
@@ -9,7 +10,7 @@ pub struct LogOptions {
     pub time: Option<String>,
     /// The column whose value distinguishes the runs of a file; default: a file is a run.
     pub run: Option<String>,
-    /// Columns that get another name: (name or whole header, new name).
+    /// Columns that get another name: (name or whole header, new name). A `*` in both stands for the same characters.
     pub rename: Vec<(String, String)>,
     /// Where a column comes from: (its name, topic and field, or a table's column).
     pub map: Vec<(String, String)>,
@@ -44,6 +45,22 @@ impl LogOptions {
         }
     }
 
+    /// The renames of a log with these columns: a pattern becomes one of every column that it fits. One that fits none stays as it is,
+    /// and so does one that is a column's whole name.
+    pub(crate) fn renames(&self, columns: &[Header]) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        for (old, new) in &self.rename {
+            let is_column = columns.iter().any(|column| column.answers_to(old));
+            let parts = old.split_once('*').filter(|(_, rest)| !rest.contains('*') && !is_column);
+            let fitting: Vec<(String, String)> = match parts.filter(|_| new.matches('*').count() == 1) {
+                Some((before, after)) => columns.iter().filter_map(|c| renamed(c, before, after, new)).collect(),
+                None => Vec::new(),
+            };
+            found.extend(if fitting.is_empty() { vec![(old.clone(), new.clone())] } else { fitting });
+        }
+        found
+    }
+
     /// The unit that the options give a column, empty where they give none.
     #[cfg(any(feature = "mcap", feature = "ulog"))]
     pub(crate) fn unit_of(&self, name: &str) -> String {
@@ -63,6 +80,14 @@ pub(crate) fn plain(file: &str, place: &str, text: &str) -> Result<()> {
         }
         None => Ok(()),
     }
+}
+
+/// The rename of a column by a pattern that it fits: what stands between `before` and `after` goes to the `*` of `new`.
+fn renamed(column: &Header, before: &str, after: &str, new: &str) -> Option<(String, String)> {
+    let between = |text: &str| text.strip_prefix(before)?.strip_suffix(after).map(str::to_string);
+    let middle = between(&column.name).or_else(|| between(&column.text))?;
+    let plain: String = middle.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
+    Some((column.text.clone(), new.replacen('*', &plain, 1)))
 }
 
 /// What is added to the stamps of a topic.
@@ -121,5 +146,23 @@ mod tests {
         // What is looked for in a log may be as the log has it.
         let there = LogOptions { rename: one("v\u{ad}", "v"), map: one("w", "/a.w\u{ad}"), ..LogOptions::default() };
         assert!(there.check("a.csv", true).is_ok());
+    }
+
+    #[test]
+    fn a_pattern_renames_every_column_that_it_fits() {
+        let columns: Vec<Header> =
+            ["t", "q_hip [rad]", "q_knee [rad]", "qd_knee", "state[arm.pos]"].map(Header::parse).into();
+        let found = |old: &str, new: &str| {
+            let options = LogOptions { rename: vec![(old.into(), new.into())], ..LogOptions::default() };
+            let named = options.renames(&columns).into_iter().map(|(old, new)| format!("{old}={new}"));
+            named.collect::<Vec<_>>().join(", ")
+        };
+        assert_eq!(found("q_*", "*_joint"), "q_hip [rad]=hip_joint, q_knee [rad]=knee_joint");
+        assert_eq!(found("qd_*", "*_joint_vel"), "qd_knee=knee_joint_vel");
+        assert_eq!(found("state[*.pos]", "*"), "state[arm.pos]=arm");
+        // What fits nothing is told as a column that is not there; a name without a star gets one column only.
+        assert_eq!(found("x_*", "*"), "x_*=*");
+        assert_eq!(found("q_*", "hip"), "q_*=hip");
+        assert_eq!(found("q_hip", "*"), "q_hip=*");
     }
 }

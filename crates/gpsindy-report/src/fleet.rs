@@ -97,7 +97,7 @@ fn odd(report: &FleetReport) -> Markup {
     html! {
         section {
             h2 { "Which unit differs?" }
-            @if report.odd.is_empty() { p { "No unit stands out from the fleet." } } @else {
+            @if report.units.is_empty() { p { "No unit has a diagnosis." } } @else if report.odd.is_empty() { p { "No unit stands out from the fleet." } } @else {
                 p { "The rest of the fleet does not predict these units. At most one in twenty such findings is expected to be false." }
                 div.wide { table.stack {
                     thead { tr { th scope="col" { "unit" } th scope="col" { "size" } th.n scope="col" { "this unit" } th.n scope="col" { "fleet, spread" }

@@ -67,15 +67,21 @@ pub(crate) fn excluded_name(row: &Excluded) -> String {
     let variables = row.variables.join(", ");
     let is_plain = variables.is_empty() || variables == row.state;
     let name = if is_plain { name } else { with_variables(&row.effect, &name, &variables) };
-    format!("{name} {}", place_of(&row.effect, &row.state))
+    let place = place_of(&row.effect, &row.state, row.place.as_deref(), &row.variables);
+    format!("{name} {place}").trim_end().to_string()
 }
 
-/// Where an effect acts: in an equation, or in a logged column for a sensor effect.
-fn place_of(effect: &str, state: &str) -> String {
-    if Effect::from_id(effect).is_some_and(Effect::acts_on_sensor) {
-        format!("in the column {state}")
-    } else {
-        format!("in the equation of {state}")
+/// Where an effect acts: in an equation, at a port, or in a logged column for a sensor effect. A control at which it acts is among its
+/// variables. The name of an element's own parameter, `elbow.damping`, says where it is.
+fn place_of(effect: &str, state: &str, place: Option<&str>, variables: &[String]) -> String {
+    let port = place.filter(|place| !variables.iter().any(|name| name == place));
+    let is_of_element =
+        || Effect::from_id(effect) == Some(Effect::ParameterError) && variables.iter().any(|v| v.contains('.'));
+    match port {
+        _ if is_of_element() => String::new(),
+        _ if Effect::from_id(effect).is_some_and(Effect::acts_on_sensor) => format!("in the column {state}"),
+        Some(port) => format!("at {port}"),
+        None => format!("in the equation of {state}"),
     }
 }
 
@@ -104,7 +110,11 @@ fn twin_name(twin: &Twin) -> String {
     let is_parameter = Effect::from_id(&twin.effect) == Some(Effect::ParameterError);
     let name = if variables.is_empty() { name } else { with_variables(&twin.effect, &name, &variables) };
     let size = twin.parameters.first().map(|p| format!(" ({})", with_unit(&interval(p).0, &p.unit)));
-    let place = if is_parameter { String::new() } else { format!(" {}", place_of(&twin.effect, &twin.state)) };
+    let place = if is_parameter {
+        String::new()
+    } else {
+        format!(" {}", place_of(&twin.effect, &twin.state, twin.place.as_deref(), &twin.variables))
+    };
     name + &place + &size.unwrap_or_default()
 }
 
@@ -173,9 +183,9 @@ pub(crate) fn left_sentence(report: &Diagnosis) -> String {
     format!("Unmodelled structure remains with a probability of {probability}.{share}{depends}")
 }
 
-/// Where the cause acts: an equation, or a logged column for a sensor effect.
+/// Where the cause acts: an equation, a port, or a logged column for a sensor effect.
 pub(crate) fn cause_place(cause: &Cause) -> String {
-    place_of(&cause.effect, &cause.state)
+    place_of(&cause.effect, &cause.state, cause.place.as_deref(), &cause.variables)
 }
 
 /// The equations that the causes act in, with each named once: `friction and drag in the equation of v; bias in that of w`.
@@ -188,8 +198,10 @@ fn causes_by_place(report: &Diagnosis) -> String {
             None => places.push((place, vec![cause_name(cause)])),
         }
     }
-    let all: Vec<String> =
-        places.into_iter().map(|(place, names)| format!("{} {place}", listed(&names, "and"))).collect();
+    let all: Vec<String> = places
+        .into_iter()
+        .map(|(place, names)| format!("{} {place}", listed(&names, "and")).trim_end().to_string())
+        .collect();
     listed(&all, "and")
 }
 
@@ -228,12 +240,12 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
     } else if differs {
         "The fitted sizes differ between parts of the logs, so another effect may be the true cause.".into()
     } else if report.is_cut() {
-        "The time limit ended the search, so another effect may be the true cause.".into()
+        "The search ended before all was tried, so another effect may be the true cause.".into()
     } else {
         "An effect outside the catalogue may be the true cause.".into()
     };
     let none = match report.is_cut() {
-        true => "no effect that was tried before the time limit explains it",
+        true => "no effect that was tried before the search ended explains it",
         false => "no effect of the catalogue explains it",
     };
     match report.verdict {
@@ -251,7 +263,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
             let missed = report.closure.before.map_or(String::new(), |before| {
                 format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
             });
-            format!("The time limit ended the search before it could tell whether there is a gap.{missed}")
+            format!("The search ended before it could tell whether there is a gap.{missed}")
         }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and {none}.")
@@ -341,16 +353,27 @@ mod tests {
     }
 
     #[test]
+    fn an_effect_at_a_port_is_told_there_and_not_in_the_equation_that_it_moves_most() {
+        let name = |json: &str| excluded_name(&serde_json::from_str(json).unwrap());
+        let row = r#""state": "elbow_vel", "above": 0.1, "unit": "N m""#;
+        assert_eq!(
+            name(&format!(r#"{{"effect": "bias", "place": "shoulder_torque", {row}}}"#)),
+            "constant bias at shoulder_torque"
+        );
+        let delay = format!(r#"{{"effect": "input_delay", "place": "servo", "variables": ["servo"], {row}}}"#);
+        assert_eq!(name(&delay), "input delay of servo in the equation of elbow_vel");
+        let damping = format!(r#"{{"effect": "parameter_error", "variables": ["elbow.damping"], {row}}}"#);
+        assert_eq!(name(&damping), "wrong parameter elbow.damping");
+    }
+
+    #[test]
     fn a_search_that_ended_before_it_looked_for_a_gap_claims_none() {
         let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "arm", "runs": {"train": [], "holdout": []}, "verdict": "unexplained",
             "gap": {"detected": false, "p_value": 1, "by_state": [], "by_region": [], "by_window": []}, "causes": [], "excluded": [],
             "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "interrupted": 120, "notes": [],
             "closure": {"metric": "rollout_rmse", "before": 80.2, "floor_source": "sensor noise", "by_state": []}}"#;
         let told = verdict_sentence(&serde_json::from_str(json).unwrap());
-        assert!(
-            told.starts_with("The time limit ended the search before") && told.contains("80.2 times the noise"),
-            "{told}"
-        );
+        assert!(told.starts_with("The search ended before") && told.contains("80.2 times the noise"), "{told}");
     }
 
     #[test]

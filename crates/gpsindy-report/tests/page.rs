@@ -43,7 +43,7 @@ fn a_search_that_was_cut_off_blames_its_limit_and_not_the_catalogue() {
     assert!(said(&report).contains("An effect outside the catalogue may be the true cause."), "{}", said(&report));
     report.interrupted = Some(10.0);
     let cut = said(&report);
-    assert!(cut.contains("The time limit ended the search") && !cut.contains("outside the catalogue"), "{cut}");
+    assert!(cut.contains("The search ended before all was tried") && !cut.contains("outside the catalogue"), "{cut}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `gpsindy design`: the control signal of the next experiment, as a file.
 
 use crate::args::{Output, pair, values};
+use crate::commands::given::nominal::kind;
 use crate::commands::{Session, check_out, deliver};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -87,6 +88,13 @@ pub(crate) fn run(command: &Design, session: &Session<'_>) -> Outcome {
 
 /// What is to be distinguished.
 fn open(command: &Design, screen: &Screen) -> Outcome<Open> {
+    let engine = command.from.iter().find(|from| kind(from).is_some());
+    if let Some(file) = engine {
+        return Err(Failure::input(format!(
+            "{}: a simulator's own file (MJCF, URDF, FMU), not equations; diagnose it in Python, where diagnosis.design(...) designs with it",
+            file.display()
+        )));
+    }
     let open = match command.from.as_slice() {
         [folder] if folder.is_dir() => {
             if !command.noise.is_empty() {

@@ -137,7 +137,7 @@ fn text(report: &FleetReport) -> String {
     let mut text = String::new();
     // Writing to a String can't fail.
     let _ = writeln!(text, "{} reports, {} failed", report.units.len(), report.failed.len());
-    if report.odd.is_empty() {
+    if report.odd.is_empty() && !report.units.is_empty() {
         let _ = writeln!(text, "no unit stands out from the fleet");
     }
     for odd in &report.odd {

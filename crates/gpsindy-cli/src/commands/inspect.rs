@@ -10,7 +10,8 @@ use gpsindy_files::{Inspection, LogOptions, Stamp, inspect};
 use std::path::PathBuf;
 
 /// Kinds of flaws, as [`gpsindy_files::Finding`] names them.
-const KINDS: [&str; 13] = [
+const KINDS: [&str; 14] = [
+    "time_unit",
     "jitter",
     "gaps",
     "repeated_stamps",

@@ -23,6 +23,7 @@ use crate::args::{Arguments, Columns, Command};
 use crate::engine::Engines;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
+use crate::stop::FirstCtrlC;
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{Log, Logs, Task, TopicOffset};
 use output::{check_out, deliver};
@@ -36,6 +37,7 @@ pub(crate) struct Session<'a> {
     /// The command line, the program's name first.
     pub(crate) line: &'a [OsString],
     pub(crate) seed: u64,
+    pub(crate) first_ctrl_c: FirstCtrlC,
 }
 
 /// Runs the command that was asked for.
@@ -182,7 +184,7 @@ fn model_dataset(
         all_controls.extend(controls.into_iter().filter(|name| !all_controls.contains(name)).collect::<Vec<_>>());
         all_states.extend(states.into_iter().filter(|name| !all_states.contains(name)).collect::<Vec<_>>());
     }
-    models.iter().for_each(|model| given::measured::warn_of_unmeasured(logs, model, screen));
+    models.iter().for_each(|model| given::measured::tell(logs, model, screen));
     // A state of one model may be a control of another.
     all_states.retain(|name| !all_controls.contains(name));
     dataset_and_offsets(

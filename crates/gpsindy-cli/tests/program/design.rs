@@ -58,6 +58,8 @@ fn what_is_missing_or_wrong_is_one_line() {
     let two = "design drag.toml friction.toml --limit u=-2:2";
     for (line, words) in [
         ("design drag.toml --limit u=-2:2", "no folder of a diagnosis"),
+        ("design robot.xml --limit u=-2:2", "robot.xml: a simulator's own file"),
+        ("design drag.toml robot.xml --noise x=0.1 --limit u=-2:2", "robot.xml: a simulator's own file"),
         (two, "--noise: say the noise"),
         (&format!("{two} --noise y=0.1"), "`y`"),
         (&format!("{two} --noise x=0.1 --separate drag.toml"), "--separate: expected A,B"),
@@ -66,10 +68,6 @@ fn what_is_missing_or_wrong_is_one_line() {
         ("design drag.toml friction.toml --noise x=0.1 --limit w=-2:2", "`w`"),
         ("design . --limit u=-2:2", "open.json"),
         ("diagnose robot.xml run.csv", "pip install 'gpsindy[mujoco]'"),
-        (
-            "design robot.xml drag.toml --noise x=0.1 --limit u=-2:2",
-            "a simulator's own file (MJCF, URDF), not equations",
-        ),
         ("export robot.xml --to c", "a simulator's own file (MJCF, URDF), not equations"),
     ] {
         let ran = folder.run(line);

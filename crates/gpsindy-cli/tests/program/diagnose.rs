@@ -218,6 +218,7 @@ fn the_catalogue_is_listed_for_people_and_programs() {
     assert_eq!(list.as_array().unwrap().len(), 44);
     assert!(folder.run("effects backlash").done().stdout.starts_with("backlash "));
     assert!(folder.run("effects luck").refused().starts_with("effect `luck` is not in the catalogue"));
+    assert!(folder.run("effects coulomb_frictoin").refused().contains("did you mean `coulomb_friction`"));
 }
 
 #[test]

@@ -75,6 +75,16 @@ fn parts_of_a_fleet_are_done_apart_and_the_last_one_compares() {
 }
 
 #[test]
+fn a_fleet_without_a_diagnosis_says_nothing_of_its_units() {
+    let folder = Folder::new();
+    folder.write("robot.xml", "<mujoco/>").write("log.csv", "t,x\n0,0\n1,1\n");
+    folder.write("fleet.toml", "[[unit]]\nunit = \"a\"\nlogs = [\"log.csv\"]\nmodel = \"robot.xml\"\n");
+    let ran = folder.run("fleet fleet.toml --out fleet").ended(1);
+    assert!(ran.stderr.contains("robot.xml: a simulator's own file"), "{ran:?}");
+    assert!(ran.stdout.contains("0 reports, 1 failed") && !ran.stdout.contains("stands out"), "{ran:?}");
+}
+
+#[test]
 fn a_bad_manifest_is_one_line_and_writes_nothing() {
     let folder = fleet();
     folder.write("bad.toml", "[[unit]]\nunit = \"a\"\nlogs = \"x.csv\"\n");

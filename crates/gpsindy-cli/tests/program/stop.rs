@@ -3,7 +3,7 @@
 #![cfg(target_os = "linux")]
 
 use crate::common::Folder;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, Stdio};
 
@@ -53,4 +53,60 @@ fn stopped_by(signal: i32) -> String {
     assert_eq!((folder.names(), folder.read("out.csv")), (vec!["out.csv".into()], "old".into()));
     drop(open);
     told
+}
+
+/// Logs of an oscillator that the model does not explain at once: a drag, a spring that hardens, and two tones that no column carries.
+fn oscillator(folder: &Folder) -> Vec<String> {
+    let model = "schema = \"gpsindy.model/1\"\nname = \"oscillator\"\n[[state]]\nname = \"x\"\nequation = \"v\"\n[[state]]\nname = \"v\"\n\
+        equation = \"u - 4*x - 0.3*v\"\n[[control]]\nname = \"u\"\n";
+    folder.write("model.toml", model);
+    let name = |run: u32| format!("run_{run}.csv");
+    for run in 0..8 {
+        let (mut x, mut v, mut text) = (0.5_f64, 0.0_f64, String::from("t,x,v,u,note\n"));
+        for i in 0..3000 {
+            let t = 0.02 * f64::from(i);
+            let u = (f64::from(run + 2) * 0.7 * t).sin() + (2.3 * t).cos();
+            let error = 1e-3 * (f64::from(i * i % 9973) * 1.7 + f64::from(run)).sin();
+            text += &format!("{t:.2},{:.6},{:.6},{u:.6},x\n", x + error, v - error);
+            for part in 0..20 {
+                let at = t + 1e-3 * f64::from(part);
+                let tones = 0.4 * (3.1 * at).sin() + 0.3 * (7.7 * at + f64::from(run)).sin();
+                v += 1e-3 * (u - 4.0 * x - 0.3 * v - 0.5 * v * v.abs() - 2.0 * x.powi(3) + tones);
+                x += 1e-3 * v;
+            }
+        }
+        folder.write(&name(run), &text);
+    }
+    (0..8).map(name).collect()
+}
+
+#[test]
+fn the_first_ctrl_c_ends_a_diagnosis_with_the_best_so_far() {
+    let folder = Folder::new();
+    let logs = oscillator(&folder);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_gpsindy"))
+        .args(["diagnose", "model.toml", "--threads", "1", "--out", "report"])
+        .args(logs)
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut told = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    // The logs are read, and the search begins.
+    while !line.starts_with("columns ignored: ") {
+        line.clear();
+        assert!(told.read_line(&mut line).unwrap() > 0, "no note about the columns");
+    }
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let sent = Command::new("kill").args(["-2", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let mut rest = String::new();
+    told.read_to_string(&mut rest).unwrap();
+    assert!(rest.contains("stopping with the best so far"), "{rest}");
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
+    assert!(report["interrupted"].as_f64().unwrap() > 0.0, "{report}");
+    assert_ne!(report["verdict"], "explained", "{report}");
 }

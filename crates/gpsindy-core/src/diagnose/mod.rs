@@ -45,7 +45,7 @@ use crate::progress::Progress;
 use crate::refine::Hold;
 use design::open::left_open;
 use power::study::{Found, Study};
-use run::{Ending, Run};
+use run::Run;
 use std::sync::Arc;
 use steps::attribution::attribute::attribute;
 use steps::attribution::contest::Contest;
@@ -285,8 +285,8 @@ impl Diagnose {
         // What is random leaves a rest that the noise does not.
         let has_causes = judged.detected.gap && !judged.outcome.best.hypotheses.is_empty() && judged.forcing.is_none();
         let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?.flatten();
-        if let Ending::Interrupted { after } = contest.run.ending() {
-            contest.run.notes.say(Note::TimeUp { seconds: after });
+        if let Some(note) = contest.run.note_of_end() {
+            contest.run.notes.say(note);
         }
         let found = weigh::Found { judged: &judged, typicality, verification: verified, located: gap };
         let (mut diagnosis, augmented) = weigh::report(self.confidence, &contest, found, logs, augmented);

@@ -120,6 +120,11 @@ pub enum Note {
         /// The limit, s.
         seconds: f64,
     },
+    /// The search ended before it was through, because somebody had waited long enough.
+    Stopped {
+        /// When, s.
+        seconds: f64,
+    },
 }
 
 impl std::fmt::Display for Note {
@@ -177,6 +182,10 @@ impl std::fmt::Display for Note {
             Self::TimeUp { seconds } => write!(
                 f,
                 "the time limit of {seconds:.0} s ended the search early; the result is the best so far, and a longer search may find other causes"
+            ),
+            Self::Stopped { seconds } => write!(
+                f,
+                "the search was stopped after {seconds:.0} s; the result is the best so far, and a longer search may find other causes"
             ),
             Self::Resting { columns } => write!(
                 f,

@@ -70,7 +70,7 @@ pub struct Diagnosis {
     pub closure: Closure,
     /// File of the nominal model with the included causes added; `None` where there is no such file.
     pub augmented_model: Option<String>,
-    /// The time limit, s, where it ended the search before all was tried.
+    /// Seconds after which the time limit or the user ended the search before all was tried.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub interrupted: Option<f64>,
     /// What a reader must know beside the numbers, one sentence or two each.
@@ -92,7 +92,7 @@ impl Diagnosis {
         self.confidence.unwrap_or(CONFIDENCE)
     }
 
-    /// Whether the time limit ended the search before all was tried.
+    /// Whether the time limit or the user ended the search before all was tried.
     pub fn is_cut(&self) -> bool {
         self.interrupted.is_some()
     }

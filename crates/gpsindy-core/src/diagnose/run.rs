@@ -2,13 +2,13 @@
 
 use crate::diagnose::handed::Handed;
 use crate::diagnose::limits::FOREVER;
-use crate::diagnose::notes::Notes;
+use crate::diagnose::notes::{Note, Notes};
 use crate::diagnose::report::StageWork;
 use crate::error::Result;
 use crate::progress::{Progress, step};
 use crate::refine::tally::{Counts, Tally};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How a search ended.
@@ -16,9 +16,9 @@ use std::time::{Duration, Instant};
 pub(crate) enum Ending {
     /// All was tried.
     Complete,
-    /// Something was left out because time was up.
+    /// Something was left out because time was up, or somebody had waited long enough.
     Interrupted {
-        /// The limit, s.
+        /// The limit, or when somebody asked for the end, s.
         after: f64,
     },
 }
@@ -28,8 +28,8 @@ pub(crate) struct Run<'a> {
     progress: &'a dyn Progress,
     /// Seconds on the listener's clock at which the search ends.
     time_limit: Option<f64>,
-    /// Whether something was left out because time was up.
-    is_cut: AtomicBool,
+    /// Seconds after which something was left out for the first time.
+    cut: OnceLock<f64>,
     pub(crate) notes: Notes,
     pub(crate) handed: Account,
     /// What is done with the logs, and how far it was when each stage began.
@@ -62,34 +62,38 @@ impl<'a> Run<'a> {
     pub(crate) fn new(progress: &'a dyn Progress, time_limit: Option<f64>) -> Self {
         // Fits are too deep to ask the listener: they get the moment itself.
         let left = time_limit.zip(progress.seconds()).map(|(limit, now)| (limit - now).clamp(0.0, FOREVER));
-        let tally = left.map(|left| Tally::until(Instant::now() + Duration::from_secs_f64(left)));
+        let end = left.map(|left| Instant::now() + Duration::from_secs_f64(left));
         Self {
             progress,
             time_limit,
-            is_cut: AtomicBool::new(false),
+            cut: OnceLock::new(),
             notes: Notes::default(),
             handed: Account::default(),
-            tally: Arc::new(tally.unwrap_or_default()),
+            tally: Arc::new(Tally::until(end, progress.enough())),
             begun: Mutex::default(),
         }
     }
 
     /// Whether the search must end with what it has. Asked before a piece of work that is then left out.
     pub(crate) fn is_out_of_time(&self) -> bool {
-        let is_over = self.time_limit.zip(self.progress.seconds()).is_some_and(|(limit, now)| now >= limit)
-            || self.tally.is_over();
+        let now = self.progress.seconds();
+        let is_over = self.time_limit.zip(now).is_some_and(|(limit, now)| now >= limit) || self.tally.is_over();
         if is_over {
-            self.is_cut.store(true, Ordering::Relaxed);
+            let limit = self.time_limit.filter(|_| !self.tally.is_enough());
+            self.cut.get_or_init(|| limit.or(now).unwrap_or(0.0));
         }
         is_over
     }
 
     /// How the search has ended.
     pub(crate) fn ending(&self) -> Ending {
-        match self.time_limit.filter(|_| self.is_cut.load(Ordering::Relaxed)) {
-            Some(after) => Ending::Interrupted { after },
-            None => Ending::Complete,
-        }
+        self.cut.get().map_or(Ending::Complete, |&after| Ending::Interrupted { after })
+    }
+
+    /// What a reader must know about an early end.
+    pub(crate) fn note_of_end(&self) -> Option<Note> {
+        let Ending::Interrupted { after: seconds } = self.ending() else { return None };
+        Some(if self.tally.is_enough() { Note::Stopped { seconds } } else { Note::TimeUp { seconds } })
     }
 
     /// What is done from now on belongs to a stage that has no parts to report.
@@ -168,10 +172,10 @@ impl Stage<'_> {
 mod tests {
     use super::*;
     use crate::diagnose::fixture::drive;
-    use crate::diagnose::notes::Note;
     use crate::diagnose::report::Verdict;
     use crate::diagnose::{Diagnose, Diagnosed, hold_out};
     use std::sync::Mutex;
+    use std::sync::atomic::AtomicBool;
 
     /// A listener whose clock goes on by one second at every report.
     #[derive(Default)]
@@ -238,6 +242,35 @@ mod tests {
         assert!(!was_cut && is_cut);
         // What follows the search fits the starts of held-out rollouts.
         assert!(10 * trials < whole, "{trials} of {whole}");
+    }
+
+    /// A listener who has waited long enough after a number of reports.
+    struct Impatient(Arc<AtomicBool>, AtomicUsize);
+
+    impl Progress for Impatient {
+        fn report(&self, _: &str, _: usize, _: usize) -> bool {
+            if self.1.fetch_add(1, Ordering::Relaxed) == 20 {
+                self.0.store(true, Ordering::Relaxed);
+            }
+            true
+        }
+
+        fn seconds(&self) -> Option<f64> {
+            Some(7.0)
+        }
+
+        fn enough(&self) -> Option<Arc<AtomicBool>> {
+            Some(Arc::clone(&self.0))
+        }
+    }
+
+    #[test]
+    fn who_has_waited_long_enough_gets_the_best_so_far() {
+        let impatient = Impatient(Arc::default(), AtomicUsize::new(0));
+        let found = diagnosed(Some(60.0), &impatient);
+        assert_eq!(found.diagnosis.interrupted, Some(7.0));
+        assert!(found.notes.contains(&Note::Stopped { seconds: 7.0 }), "{:?}", found.notes);
+        assert_ne!(found.diagnosis.verdict, Verdict::Explained);
     }
 
     #[test]

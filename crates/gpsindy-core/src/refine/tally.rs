@@ -1,7 +1,8 @@
 //! The account of a computation: counts of what it did with its logs, a measure of its cost that needs no clock and no idle machine,
 //! and when it must end.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 /// What rollouts are made for.
@@ -53,17 +54,23 @@ pub(crate) struct Tally {
     fits: AtomicU64,
     columns: AtomicU64,
     end: Option<Instant>,
+    enough: Option<Arc<AtomicBool>>,
 }
 
 impl Tally {
-    /// A computation that ends with what it has at a moment.
-    pub(crate) fn until(end: Instant) -> Self {
-        Self { end: Some(end), ..Self::default() }
+    /// A computation that ends with what it has at a moment, or as soon as somebody has waited long enough.
+    pub(crate) fn until(end: Option<Instant>, enough: Option<Arc<AtomicBool>>) -> Self {
+        Self { end, enough, ..Self::default() }
+    }
+
+    /// Whether somebody has waited long enough.
+    pub(crate) fn is_enough(&self) -> bool {
+        self.enough.as_ref().is_some_and(|enough| enough.load(Ordering::Relaxed))
     }
 
     /// Whether time is up: a fit then ends where it is.
     pub(crate) fn is_over(&self) -> bool {
-        self.end.is_some_and(|end| Instant::now() >= end)
+        self.is_enough() || self.end.is_some_and(|end| Instant::now() >= end)
     }
 
     pub(crate) fn pass(&self, purpose: Purpose, samples: usize) {

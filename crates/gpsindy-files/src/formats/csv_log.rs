@@ -134,8 +134,14 @@ impl CsvLog {
     pub(crate) fn notes(&self) -> Vec<String> {
         let time = &self.headers[self.time];
         let of_clock = self.clock.note(time, &self.first_stamp);
-        let doubt = of_clock.is_none().then(|| time::doubt(time, &self.times)).flatten();
-        of_clock.into_iter().chain(doubt).map(|note| format!("{}: {note}", self.file)).collect()
+        of_clock.into_iter().chain(self.doubt()).map(|note| format!("{}: {note}", self.file)).collect()
+    }
+
+    /// What speaks against times in seconds.
+    pub(crate) fn doubt(&self) -> Option<String> {
+        let time = &self.headers[self.time];
+        let is_told = self.clock.note(time, &self.first_stamp).is_some();
+        if is_told { None } else { time::doubt(time, &self.times) }
     }
 
     /// The error that says that `name` is not in this file and what is.

@@ -62,7 +62,7 @@ pub(crate) fn columns(
         );
         return Err(Error::file(file, message));
     }
-    for (old, new) in &options.rename {
+    for (old, new) in &options.renames(&headers) {
         let Some(header) = headers.iter_mut().find(|h| h.answers_to(old)) else {
             let found = hint(old, headers.iter().map(|h| h.name.as_str()));
             return Err(Error::file(file, format!("--rename: column `{old}` is not in the log{found}")));

@@ -29,7 +29,7 @@ pub struct Finding {
     pub topic: String,
     /// The field or column, where one is at fault.
     pub column: Option<String>,
-    /// `jitter`, `gaps`, `repeated_stamps`, `backward_stamps`, `float32_stamps`, `clock_drift`, `constant`, `quantised`,
+    /// `time_unit`, `jitter`, `gaps`, `repeated_stamps`, `backward_stamps`, `float32_stamps`, `clock_drift`, `constant`, `quantised`,
     /// `held`, `wrapped`, `difference`, `missing` or `unread`.
     pub kind: String,
     /// A sentence.
@@ -56,6 +56,9 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
     let mut flaws = Flaws { topic: &sheet.topic, found };
     if let Some(why) = &sheet.unread {
         flaws.stamps("unread", why.clone());
+    }
+    if let Some(doubt) = &sheet.doubt {
+        flaws.stamps("time_unit", doubt.clone());
     }
     clock(report, &mut flaws);
     for (column, report) in sheet.columns.iter().zip(&report.columns) {

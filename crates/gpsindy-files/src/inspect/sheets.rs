@@ -76,8 +76,10 @@ const AT_ONCE: usize = 4_000_000;
 
 fn of_csv(input: &Input, options: &LogOptions, progress: &dyn Progress) -> Result<Looked> {
     let log = CsvLog::open(input.clone(), options, false, progress)?;
-    let mut sheet = Sheet { clock: log.time_name().into(), origin: log.origin(), ..Sheet::default() };
+    let doubt = log.doubt();
     let mut notes = log.notes();
+    notes.retain(|note| !doubt.as_ref().is_some_and(|doubt| note.ends_with(doubt)));
+    let mut sheet = Sheet { clock: log.time_name().into(), origin: log.origin(), doubt, ..Sheet::default() };
     let column = |(index, header): (usize, &Header)| {
         let numeric = log.is_numeric(index);
         let kind = if numeric { "number" } else { "text" };

@@ -64,6 +64,7 @@ fn each_fault_is_named() {
     assert_eq!(one("quantised", &|i| ((i as f64 * 0.01).sin() * 50.0).round() * 0.02), "quantised");
     assert_eq!(one("held", &|i| smooth(i / 4 * 4)), "held");
     assert_eq!(kinds(&table("jitter.csv", |i| even(i) + 0.004 * noise(i), &[x])), ["jitter"]);
+    assert_eq!(kinds(&table("milliseconds.csv", |i| 1e3 * i as f64, &[x])), ["time_unit"]);
     assert_eq!(kinds(&table("gap.csv", |i| even(i) + if i > 200 { 0.5 } else { 0.0 }, &[x])), ["gaps"]);
     assert_eq!(kinds(&table("repeated.csv", |i| even(if i == 100 { 99 } else { i }), &[x])), ["repeated_stamps"]);
     assert_eq!(kinds(&table("backward.csv", |i| even(if i == 100 { 98 } else { i }), &[x]))[0], "backward_stamps");

@@ -1,4 +1,4 @@
-"""FMUs as the nominal model: one of FMI 2 that the test builds itself, where a compiler is at hand."""
+"""FMUs as the nominal model: a pendulum of FMI 2 and of FMI 3 that the test builds itself, where a compiler is at hand."""
 
 from __future__ import annotations
 
@@ -27,19 +27,24 @@ def built(tmp_path_factory, *variants):
     return folder / "pendulum.fmu"
 
 
-@pytest.fixture(scope="module")
-def pendulum(tmp_path_factory):
-    return built(tmp_path_factory)
+@pytest.fixture(scope="module", params=["FMI2", "FMI3"])
+def version(request):
+    return request.param
 
 
 @pytest.fixture(scope="module")
-def walled(tmp_path_factory):
-    return built(tmp_path_factory, "WALL=0.2")
+def pendulum(tmp_path_factory, version):
+    return built(tmp_path_factory, version)
 
 
 @pytest.fixture(scope="module")
-def coarse(tmp_path_factory):
-    return built(tmp_path_factory, "INTERNAL=0.01")
+def walled(tmp_path_factory, version):
+    return built(tmp_path_factory, version, "WALL=0.2")
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory, version):
+    return built(tmp_path_factory, version, "INTERNAL=0.01")
 
 
 EQUATIONS = """

@@ -71,7 +71,7 @@ impl Nominal {
 }
 
 /// Kind of an engine's file; none where the file can't be read, which reading it as equations says best.
-fn kind(path: &Path) -> Option<FileKind> {
+pub(crate) fn kind(path: &Path) -> Option<FileKind> {
     if path.as_os_str() == "-" {
         return None;
     }

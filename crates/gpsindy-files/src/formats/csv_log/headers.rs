@@ -36,7 +36,7 @@ pub(super) fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<V
             header.name = format!("column_{}", i + 1);
         }
     }
-    for (old, new) in &options.rename {
+    for (old, new) in &options.renames(&headers) {
         // The whole header is looked for first, so that two columns of one name can be told apart.
         let at =
             headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));

@@ -26,7 +26,8 @@ pub(super) fn columns(leaf: &Leaf, width: usize, names: Option<&Vec<String>>) ->
 /// Renames and maps the columns of a table; each name once.
 pub(super) fn names(file: &str, headers: &mut [Header], places: &[Place], options: &LogOptions) -> Result<()> {
     let known: Vec<String> = headers.iter().map(|h| h.text.clone()).collect();
-    let renames = options.rename.iter().map(|(old, new)| (old, new, false));
+    let given = options.renames(headers);
+    let renames = given.iter().map(|(old, new)| (old, new, false));
     let maps = options.map.iter().map(|(new, old)| (old, new, true));
     for (old, new, mapped) in renames.chain(maps) {
         let at =

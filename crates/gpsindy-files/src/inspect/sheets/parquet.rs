@@ -44,6 +44,11 @@ pub(crate) fn look(log: &ParquetLog, file: String, format: &'static str, progres
         }
     }
     sheet.columns = columns;
+    // The reading says it only of stamps that were taken for seconds.
+    let doubt = crate::time::doubt(time, &sheet.stamps);
+    let is_said = |note: &String| doubt.as_ref().is_some_and(|doubt| note.ends_with(doubt));
+    sheet.doubt = doubt.clone().filter(|_| notes.iter().any(is_said));
+    notes.retain(|note| !is_said(note));
     // Stamps that were made again are no longer float32.
     sheet.single &= !notes.iter().any(|note| note.contains("made again"));
     Ok((file, format, vec![sheet], notes))
