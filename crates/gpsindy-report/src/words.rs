@@ -251,7 +251,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
             let missed = report.closure.before.map_or(String::new(), |before| {
                 format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
             });
-            format!("The time limit ended the search before it could tell whether there is a gap.{missed}")
+            format!("The time limit ended the search before it could decide whether there is a gap.{missed}")
         }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and {none}.")

@@ -48,7 +48,7 @@ pub(crate) const NEAR_CLEAN: f64 = 0.01;
 /// Solvers are run to relative tolerances of 1e-3 to 1e-6, converters have 10 to 16 bits: what is smaller is theirs. Argument.
 pub(crate) const EXACT: f64 = 1e-4;
 
-/// Rounds of dropping, adding and exchanging terms. Searches end by themselves long before. Convention.
+/// Rounds of dropping, adding and exchanging terms. Searches end long before. Convention.
 pub(crate) const ROUNDS: usize = 25;
 
 /// Exchanges of one term that are weighed in the linear problem, the most promising first. Convention.

@@ -165,7 +165,7 @@ def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
         raise ImportError("the server needs the package mcp: pip install 'gpsindy[mcp]'") from missing
     made = MCPServer("gpsindy", instructions=INSTRUCTIONS, version=gpsindy.__version__, log_level="ERROR")
 
-    def told(tool: Callable[..., Any]) -> Callable[..., Any]:
+    def with_errors(tool: Callable[..., Any]) -> Callable[..., Any]:
         # The library keeps to itself what it does not expect; what is wrong with the input the assistant must read.
         @functools.wraps(tool)
         def call(*values: Any, **named: Any) -> Any:
@@ -185,7 +185,7 @@ def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
         return call
 
     for tool in (inspect, diagnose, explain):
-        made.add_tool(told(tool))
+        made.add_tool(with_errors(tool))
     return made
 
 

@@ -74,8 +74,8 @@ def inspect(
     options = _gpsindy.LogOptions(time=time, run=run, stamp=stamp)
     with as_mcap([os.fspath(path)]) as logs:
         found, text = logs.run(lambda paths: _gpsindy.inspect(paths[0], options, width))
-        fields = json.loads(logs.told(found))
-        return Inspection(**fields, _text=logs.told(text))
+        fields = json.loads(logs.renamed(found))
+        return Inspection(**fields, _text=logs.renamed(text))
 
 
 def read_log(
@@ -170,6 +170,6 @@ def read_log(
             )
         )
         for doubt in doubts:
-            warnings.warn(logs.told(doubt), DataWarning, stacklevel=2)
+            warnings.warn(logs.renamed(doubt), DataWarning, stacklevel=2)
     unwrap = names_of(angles)
     return Dataset._of(inner.unwrap_angles(unwrap) if unwrap else inner)
