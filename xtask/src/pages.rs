@@ -132,4 +132,18 @@ mod tests {
             assert!(found.is_none() && !text.contains("by itself"), "{}: {found:?}", page.display());
         }
     }
+
+    /// GitHub nests a list that is indented by three, the site's Markdown only one that is indented by four.
+    #[test]
+    fn nested_lists_are_nested_on_the_site_too() {
+        for page in files(&root().join("docs"), "md").unwrap() {
+            let text = read(&page).unwrap();
+            let prose = text.split("```").step_by(2).flat_map(str::lines);
+            let shallow = |line: &&str| line.starts_with("- ") || line.starts_with("* ");
+            let found = prose
+                .map(|line| (line, line.trim_start()))
+                .find(|(line, item)| (1..4).contains(&(line.len() - item.len())) && shallow(item));
+            assert!(found.is_none(), "{}: {found:?}", page.display());
+        }
+    }
 }
