@@ -112,7 +112,7 @@ class Machine:
         return log
 
 
-def told(cause: Any) -> tuple[str, str]:
+def summary(cause: Any) -> tuple[str, str]:
     """Kind and joint of a cause, in this script's words."""
     place = (cause.place or "").removesuffix("_torque")
     variable = cause.variables[0] if cause.variables else ""
@@ -198,7 +198,7 @@ def main() -> None:
         simulator = gpsindy.mujoco.Simulator(text)
         found = gpsindy.diagnose(simulator, logs[:-1], holdout=logs[-1:], hold="zero", time_limit=given.limit)
         times.append(time.perf_counter() - begun)
-        named = {told(cause): cause for cause in found.included}
+        named = {summary(cause): cause for cause in found.included}
         closed = found.closure["closed"]
         is_right = set(named) == set(planted) and (bool(planted) or found.verdict == "no_gap")
         right, quiet = right + (is_right and bool(planted)), quiet + (is_right and not planted)

@@ -72,11 +72,10 @@ for path, label in (("robot.xml", "robot.xml"), ("diagnosis/augmented.xml", "aug
         rows.append([*data.qpos])
         data.ctrl[:] = log["shoulder_ctrl"][i], log["elbow_ctrl"][i]
         mujoco.mj_step(model, data, 4)
-    for axis, q in zip(axes, np.array(rows).T):
-        axis.plot(log["t"], q, label=label)
+    for axis, name, q in zip(axes, ("shoulder", "elbow"), np.array(rows).T):
+        axis.plot(log["t"], 1e3 * (q - log[name]), label=label)
 for axis, name in zip(axes, ("shoulder", "elbow")):
-    axis.plot(log["t"], log[name], "k.", markersize=2, label="log")
-    axis.set_ylabel(f"{name}, rad")
+    axis.set_ylabel(f"{name} error, mrad")
 axes[0].legend()
 axes[1].set_xlabel("time, s")
 figure.savefig("arm.png")

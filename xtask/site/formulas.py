@@ -12,5 +12,6 @@ for page in pathlib.Path(sys.argv[1]).rglob("*.md"):
     parts = re.split(r"(```.*?```|`[^`\n]*`)", text, flags=re.DOTALL)
     for k in range(0, len(parts), 2):
         parts[k] = re.sub(r"\$\$(.+?)\$\$", lambda m: convert(m[1].strip(), display="block"), parts[k], flags=re.DOTALL)
-        parts[k] = re.sub(r"\$([^$\n]+(?:\n[^$\n]+)?)\$", lambda m: convert(m[1]), parts[k])
+        # Within an inline element: a line that begins with `<math` would end its paragraph and its list.
+        parts[k] = re.sub(r"\$([^$\n]+(?:\n[^$\n]+)?)\$", lambda m: f"<span>{convert(m[1])}</span>", parts[k])
     page.write_text("".join(parts), encoding="utf-8")

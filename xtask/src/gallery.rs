@@ -26,22 +26,20 @@ pub(crate) fn run(folder: &Path, only: Option<&str>, tools: &Tools, html: bool) 
     )
 }
 
+/// What the run of a page leaves as data and as a page: a diagnosis, or the comparison of a fleet.
+const LEFT: [(&str, &str); 2] =
+    [("diagnosis/report.json", "diagnosis/report.html"), ("result/fleet.json", "result/fleet.html")];
+
 /// Writes the page anew, and its files next to it.
 fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
     let folder = page.parent().unwrap_or(page);
     let mut text = with_outputs(&read(page)?, &ran.printed);
-    let found = ran.folder.join("diagnosis");
-    let (report, whole) = (found.join("report.json"), found.join("report.html"));
-    if report.exists() {
-        text = with_result(&text, &result(&read(&report)?)?);
-        copy(&report, &folder.join(format!("reports/{name}.json")))?;
-    }
-    let compared = ran.folder.join("result/fleet.html");
-    let of_fleet = compared.exists();
-    let drawn = [whole.clone(), compared].into_iter().find(|path| path.exists());
-    if let Some(drawn) = drawn.map(|path| read(&path)).transpose()? {
+    let left = LEFT.map(|(data, page)| (ran.folder.join(data), ran.folder.join(page)));
+    if let Some((at, (data, whole))) = left.iter().enumerate().find(|(_, (data, _))| data.exists()) {
+        copy(data, &folder.join(format!("reports/{name}.json")))?;
+        let (report, drawn, of_fleet) = (read(data)?, read(whole)?, at > 0);
         // The page of a fleet shows its units first; that of a diagnosis the column that the simulator misses most.
-        let missed = if report.exists() { most_missed(&read(&report)?)? } else { None };
+        let missed = if of_fleet { None } else { most_missed(&report)? };
         let of_missed = |title: &str| missed.as_ref().is_some_and(|c| title.contains(&format!(">{c} in held-out run")));
         let rollout = |title: &str| of_fleet || title.contains("in held-out run") && !title.contains("Residual");
         let gap = |title: &str| title.contains("Residual of the equation") && title.contains("against");
@@ -50,10 +48,13 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
         for (ending, picture) in pictures.into_iter().filter_map(|(ending, picture)| Some((ending, picture?))) {
             write(&folder.join(format!("pictures/{name}{ending}.svg")), &picture)?;
         }
-    }
-    if html && whole.exists() {
-        copy(&whole, &folder.join(format!("reports/{name}.html")))?;
-        text = text.replace(&format!("(reports/{name}.json)"), &format!("(reports/{name}.html)"));
+        if !of_fleet {
+            text = with_result(&text, &result(&report)?);
+        }
+        if html {
+            copy(whole, &folder.join(format!("reports/{name}.html")))?;
+            text = text.replace(&format!("(reports/{name}.json)"), &format!("(reports/{name}.html)"));
+        }
     }
     for picture in std::fs::read_dir(&ran.folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
         if let (Some("svg" | "png"), Some(name)) = (picture.extension().and_then(|e| e.to_str()), picture.file_name()) {
@@ -209,6 +210,25 @@ mod tests {
             "{done}"
         );
         assert!(done.starts_with("| | page | result |\n| --- | --- | --- |\n"), "{done}");
+    }
+
+    #[test]
+    fn a_fleet_keeps_its_comparison_and_its_picture() {
+        let folder = root().join("target/gallery-test");
+        let ran = Ran { folder: folder.join("ran"), printed: vec![] };
+        let page = folder.join("docs/fleet.md");
+        let chart = "<svg viewBox=\"0 0 4 4\" role=\"img\"><title id=\"a\">friction</title><svg x=\"1\"></svg></svg>";
+        write(&page, "# Fleet\n\n[its comparison](reports/fleet.json)\n").unwrap();
+        write(&ran.folder.join("result/fleet.json"), "{}").unwrap();
+        write(&ran.folder.join("result/fleet.html"), &format!("<style>:root {{ }}\n</style>{chart}")).unwrap();
+        for (html, link) in [(false, "(reports/fleet.json)"), (true, "(reports/fleet.html)")] {
+            keep(&page, "fleet", &ran, html).unwrap();
+            assert!(read(&page).unwrap().contains(link));
+        }
+        for left in ["reports/fleet.json", "reports/fleet.html", "pictures/fleet.svg"] {
+            assert!(folder.join("docs").join(left).is_file(), "{left}");
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

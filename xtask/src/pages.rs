@@ -83,4 +83,67 @@ mod tests {
         assert_eq!(chosen(Some("docs/logs/csv.md")).unwrap(), [root().join("docs/logs/csv.md")]);
         assert!(chosen(Some("docs/method.md")).unwrap_err().contains("is no page with a block to run"));
     }
+
+    #[test]
+    fn the_first_screens_say_what_comes_back_for_which_simulator() {
+        for page in ["README.md", "docs/index.md", "docs/start/robot.md", "crates/gpsindy-py/README.md"] {
+            let text = read(&root().join(page)).unwrap();
+            let first: Vec<&str> = text.lines().take(46).collect();
+            let row =
+                |command: &str, back: &str| first.iter().any(|line| line.contains(command) && line.contains(back));
+            assert!(row("gpsindy diagnose robot.xml run_*.csv", "`augmented.xml`"), "{page}: MuJoCo");
+            assert!(row("gpsindy diagnose plant.fmu run_*.csv", "`augmented.ssv`"), "{page}: FMU");
+        }
+    }
+
+    /// Figures of the README's "Measured" table that results.md must have, so that one of them is not of an older version.
+    #[test]
+    fn what_the_readme_says_was_measured_is_in_the_results() {
+        let (readme, results) =
+            (read(&root().join("README.md")).unwrap(), read(&root().join("docs/results.md")).unwrap());
+        let measured = readme.split("## Measured").nth(1).unwrap().split("\n## ").next().unwrap();
+        let unseen = results.lines().filter(|line| line.starts_with("| unseen |"));
+        let cells: Vec<Vec<u32>> =
+            unseen.map(|line| line.split('|').filter_map(|cell| cell.trim().parse().ok()).collect()).collect();
+        let sum = |column: usize| cells.iter().map(|row| row[column]).sum::<u32>();
+        for stated in [format!("[{} drawn machines]", sum(0)), format!("verdict right in {}", sum(1))] {
+            assert!(measured.contains(&stated), "{stated}");
+        }
+        for (stated, found) in [
+            ("84 of 84 right", "84 of 84 are right"),
+            ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
+            ("92.1 %", "92.1 %"),
+            ("68.3 %", "68.3 %"),
+            ("40 named with the right size", "40 named with the right size"),
+            ("1901 of 2000", "1901 of 2000"),
+        ] {
+            assert!(measured.contains(stated) && results.contains(found), "{stated}");
+        }
+    }
+
+    #[test]
+    fn pages_use_the_words_of_the_glossary() {
+        let mut pages = files(&root().join("docs"), "md").unwrap();
+        pages.extend(["README.md", "CHANGELOG.md"].map(|page| root().join(page)));
+        for page in pages.iter().filter(|page| !page.ends_with("notation.md")) {
+            let text = read(page).unwrap();
+            let words: Vec<&str> = text.split(|c: char| !c.is_alphabetic()).collect();
+            let found = ["told", "tell", "tells", "parted", "bears"].iter().find(|word| words.contains(word));
+            assert!(found.is_none() && !text.contains("by itself"), "{}: {found:?}", page.display());
+        }
+    }
+
+    /// GitHub nests a list that is indented by three, the site's Markdown only one that is indented by four.
+    #[test]
+    fn nested_lists_are_nested_on_the_site_too() {
+        for page in files(&root().join("docs"), "md").unwrap() {
+            let text = read(&page).unwrap();
+            let prose = text.split("```").step_by(2).flat_map(str::lines);
+            let shallow = |line: &&str| line.starts_with("- ") || line.starts_with("* ");
+            let found = prose
+                .map(|line| (line, line.trim_start()))
+                .find(|(line, item)| (1..4).contains(&(line.len() - item.len())) && shallow(item));
+            assert!(found.is_none(), "{}: {found:?}", page.display());
+        }
+    }
 }

@@ -14,12 +14,12 @@ fn counted_in(path: &Path, tests: impl FnOnce(&[(&str, &str)]) -> Result<(), Str
     }
     let outcome = tests(&[("GPSINDY_SKIPPED", &path.to_string_lossy())]);
     let noted = std::fs::read_to_string(path).unwrap_or_default();
-    shell::complain(&told(&noted));
+    shell::complain(&summary(&noted));
     outcome
 }
 
 /// How many, and which.
-fn told(noted: &str) -> String {
+fn summary(noted: &str) -> String {
     let mut lines: Vec<&str> = noted.lines().collect();
     lines.sort_unstable();
     lines.dedup();
@@ -36,9 +36,9 @@ mod tests {
 
     #[test]
     fn skipped_tests_are_told_once_each() {
-        assert_eq!(told(""), "  no test was skipped");
-        assert_eq!(told("skipped: a\nskipped: a\n"), "  1 test was skipped\n  skipped: a");
-        assert_eq!(told("skipped: b\nskipped: a\n"), "  2 tests were skipped\n  skipped: a\n  skipped: b");
+        assert_eq!(summary(""), "  no test was skipped");
+        assert_eq!(summary("skipped: a\nskipped: a\n"), "  1 test was skipped\n  skipped: a");
+        assert_eq!(summary("skipped: b\nskipped: a\n"), "  2 tests were skipped\n  skipped: a\n  skipped: b");
     }
 
     #[test]

@@ -183,7 +183,7 @@ fn pairing(model: &Model, simulated: &Dataset, real: [&Dataset; 2]) -> Vec<Strin
     }
     if !names.is_empty() && paired + shifted.len() < total {
         notes.push(format!(
-            "{} of {total} real runs have no simulated run of the same controls: there the identified model stands alone",
+            "{} of {total} real runs have no simulated run of the same controls: for those only the identified model is used",
             total - paired - shifted.len()
         ));
     }

@@ -145,7 +145,7 @@ fn limits() -> Design {
 }
 
 /// Whether the runs with one more, under `u`, name the true effect and no other.
-fn is_parted(case: &mut Drawn, u: &[f64]) -> bool {
+fn is_distinguished(case: &mut Drawn, u: &[f64]) -> bool {
     let more = recorded(&case.machine, "one more", u, &mut case.random);
     let found = case.diagnose(&[&case.runs[0], &case.runs[1], &more], &[&case.runs[2]]);
     let named = found.diagnosis.included().next();
@@ -153,31 +153,31 @@ fn is_parted(case: &mut Drawn, u: &[f64]) -> bool {
 }
 
 /// How many of the pairs a designed run parts, and how many one more random run like the others.
-fn parted(cases: Vec<Drawn>) -> (usize, usize) {
+fn distinguished(cases: Vec<Drawn>) -> (usize, usize) {
     let (mut designed, mut random) = (0, 0);
     for mut case in cases {
         let signal = limits().run(&case.found.open, None, &Silent).unwrap();
         assert!(signal.values[0].iter().all(|u| u.abs() <= LIMIT));
         assert!(signal.values[0].windows(2).all(|w| (w[1] - w[0]).abs() <= 40.0 * PERIOD + 1e-12));
-        designed += usize::from(is_parted(&mut case, &signal.values[0]));
+        designed += usize::from(is_distinguished(&mut case, &signal.values[0]));
         let largest = case.runs[0].column(2).iter().fold(0.0, |a: f64, u| a.max(u.abs()));
         let like_the_others = steps(&mut case.random, largest);
-        random += usize::from(is_parted(&mut case, &like_the_others));
+        random += usize::from(is_distinguished(&mut case, &like_the_others));
     }
     (designed, random)
 }
 
 #[test]
 fn one_designed_run_parts_pairs_that_random_runs_leave_open() {
-    let (designed, _) = parted(drawn(0, 4));
+    let (designed, _) = distinguished(drawn(0, 4));
     assert!(designed >= 3, "{designed} of 4");
 }
 
 /// `cargo xtask long design`, which keeps the count.
 #[test]
 #[ignore = "takes minutes"]
-fn of_24_drawn_pairs_nine_in_ten_are_parted() {
-    let (designed, random) = parted(drawn(1000, 24));
+fn of_24_drawn_pairs_nine_in_ten_are_distinguished() {
+    let (designed, random) = distinguished(drawn(1000, 24));
     let counted = format!(
         "Of 24 drawn pairs (the first from seed 1000 on that three random runs leave open) one designed run distinguishes {designed}, \
          one more random run {random}.\n"

@@ -36,7 +36,7 @@ impl fmt::Display for TopicOffset {
         let ClockOffset { seconds, low, high, level, column, other, driven } = &self.offset;
         write!(
             f,
-            "{}: {seconds:.6} s were added to the stamps of `{}` ({low:.6} to {high:.6} at {:.0} %), as `{column}` and `{other}` tell",
+            "{}: {seconds:.6} s were added to the stamps of `{}` ({low:.6} to {high:.6} at {:.0} %), estimated from `{column}` and `{other}`",
             self.file,
             self.topic,
             100.0 * level

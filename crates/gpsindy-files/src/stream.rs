@@ -126,7 +126,7 @@ impl Stream {
 
     fn cells(&self, text: &str) -> Result<StringRecord> {
         let wrong = |message: String| Error::line(&self.file, self.line, None, message);
-        // A second line after this one comes out by itself, unless a quoted cell or a line end of its own comes between.
+        // A second line after this one is a record of its own, unless a quoted cell or a line end of its own comes between.
         // An empty line goes before a sample, because the reader would take a byte order mark off its first one.
         let lead = if self.header.is_some() { "\n" } else { "" };
         let followed = format!("{lead}{text}\n{}", NEXT.join(&char::from(self.separator).to_string()));

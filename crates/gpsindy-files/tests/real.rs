@@ -1,4 +1,4 @@
-//! Logs and models of real machines, which lie beside the repository.
+//! Logs and models of real machines, which are not in the repository.
 #![allow(clippy::unwrap_used)]
 
 use gpsindy_beside::shared;

@@ -48,7 +48,7 @@ impl Engines for InPython {
             let dynamics = dynamics.ok_or_else(|| pyo3::exceptions::PyTypeError::new_err("it does not step"))?;
             Ok(Simulator { nominal, dynamics, watch, source: simulator.unbind() })
         };
-        let opened = Python::attach(|py| open(py).map_err(|error| told(py, &error)));
+        let opened = Python::attach(|py| open(py).map_err(|error| message(py, &error)));
         opened.map(|simulator| Box::new(simulator) as Box<dyn Engine>).map_err(|why| format!("{what}: {why}"))
     }
 }
@@ -72,7 +72,7 @@ impl Engine for Simulator {
             let Some(parts) = self.source.bind(py).getattr_opt("_parts")? else { return Ok(Vec::new()) };
             parts.call0()?.extract::<Vec<PartParts>>()?.into_iter().map(part).collect()
         };
-        Python::attach(|py| read(py).map_err(|error| told(py, &error)))
+        Python::attach(|py| read(py).map_err(|error| message(py, &error)))
     }
 
     fn dynamics(&self) -> Arc<dyn Dynamics> {
@@ -90,7 +90,7 @@ impl Engine for Simulator {
 
     fn failure(&self) -> Option<String> {
         let failure = self.watch.failure()?;
-        Some(Python::attach(|py| told(py, &failure)))
+        Some(Python::attach(|py| message(py, &failure)))
     }
 
     fn corrected(&self, model: &Model, folder: &Path) -> Result<Corrected, String> {
@@ -101,7 +101,7 @@ impl Engine for Simulator {
             let (name, text, difference) = file.extract()?;
             Ok(Corrected { name, text, difference })
         };
-        Python::attach(|py| correct(py).map_err(|error| told(py, &error)))
+        Python::attach(|py| correct(py).map_err(|error| message(py, &error)))
     }
 
     fn beside(&self, diagnosed: &Diagnosed) -> Result<Vec<(String, String)>, String> {
@@ -115,12 +115,12 @@ impl Engine for Simulator {
             let found = made.call1((report, (nominal, augmented, without), open, self.source.bind(py)))?;
             found.call_method0("_beside")?.extract()
         };
-        Python::attach(|py| write(py).map_err(|error| told(py, &error)))
+        Python::attach(|py| write(py).map_err(|error| message(py, &error)))
     }
 }
 
 /// What an exception says; with its type where that says more, as of a KeyError.
-fn told(py: Python<'_>, error: &PyErr) -> String {
+fn message(py: Python<'_>, error: &PyErr) -> String {
     use pyo3::exceptions::{PyImportError, PyOSError, PyValueError};
     let plain = error.is_instance_of::<PyValueError>(py)
         || error.is_instance_of::<PyImportError>(py)

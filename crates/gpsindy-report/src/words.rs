@@ -263,7 +263,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
             let missed = report.closure.before.map_or(String::new(), |before| {
                 format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
             });
-            format!("The search ended before it could tell whether there is a gap.{missed}")
+            format!("The search ended before it could decide whether there is a gap.{missed}")
         }
         Verdict::Unexplained if depends.is_empty() => {
             format!("There is a gap{place}, and {none}.")

@@ -88,7 +88,7 @@ impl Lab {
     fn done(&self, line: &str) -> Result<Duration, String> {
         let begun = Instant::now();
         let output = self.command(line).output().map_err(|e| format!("gpsindy {line}: {e}"))?;
-        expect(output.status.success(), || format!("gpsindy {line}: {}", told(&output)))?;
+        expect(output.status.success(), || format!("gpsindy {line}: {}", complaint(&output)))?;
         Ok(begun.elapsed())
     }
 
@@ -222,7 +222,9 @@ impl Lab {
             let output = shell.output().map_err(|e| format!("bash: {e}"))?;
             let is_one = self.is_one_report("full")?;
             expect(is_one, || format!("with {kilobytes} kB: files of two reports"))?;
-            expect(output.status.success() || one_line(&output), || format!("with {kilobytes} kB: {}", told(&output)))?;
+            expect(output.status.success() || one_line(&output), || {
+                format!("with {kilobytes} kB: {}", complaint(&output))
+            })?;
             expect(self::names(&self.folder.join("full")) == names, || {
                 format!("with {kilobytes} kB: a part was left")
             })?;
@@ -290,7 +292,7 @@ impl Lab {
             drop(child.stdout.take());
             let output = child.wait_with_output().map_err(|e| format!("gpsindy {line}: {e}"))?;
             expect(output.status.success() && output.stderr.is_empty(), || {
-                format!("gpsindy {line}: {}", told(&output))
+                format!("gpsindy {line}: {}", complaint(&output))
             })?;
         }
         shell::say("faults: a closed pipe, 4 commands: silent\n");
@@ -305,7 +307,7 @@ impl Lab {
             let children = [start(CONFIDENCES[0])?, start(CONFIDENCES[1])?];
             for child in children {
                 let output = child.wait_with_output().map_err(|e| e.to_string())?;
-                expect(output.status.success(), || told(&output))?;
+                expect(output.status.success(), || complaint(&output))?;
             }
             expect(self.is_one_report("shared")?, || "shared: files of two reports".into())?;
             expect(parts(&self.folder.join("shared")) == 0, || "shared: a part was left".into())?;
@@ -338,7 +340,7 @@ fn expect(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), String>
     if holds { Ok(()) } else { Err(otherwise()) }
 }
 
-fn told(output: &Output) -> String {
+fn complaint(output: &Output) -> String {
     format!("{}, {:?}", output.status, String::from_utf8_lossy(&output.stderr))
 }
 

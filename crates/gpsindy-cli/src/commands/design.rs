@@ -79,7 +79,7 @@ pub(crate) fn run(command: &Design, session: &Session<'_>) -> Outcome {
     drop(progress);
     for pair in designed.pairs.iter().filter(|pair| pair.seconds.is_none()) {
         screen.warn(&format!(
-            "{} and {} are not told apart with 95 % within the run; make it longer, widen --limit, or log another column",
+            "{} and {} are not distinguished with 95 % within the run; make it longer, widen --limit, or log another column",
             pair.one, pair.other
         ));
     }
@@ -104,7 +104,7 @@ fn open(command: &Design, screen: &Screen) -> Outcome<Open> {
         }
         [one] => {
             return Err(Failure::input(format!(
-                "{}: no folder of a diagnosis; name one, or two models or more that are to be told apart",
+                "{}: no folder of a diagnosis; name one, or two or more models to distinguish",
                 one.display()
             )));
         }
@@ -114,7 +114,7 @@ fn open(command: &Design, screen: &Screen) -> Outcome<Open> {
         if open.is_empty() {
             let labels = open.candidates.iter().map(|c| c.label.as_str()).collect::<Vec<_>>().join(", ");
             screen.note(&format!(
-                "the diagnosis leaves nothing open; the signal is for telling its nearest candidates apart once more: {labels} (choose with --separate)"
+                "the diagnosis leaves nothing open; the signal distinguishes its nearest candidates once more: {labels} (choose with --separate)"
             ));
             return Ok(open.separating_all());
         }

@@ -61,7 +61,7 @@ struct Following<'a> {
     /// Time of the newest sample, s.
     time: f64,
     /// Terms when the model was last printed, and the samples it had.
-    told: (Vec<Vec<String>>, usize),
+    printed: (Vec<Vec<String>>, usize),
     every: Option<NonZeroUsize>,
     /// Where the model goes.
     out: Option<&'a Path>,
@@ -129,10 +129,10 @@ impl<'a> Following<'a> {
             window: command.follow.window,
             ..online(command, settings)?
         };
-        let told = (Vec::new(), 0);
+        let printed = (Vec::new(), 0);
         let online = Online::new(settings)?;
         let (every, out) = (command.follow.every, command.output.out.as_deref());
-        Ok(Self { online, states, controls, time: first.time(), told, every, out, screen })
+        Ok(Self { online, states, controls, time: first.time(), printed, every, out, screen })
     }
 
     fn take(&mut self, stream: &Stream, sample: &Sample) -> Outcome {
@@ -144,23 +144,23 @@ impl<'a> Following<'a> {
         let news = self.online.update(sample.time(), &states, &controls)?;
         self.time = sample.time();
         let due = match self.every {
-            Some(every) => self.online.n_samples() >= self.told.1 + every.get(),
+            Some(every) => self.online.n_samples() >= self.printed.1 + every.get(),
             None => news,
         };
         // The first samples are too few for any model.
         if due && let Ok(found) = self.online.identification() {
-            self.tell(&found)?;
+            self.print(&found)?;
         }
         Ok(())
     }
 
-    /// Tells and writes the model where its terms have changed, or in any case with --every.
-    fn tell(&mut self, found: &Identification) -> Outcome {
+    /// Prints and writes the model where its terms have changed, or in any case with --every.
+    fn print(&mut self, found: &Identification) -> Outcome {
         let terms: Vec<Vec<String>> = found.states.iter().map(|s| s.terms.clone()).collect();
-        if self.every.is_none() && terms == self.told.0 {
+        if self.every.is_none() && terms == self.printed.0 {
             return Ok(());
         }
-        self.told = (terms, self.online.n_samples());
+        self.printed = (terms, self.online.n_samples());
         if let Some(path) = self.out {
             write_model(path, &found.model)?;
         }

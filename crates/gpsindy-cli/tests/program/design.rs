@@ -98,7 +98,7 @@ fn what_a_diagnosis_leaves_open_is_parted_by_the_run_that_it_asks_for() {
     let effects = "--effects viscous_friction,quadratic_drag --hold zero --out diagnosis";
     folder.run(&format!("diagnose nominal.toml run_0.csv run_1.csv run_2.csv {effects}")).done();
     assert!(folder.read("diagnosis/open.json").contains("quadratic_drag"));
-    // Nothing open is said, and the nearest candidates are told apart once more.
+    // Nothing open is said, and the nearest candidates are distinguished once more.
     let mut open: serde_json::Value = serde_json::from_str(&folder.read("diagnosis/open.json")).unwrap();
     let kept = folder.read("diagnosis/open.json");
     open["pairs"] = serde_json::json!([]);

@@ -110,7 +110,7 @@ pub fn clock_offset(
     let (own, others) = (traces(own), traces(others));
     let span = |traces: &[Trace]| traces.iter().map(Trace::span).fold(None, common);
     let (Some((begin, end)), Some(other)) = (span(&own), span(&others)) else {
-        return Err(Error::data("a topic has no column that changes, so nothing tells its offset"));
+        return Err(Error::data("a topic has no column that changes, so its offset cannot be estimated"));
     };
     let (begin, end) = (begin.max(other.0), end.min(other.1));
     let reach = REACH.min(SHARE * (end - begin));

@@ -7,7 +7,7 @@ use super::parts::{Part, PartKind};
 use super::report::{Bound, Cause, Diagnosis, Parameter, PartFound, Verdict};
 use crate::model::Model;
 
-/// Effects whose bound tells how small a joint's friction, load, delay or gain error is.
+/// Effects whose bound says how small a joint's friction, load, delay or gain error is.
 const TELLING: [Effect; 4] = [Effect::CoulombFriction, Effect::Bias, Effect::InputDelay, Effect::InputGain];
 
 /// Every joint of `parts`; `measured` holds the states with a column, `only` the parts that were asked for, where not all were.
@@ -88,7 +88,7 @@ fn says(found: &PartFound, model: &Model, diagnosis: &Diagnosis) -> String {
     }
     match bounds.is_empty() {
         true if !found.measured => "not measured".into(),
-        true => "nothing found; how small it would have to be these logs do not tell".into(),
+        true => "nothing found; these logs do not bound how large it could be".into(),
         false => format!("nothing above {}{unseen}", bounds.join(", ")),
     }
 }

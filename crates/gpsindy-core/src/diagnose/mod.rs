@@ -270,11 +270,11 @@ impl Diagnose {
         let judged = reconsider_hold(&contest, &prepared, judged)?;
         let judged = forced(&contest, judged)?;
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
-        self.told(contest, prepared, judged)
+        self.reported(contest, prepared, judged)
     }
 
-    /// What was found as it is told: verified on held-out logs, located, written into the model and weighed.
-    fn told(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
+    /// The report on what was found: verified on held-out logs, located, written into the model and weighed.
+    fn reported(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
         contest.run.begin("held-out logs and report");
         let verified = self.verify(&contest, &prepared, &judged)?;
         let gap = localise::gap(&contest, &judged, &verified.resting);

@@ -148,7 +148,7 @@ impl std::fmt::Display for Note {
                 write!(f, "suspected only where {needs}: {}", effects.join(", "))
             }
             Self::OnlyParts { parts } => {
-                write!(f, "only effects in {} were suspects; what other parts cause is not told", parts.join(", "))
+                write!(f, "only effects in {} were suspects; what other parts cause is not reported", parts.join(", "))
             }
             Self::Restarted { length } => write!(
                 f,

@@ -46,7 +46,7 @@ pub struct Diagnosis {
     pub runs: Runs,
     /// The finding in one word.
     pub verdict: Verdict,
-    /// Confidence of every interval in the report, in 0..1; nothing else depends on it. `None` in reports that don't tell.
+    /// Confidence of every interval in the report, in 0..1; nothing else depends on it. `None` in reports that don't state it.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub confidence: Option<f64>,
     /// Is there a gap, and where.
@@ -87,7 +87,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Confidence of the intervals; 0.95 where the report does not tell.
+    /// Confidence of the intervals; 0.95 where the report does not state it.
     pub fn level(&self) -> f64 {
         self.confidence.unwrap_or(CONFIDENCE)
     }

@@ -2,7 +2,7 @@
 //!
 //! Straight-line arithmetic without branches, which the compiler turns into vector instructions: a rollout
 //! with friction or a pendulum spends most of its time here. The argument is reduced in parts that multiply
-//! exactly, and a Taylor polynomial does the rest; no fused operations, so that every processor gives the same
+//! exactly, and a Taylor polynomial covers what remains; no fused operations, so that every processor gives the same
 //! bits. Errors stay below two units in the last place.
 //! Source: Cody and Waite 1980, Software Manual for the Elementary Functions, chapters 6, 8 and 13.
 

@@ -1,6 +1,6 @@
-//! Which covariates bend: a curve is added to the line of a covariate if the fleet shows one.
+//! Which covariates are nonlinear: a curve is added to the line of a covariate if the fleet shows one.
 //!
-//! A machine warms up as `1 - exp(-t/tau)` and an oil thins as `exp(-T/theta)`: a line through that leaves a rest which follows the season,
+//! A machine warms up as `1 - exp(-t/tau)` and an oil thins as `exp(-T/theta)`: a line through that leaves a residual which follows the season,
 //! as the use of the machine does, and looks like wear. A curve is one exponential, steep at either end of the covariate's range, of a
 //! scale out of a short list. It enters if its likelihood pays for one number more and for the choice among the curves.
 //!

@@ -2,7 +2,7 @@
 //!
 //! The estimates of the units are draws from a population, so that estimates from short logs shrink towards it (empirical
 //! Bayes). Covariates such as load
-//! and temperature are regressed out first, bent ones too: they move friction more than wear does. A unit is odd if the rest of the fleet does not
+//! and temperature are regressed out first, along curves where the fleet shows them: they move friction more than wear does. A unit is odd if the rest of the fleet does not
 //! predict it; a change is a step or a drift that a constant does not explain.
 //!
 //! Source: Robbins 1956 (empirical Bayes); Benjamini and Hochberg 1995 (false discovery rate); Bittencourt 2014, Linköping dissertation

@@ -1,7 +1,7 @@
 //! The population of a quantity: mean, spread between units, scatter within a unit, slopes of the covariates.
 //!
 //! `y_ij = beta' x_ij + u_i + e_ij`, `u_i ~ N(0, tau^2)`, `e_ij ~ N(0, s_ij^2 + omega^2)`; x_ij is 1, the covariates less their mean, and the
-//! curves of those that the fleet shows to bend.
+//! curves of those that the fleet shows to be nonlinear.
 //! tau and omega by restricted maximum likelihood, beta by generalised least squares, a unit's estimate by its posterior.
 //!
 //! Source: Harville 1977, Maximum likelihood approaches to variance component estimation, equation 5.5.

@@ -62,7 +62,7 @@ pub(crate) const MOVED: f64 = 1e-6;
 /// Share of a run that the authors' pipeline learns from, as in their code. Convention.
 pub(crate) const AUTHORS_TRAIN: f64 = 0.7;
 
-/// Rounds of dropping, adding and exchanging terms. Searches end by themselves long before. Convention.
+/// Rounds of dropping, adding and exchanging terms. Searches end long before. Convention.
 pub(crate) const ROUNDS: usize = 25;
 
 /// Exchanges of one term that are weighed in the linear problem, the most promising first. Convention.

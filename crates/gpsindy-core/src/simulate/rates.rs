@@ -151,7 +151,7 @@ impl<'a> Rates<'a> {
         }
     }
 
-    /// Whether the rates depend on time by themselves.
+    /// Whether the rates depend on time explicitly.
     pub(super) fn read_time(&self) -> bool {
         self.system.rates().reads(self.n_behind)
     }

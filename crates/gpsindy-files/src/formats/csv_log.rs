@@ -277,7 +277,7 @@ impl CsvLog {
         let cure = if self.run.is_some() {
             "sort or thin the samples"
         } else {
-            "sort the samples, or tell the runs apart with --run"
+            "sort the samples, or name the column of the runs with --run"
         };
         let message = format!("{how}, from {before} to {after}; {cure}");
         Err(Error::line(&self.file, line, Some(&self.headers[self.time].name), message))

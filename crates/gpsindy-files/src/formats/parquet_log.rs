@@ -39,9 +39,9 @@ pub(crate) struct ParquetLog {
     time: Place,
     time_header: Header,
     run: Option<usize>,
-    /// Frames per second, and the column that counts them, where stamps can be made again from both.
+    /// Frames per second, and the column that counts them, where stamps can be computed from both.
     frames: Option<(f64, usize)>,
-    /// Whether it is a data set that should tell its frames per second and does not.
+    /// Whether it is a data set that lacks the frames per second that it should state.
     lacks_rate: bool,
     episodes: Episodes,
 }
@@ -135,7 +135,7 @@ impl ParquetLog {
         self
     }
 
-    /// Stamps in single precision can't be made again: that is told.
+    /// Stamps in single precision can't be computed exactly, and a note says so.
     pub(crate) fn without_rate(mut self) -> Self {
         self.lacks_rate = true;
         self
@@ -153,13 +153,13 @@ impl ParquetLog {
     }
 
     /// The type of a column, for people.
-    pub(crate) fn told(&self, column: usize) -> &str {
-        &self.place(column).leaf.told
+    pub(crate) fn kind(&self, column: usize) -> &str {
+        &self.place(column).leaf.kind
     }
 
     /// The name and type of the time column.
     pub(crate) fn clock(&self) -> (&Header, &str) {
-        (&self.time_header, &self.time.leaf.told)
+        (&self.time_header, &self.time.leaf.kind)
     }
 
     fn column(&self, place: &Place) -> Result<Vec<f64>> {
@@ -212,7 +212,7 @@ impl Source for ParquetLog {
 
     fn time_header(&self) -> Option<&Header> {
         let leaf = &self.time.leaf;
-        (leaf.seconds.is_none() && leaf.told != TEXT).then_some(&self.time_header)
+        (leaf.seconds.is_none() && leaf.kind != TEXT).then_some(&self.time_header)
     }
 }
 
@@ -251,8 +251,8 @@ impl ParquetLog {
             }
             let leaf = &self.place(column).leaf;
             if !leaf.number {
-                let (name, told) = (&self.headers[column].name, &leaf.told);
-                return Err(Error::file(&self.file, format!("column `{name}` holds {told}, not numbers")));
+                let (name, kind) = (&self.headers[column].name, &leaf.kind);
+                return Err(Error::file(&self.file, format!("column `{name}` holds {kind}, not numbers")));
             }
             for table in self.tables() {
                 let rows: Rows = table?.numbers(leaf)?;

@@ -62,13 +62,18 @@ def diagnose(
     out: str | None = None,
     time_limit: float = 300.0,
 ) -> dict[str, Any]:
-    """Where a simulator (a model file) differs from logs of the machine, and which physical effect causes it.
+    """Where a simulator (equations in a model file) differs from logs of the machine, and which physical effect causes it.
 
     ``run`` is the column that identifies the runs; ``map`` says where a column comes from in a log of topics, such as
     {"q": "/joint_states.position[elbow]"}; ``effects`` limits the suspects to these ids; ``time_limit`` is in seconds. With ``out``, a
     folder, report.json, report.html and augmented.toml are written there. Returns the summary for people, the report, and the
     corrected model.
     """
+    if kind := _stepping(model):
+        raise ValueError(
+            f"{model}: {kind}; this server takes equations (TOML or JSON) only, because {kind} may load files or code from anywhere: "
+            "run gpsindy diagnose on the command line"
+        )
     nominal = gpsindy.Model.load(model)
     controls = [control.name for control in nominal.controls]
 
@@ -81,6 +86,18 @@ def diagnose(
     if out is not None:
         found.save(out)
     return {"summary": found.summary(), "report": found.to_dict(), "augmented": found.augmented.to_toml()}
+
+
+def _stepping(path: str) -> str | None:
+    """What a file is if it holds a simulator that steps and no equations."""
+    try:
+        with open(path, "rb") as file:
+            begin = file.read(1024).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except OSError:
+        return None  # Model.load says why it cannot be read.
+    if begin.startswith(b"PK\x03\x04"):
+        return "an FMU"
+    return "a MuJoCo model" if begin.startswith(b"<") else None
 
 
 def explain(what: str) -> str:
@@ -178,7 +195,7 @@ def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
         raise ImportError("the server needs the package mcp: pip install 'gpsindy[mcp]'") from missing
     made = MCPServer("gpsindy", instructions=INSTRUCTIONS, version=gpsindy.__version__, log_level="ERROR")
 
-    def told(tool: Callable[..., Any]) -> Callable[..., Any]:
+    def with_errors(tool: Callable[..., Any]) -> Callable[..., Any]:
         # The library keeps to itself what it does not expect; what is wrong with the input the assistant must read.
         @functools.wraps(tool)
         def call(*values: Any, **named: Any) -> Any:
@@ -198,7 +215,7 @@ def server(folders: Sequence[str | os.PathLike[str]] = (".",)) -> MCPServer:
         return call
 
     for tool in (inspect, diagnose, explain):
-        made.add_tool(told(tool))
+        made.add_tool(with_errors(tool))
     return made
 
 

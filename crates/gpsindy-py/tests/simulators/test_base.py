@@ -96,7 +96,7 @@ def test_a_base_that_moves_as_logged_takes_its_legs_along():
         (LEG, None, "joint 'root' is a free joint: say how the base moves"),
         (LEG, "floating", "base: expected 'fixed', 'imu' or 'pose', found 'floating'"),
         (LEG.replace('<freejoint name="root"/>', ""), "imu", "the model has no free joint"),
-        (LEG.replace("<worldbody>", '<worldbody><geom type="plane" size="1 1 1"/>'), "imu", "do not tell how far it is"),
+        (LEG.replace("<worldbody>", '<worldbody><geom type="plane" size="1 1 1"/>'), "imu", "do not say how far away it is"),
         (LEG.replace("</worldbody>", '<body><freejoint/><geom size="0.1"/></body></worldbody>'), "fixed", "2 free joints"),
     ],
 )

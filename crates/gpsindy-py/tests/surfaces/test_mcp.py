@@ -77,6 +77,17 @@ def test_a_wrong_file_is_an_error_that_says_which(tmp_path):
     assert result.is_error and "absent.csv: cannot be read: there is no such file" in text(result)
 
 
+def test_a_simulator_that_steps_is_refused_in_a_line(folder):
+    (folder / "robot.xml").write_text("<mujoco/>", encoding="utf-8")
+    (folder / "plant.fmu").write_bytes(b"PK\x03\x04more")
+    log = str(folder / "log.csv")
+    models = [(str(folder / "robot.xml"), "a MuJoCo model"), (str(folder / "plant.fmu"), "an FMU")]
+    _, results = call(folder, *(("diagnose", {"model": model, "logs": [log]}) for model, _ in models))
+    for result, (model, kind) in zip(results, models):
+        assert result.is_error and f"{model}: {kind}; this server takes equations" in text(result), text(result)
+        assert text(result).endswith("run gpsindy diagnose on the command line"), text(result)
+
+
 SECRET = "root:x:0:0:administrator:/root"
 
 

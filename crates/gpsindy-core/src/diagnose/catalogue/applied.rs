@@ -17,7 +17,7 @@ pub(crate) struct Added {
     pub(crate) role: Role,
 }
 
-/// What sets a parameter apart where it is fitted or told.
+/// How a parameter is fitted and reported other than by its plain value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Role {
     /// Nothing.
@@ -33,7 +33,7 @@ pub(crate) enum Role {
 }
 
 impl Added {
-    /// A value below its lower end that no fit can walk to, and that is tried beside what a fit finds.
+    /// A value below its lower end that no fit can walk to, and that is tried besides what a fit finds.
     pub(crate) fn beyond(&self) -> Option<f64> {
         (self.role == Role::Corner).then_some(0.0)
     }

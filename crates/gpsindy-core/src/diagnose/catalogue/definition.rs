@@ -73,7 +73,7 @@ pub(crate) struct Definition {
     /// Plants it in a model for a power study, as the machine might have it; `None` where there is nothing to plant.
     pub(crate) plant: fn(&mut Planting<'_>) -> Result<Option<Size>>,
     /// The fitted model as a reader should have it: `(model, state)`.
-    pub(crate) told: fn(&mut Model, usize),
+    pub(crate) reported: fn(&mut Model, usize),
     /// What it looks like, on a machine of one or two axes.
     pub(crate) example: Example,
     /// The field of an MJCF file that carries it, if there is one.
@@ -82,10 +82,10 @@ pub(crate) struct Definition {
     pub(crate) about: &'static str,
 }
 
-/// For [`Definition::told`]: the model as it was fitted.
+/// For [`Definition::reported`]: the model as it was fitted.
 pub(crate) fn as_fitted(_: &mut Model, _: usize) {}
 
-/// For [`Definition::twins`]: experiments that part more than one pair.
+/// For [`Definition::twins`]: experiments that distinguish more than one pair.
 pub(crate) mod experiment {
     pub(crate) const SLOW_REVERSALS: &str = "slow reversals at three or more speeds, or a coast-down";
     pub(crate) const KNOWN_LOAD: &str = "add a known mass or load, or check one static reading against a ruler";

@@ -147,7 +147,7 @@ impl Effect {
 
     /// The fitted model with this effect in the equation of `state` as a reader should have it.
     pub(crate) fn tell(self, model: &mut Model, state: usize) {
-        (self.definition().told)(model, state);
+        (self.definition().reported)(model, state);
     }
 
     /// The form with the names of the variables in it.

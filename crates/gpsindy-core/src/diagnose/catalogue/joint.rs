@@ -100,7 +100,7 @@ pub(crate) fn exchanges(model: &Model, hypotheses: &[Hypothesis]) -> Vec<Vec<usi
                 (Some(place), None) if place != other => &model.states[place].name,
                 _ => continue,
             };
-            // Only what has one unit can be told by its difference.
+            // A difference makes sense only within one unit.
             if model.states.iter().any(|s| s.name == *own && s.unit != model.states[other].unit) {
                 continue;
             }

@@ -1,8 +1,8 @@
-//! The next experiment: the control signal, within the rig's limits, that best parts the simulators which logs left open.
+//! The next experiment: the control signal, within the rig's limits, that best distinguishes the simulators which logs left open.
 //!
 //! T-optimality (Atkinson and Fedorov 1975, The design of experiments for discriminating between two rival models,
-//! Biometrika 62): a signal is as good as the separation of the pair that it parts least, where each rival may still bend
-//! towards the other as far as the earlier logs let it.
+//! Biometrika 62): a signal is as good as its separation of the pair that is hardest to distinguish, where each rival may
+//! adjust its parameters as far as the earlier logs allow.
 
 pub(crate) mod open;
 pub(crate) mod separation;
@@ -20,7 +20,7 @@ use signals::{Form, Frame, Signal};
 use std::sync::Arc;
 
 impl Design {
-    /// The signal that best parts the candidates of `open`; `simulator` where they call one.
+    /// The signal that best distinguishes the candidates of `open`; `simulator` where they call one.
     ///
     /// # Errors
     /// A setting out of range, a control without a limit, limits within which every candidate leaves the bounds of a
@@ -48,8 +48,8 @@ impl Design {
                 "no signal within these limits keeps every state within its bounds; lower the limits or widen the bounds",
             ));
         };
-        let parted = bench.part(std::slice::from_ref(&signal))?.swap_remove(0).unwrap_or_default();
-        let mut pairs: Vec<Parting> = parted.iter().map(|part| self.parting(open, part)).collect();
+        let separated = bench.part(std::slice::from_ref(&signal))?.swap_remove(0).unwrap_or_default();
+        let mut pairs: Vec<Parting> = separated.iter().map(|part| self.parting(open, part)).collect();
         pairs.sort_by(|a, b| a.nats.total_cmp(&b.nats));
         Ok(Designed { time: frame.time, controls: frame.names, form: signal.form.name(), values: signal.values, pairs })
     }
@@ -70,8 +70,8 @@ impl Design {
 /// Keeps the signal that separates its least separated pair most.
 fn keep_best(best: &mut Option<(Signal, f64)>, bench: &Bench, signals: Vec<Signal>) -> Result<()> {
     let signals = bench.within_bounds(signals);
-    let parted = bench.part(&signals)?;
-    for (signal, parts) in signals.into_iter().zip(parted) {
+    let separated = bench.part(&signals)?;
+    for (signal, parts) in signals.into_iter().zip(separated) {
         let Some(parts) = parts else { continue };
         let least = parts.iter().map(Part::nats).fold(f64::INFINITY, f64::min);
         if best.as_ref().is_none_or(|(_, so_far)| least > *so_far) {

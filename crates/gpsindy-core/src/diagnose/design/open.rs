@@ -22,7 +22,7 @@ pub struct Candidate {
     pub covariance: Vec<Vec<f64>>,
 }
 
-/// Simulators of which each may be the right one, and the machine that shall tell.
+/// Simulators of which each may be the right one, and what is known of the machine and its sensors.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Open {
@@ -39,7 +39,7 @@ pub struct Open {
 }
 
 impl Candidate {
-    /// A model by itself: what is tolerated is known up to its tolerance, the rest is exact.
+    /// A model without logs: parameters with a tolerance are known up to it, all others exactly.
     #[must_use]
     pub fn of_model(model: Model) -> Self {
         let tolerated = model.parameters.iter().filter_map(|p| Some((p.name.clone(), p.tolerance? * p.value.abs())));
@@ -53,14 +53,14 @@ impl Candidate {
         let ids: Vec<&str> = fit.hypotheses.iter().map(|h| h.id()).collect();
         let label = if ids.is_empty() { format!("{} as it is", model.name) } else { ids.join(" + ") };
         let inflation = fit.evidence.inflation();
-        // What the logs do not tell at all may be off by many of its typical sizes.
-        let told = |(i, j): (usize, usize), value: f64| match value.is_finite() {
+        // What the logs do not determine at all may be off by many of its typical sizes.
+        let variance = |(i, j): (usize, usize), value: f64| match value.is_finite() {
             true => value,
             false if i == j => (UNKNOWN * fit.free[i].scale).powi(2),
             false => 0.0,
         };
         let row = |(i, row): (usize, &Vec<f64>)| {
-            row.iter().enumerate().map(|(j, v)| told((i, j), v * inflation)).collect::<Vec<f64>>()
+            row.iter().enumerate().map(|(j, v)| variance((i, j), v * inflation)).collect::<Vec<f64>>()
         };
         let covariance = fit.refined.covariance.iter().enumerate().map(row).collect();
         let parameters = fit.free.iter().map(|f| model.parameters[f.parameter].name.clone()).collect();

@@ -1,8 +1,8 @@
-//! How far a signal parts a pair of simulators: expected log odds in favour of the right one.
+//! How far a signal separates a pair of simulators: expected log odds in favour of the right one.
 //!
 //! For truth i and rival j: `min over d of (|y_i - y_j - D_j d|^2 + d' P_j d)/2`, averaged over what is known of i's sizes.
 //! `y` are the logged columns in units of their noise, `D_j` the derivatives of `y_j` by its start and its sizes, `P_j` what
-//! the earlier logs tell of its sizes: a rival may start where it likes, and bend as far as they let it.
+//! the earlier logs say of its sizes: a rival may have any start, and adjusts its sizes as far as they allow.
 
 use crate::diagnose::design::open::{Candidate, Open};
 use crate::diagnose::design::settings::Design;
@@ -45,7 +45,7 @@ struct Prediction {
     n_states: usize,
 }
 
-/// How far one pair is parted.
+/// How far one pair is separated.
 #[derive(Debug, Clone)]
 pub(crate) struct Part {
     pub(crate) pair: (usize, usize),
@@ -153,7 +153,7 @@ impl<'a> Bench<'a> {
         }
         let one = |signal: usize| {
             let of = |candidate: usize| predictions[candidate][signal].as_ref();
-            self.open.pairs.iter().map(|&(i, j)| self.parted((i, j), of(i)?, of(j)?)).collect::<Option<Vec<_>>>()
+            self.open.pairs.iter().map(|&(i, j)| self.separated((i, j), of(i)?, of(j)?)).collect::<Option<Vec<_>>>()
         };
         Ok((0..signals.len()).into_par_iter().map(one).collect())
     }
@@ -236,14 +236,14 @@ impl<'a> Bench<'a> {
         (0..player.system.n_states()).map(of).collect()
     }
 
-    fn parted(&self, pair: (usize, usize), one: &Prediction, other: &Prediction) -> Option<Part> {
+    fn separated(&self, pair: (usize, usize), one: &Prediction, other: &Prediction) -> Option<Part> {
         let there = self.separation(one, &self.players[pair.1], other)?;
         let back = self.separation(other, &self.players[pair.0], one)?;
         let growth = there.into_iter().zip(back).map(|(a, b)| a.min(b)).collect();
         Some(Part { pair, growth })
     }
 
-    /// Nats by which `truth` is told from the rival, at every moment; none where a number is none.
+    /// Nats by which `truth` is distinguished from the rival, at every moment; `None` where a number is not finite.
     fn separation(&self, truth: &Prediction, rival: &Player, other: &Prediction) -> Option<Vec<f64>> {
         let width = other.derivative.ncols();
         let base = &other.readings[0];

@@ -59,11 +59,11 @@ pub struct Designed {
     pub values: Vec<Vec<f64>>,
     /// What the signal began as: `multisine`, `chirp`, `steps` or `free form`.
     pub form: &'static str,
-    /// How far every pair is parted, the least first.
+    /// How far every pair is separated, the least first.
     pub pairs: Vec<Parting>,
 }
 
-/// How far a pair of simulators is parted.
+/// How far a pair of simulators is separated.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Parting {
@@ -92,7 +92,7 @@ impl Design {
             return Err(Error::range("duration times rate", "between 16 and 1,000,000 samples", self.samples()));
         }
         if open.pairs.is_empty() {
-            return Err(Error::settings("no two simulators are to be told apart; hand in at least two"));
+            return Err(Error::settings("there is no pair of simulators to distinguish; hand in at least two"));
         }
         let model = &open.candidates[0].model;
         let controls = || model.controls.iter().map(|c| &c.name);

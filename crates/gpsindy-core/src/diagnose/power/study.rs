@@ -166,7 +166,7 @@ mod tests {
         assert!(friction.named_from.is_some_and(|c| c > 0.0), "{friction:?}");
         assert!(friction.named_from >= friction.detected_from, "{friction:?}");
         assert!(found.effects.iter().all(|e| !e.trials.is_empty()), "{:?}", found.effects);
-        // The noise of the copies is that of the logs; 480 values tell a deviation to 3 %, doubled for the differences.
+        // The noise of the copies is that of the logs; 480 values give a deviation to 3 %, doubled for the differences.
         assert!((found.noise[0].rms / 0.004 - 1.0).abs() < 0.2 && !found.noise[0].coloured, "{:?}", found.noise);
     }
 

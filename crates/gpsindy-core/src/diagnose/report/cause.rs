@@ -73,7 +73,7 @@ pub struct BetweenRuns {
     pub parameter: String,
     /// Unit of all values.
     pub unit: String,
-    /// Runs that tell it, in their order.
+    /// Runs that determine it, in their order.
     pub runs: Vec<RunValue>,
     /// Mean of the machine over its runs, in `unit`.
     pub pooled: f64,

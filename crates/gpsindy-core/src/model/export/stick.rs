@@ -7,8 +7,8 @@ use crate::expression::{Expression, Function, Tape};
 
 /// What a reader of such a right side must know.
 const NOTE: [&str; 3] = [
-    "Dry friction: sign(z) stands for a force that holds z at rest, where it has whatever value",
-    "in its reach keeps z there. A right side alone can't hold: take an integrator that stops where",
+    "Dry friction: at rest sign(z) is the force that holds z there, which may have any value",
+    "in its range. A right side alone can't hold: take an integrator that stops where",
     "z crosses zero, or short steps.",
 ];
 

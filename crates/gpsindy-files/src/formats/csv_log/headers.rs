@@ -37,7 +37,7 @@ pub(super) fn headers(file: &str, first: &Row, options: &LogOptions) -> Result<V
         }
     }
     for (old, new) in &options.renames(&headers) {
-        // The whole header is looked for first, so that two columns of one name can be told apart.
+        // The whole header is looked for first, which distinguishes two columns of one name.
         let at =
             headers.iter().position(|h| h.text == old.trim()).or_else(|| headers.iter().position(|h| h.name == *old));
         let Some(at) = at else { return Err(missing(file, "--rename: column", old, &headers)) };

@@ -47,7 +47,7 @@ fn every_kind_of_bad_input_is_one_clear_line() {
         ("t,x\n0,1\n1,1e999\n", "log.csv:3: column `x`: infinite value \"1e999\""),
         (
             "t,x\n0,1\n1,2\n0.5,3\n",
-            "log.csv:4: column `t`: time goes back, from 1 to 0.5; sort the samples, or tell the runs apart with --run",
+            "log.csv:4: column `t`: time goes back, from 1 to 0.5; sort the samples, or name the column of the runs with --run",
         ),
         ("t,x\n0,1\n0,2\n", "log.csv:3: column `t`: time does not advance, from 0 to 0"),
         ("t,x\n0,1\n,2\n", "log.csv:3: column `t`: the time is missing"),

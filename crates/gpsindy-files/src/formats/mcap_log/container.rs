@@ -192,7 +192,10 @@ impl Read for Counted<'_> {
 }
 
 fn broken(file: &str, messages: u64, error: &mcap::McapError) -> String {
-    format!("{file}: the file breaks off behind {messages} messages ({}); what stands before was read", words(error))
+    format!(
+        "{file}: the file breaks off behind {messages} messages ({}); everything before that was read",
+        words(error)
+    )
 }
 
 /// The cause on one line.
@@ -226,7 +229,7 @@ pub(crate) fn channels(file: &str, inputs: &[Input], progress: &dyn Progress) ->
         broken = broken.or(told);
     }
     match broken {
-        // What is told begins with the name of the file.
+        // The message begins with the name of the file.
         Some(told) if channels.is_empty() => Err(Error::file(file, told.trim_start_matches(&format!("{file}: ")))),
         _ => Ok(channels),
     }

@@ -13,7 +13,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-/// What [`Leaf::told`] says of text.
+/// [`Leaf::kind`] of text.
 pub(crate) const TEXT: &str = "text";
 
 /// Records that are decoded at a time.
@@ -31,7 +31,8 @@ pub(crate) struct Leaf {
     pub(crate) index: usize,
     /// Its path with points, without what a list wraps around its elements.
     pub(crate) name: String,
-    pub(crate) told: String,
+    /// Its type, for people.
+    pub(crate) kind: String,
     pub(crate) number: bool,
     pub(crate) listed: bool,
     unsigned: bool,
@@ -263,7 +264,7 @@ impl Rows {
     }
 }
 
-/// How levels tell what is missing.
+/// How levels mark what is missing.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     /// Level of a value that is there.
@@ -353,10 +354,10 @@ impl Leaf {
         let whole = !decimal && matches!(kind, Physical::BOOLEAN | Physical::INT32 | Physical::INT64 | Physical::INT96);
         let is_half = matches!(&logical, Some(LogicalType::Float16)) && column.type_length() == 2;
         let number = !decimal && (whole || is_half || matches!(kind, Physical::FLOAT | Physical::DOUBLE));
-        let told = match kind {
+        let named = match kind {
             _ if decimal => "decimals",
             _ if is_half => "float16",
-            _ if calendar.is_some() => calendar.map_or("", |(told, _)| told),
+            _ if calendar.is_some() => calendar.map_or("", |(name, _)| name),
             Physical::BOOLEAN => "bool",
             Physical::INT32 => {
                 if unsigned {
@@ -378,8 +379,8 @@ impl Leaf {
             Physical::BYTE_ARRAY => TEXT,
             Physical::FIXED_LEN_BYTE_ARRAY => "bytes",
         };
-        let (name, told, seconds) = (parts.join("."), told.into(), calendar.map(|(_, seconds)| seconds));
-        Some(Self { index, name, told, number, listed, unsigned, whole, seconds })
+        let (name, kind, seconds) = (parts.join("."), named.into(), calendar.map(|(_, seconds)| seconds));
+        Some(Self { index, name, kind, number, listed, unsigned, whole, seconds })
     }
 }
 

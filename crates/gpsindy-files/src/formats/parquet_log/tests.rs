@@ -137,7 +137,7 @@ fn errors_name_the_row_and_the_column() {
     let found = message(&options(None), "x");
     assert_eq!(
         found,
-        "a.parquet: row 4, column `t`: time goes back, from 0.2 to 0; sort the rows, or tell the runs apart with --run"
+        "a.parquet: row 4, column `t`: time goes back, from 0.2 to 0; sort the rows, or name the column of the runs with --run"
     );
     assert!(message(&options(Some("trail")), "x").contains("did you mean `trial`?"));
     assert_eq!(message(&options(Some("trial")), "remark"), "a.parquet: column `remark` holds text, not numbers");

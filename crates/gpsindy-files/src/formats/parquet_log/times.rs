@@ -17,7 +17,7 @@ impl ParquetLog {
     pub(super) fn times(&self) -> Result<Times> {
         let mut notes = Vec::new();
         let leaf = &self.time.leaf;
-        if leaf.told == TEXT && !leaf.listed {
+        if leaf.kind == TEXT && !leaf.listed {
             return self.written_times();
         }
         if leaf.whole && !leaf.listed {
@@ -49,19 +49,19 @@ impl ParquetLog {
             if stamps.iter().zip(&frames).all(near) {
                 notes.push(format!(
                     "{}: the stamps are {}; they were made again as frame_index / {rate} Hz, with which they agree",
-                    self.file, leaf.told
+                    self.file, leaf.kind
                 ));
                 stamps = frames.iter().map(|frame| frame / rate).collect();
             } else {
                 notes.push(format!(
-                    "{}: the stamps do not agree with frame_index / {rate} Hz; they were taken as they stand, {}",
-                    self.file, leaf.told
+                    "{}: the stamps do not agree with frame_index / {rate} Hz; they were used unchanged, {}",
+                    self.file, leaf.kind
                 ));
             }
         }
-        if self.lacks_rate && leaf.told == "float32" {
+        if self.lacks_rate && leaf.kind == "float32" {
             notes.push(format!(
-                "{}: meta/info.json tells no `fps` above 0; the stamps were taken as they stand, float32, and not made again from frame_index",
+                "{}: meta/info.json has no `fps` above 0; the stamps were used unchanged, as float32, and not computed from frame_index",
                 self.file
             ));
         }
@@ -128,7 +128,7 @@ impl ParquetLog {
             if after <= before {
                 let how = if after < before { "goes back" } else { "stands still" };
                 let cure = if run.is_empty() {
-                    "sort the rows, or tell the runs apart with --run"
+                    "sort the rows, or name the column of the runs with --run"
                 } else {
                     "sort or thin the rows"
                 };

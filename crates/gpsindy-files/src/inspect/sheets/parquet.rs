@@ -16,7 +16,7 @@ pub(crate) fn look(log: &ParquetLog, file: String, format: &'static str, progres
     let mut columns: Vec<Column> = headers
         .iter()
         .enumerate()
-        .map(|(i, h)| Column::new(&h.text, &h.name, log.told(i), &h.unit, log.is_numeric(i)))
+        .map(|(i, h)| Column::new(&h.text, &h.name, log.kind(i), &h.unit, log.is_numeric(i)))
         .collect();
     // The elements of a list at once, the columns otherwise one by one: so little is in memory at a time.
     let mut at = 0;

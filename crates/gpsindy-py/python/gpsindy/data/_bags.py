@@ -25,7 +25,7 @@ class _Stand:
         self.paths = paths
         self._names = names
 
-    def told(self, text: str) -> str:
+    def renamed(self, text: str) -> str:
         """A sentence with the bags' own names."""
         for stand, own in self._names.items():
             text = text.replace(stand, own)
@@ -37,7 +37,7 @@ class _Stand:
             return work(self.paths)
         except (ValueError, OSError) as error:
             if self._names:
-                raise type(error)(self.told(str(error))) from None
+                raise type(error)(self.renamed(str(error))) from None
             raise
 
 

@@ -72,8 +72,8 @@ def inspect(
     options = _gpsindy.LogOptions(time=time, run=run, stamp=stamp)
     with as_mcap([os.fspath(path)]) as logs:
         found, text = logs.run(lambda paths: _gpsindy.inspect(paths[0], options, width))
-        fields = json.loads(logs.told(found))
-        return Inspection(**fields, _text=logs.told(text))
+        fields = json.loads(logs.renamed(found))
+        return Inspection(**fields, _text=logs.renamed(text))
 
 
 def read_log(
@@ -167,5 +167,5 @@ def read_log(
                 hold == "linear",
             )
         )
-        doubts = [logs.told(doubt) for doubt in doubts]
+        doubts = [logs.renamed(doubt) for doubt in doubts]
     return as_read(inner, doubts, angles)

@@ -9,7 +9,7 @@ import numpy as np
 from gpsindy.data._tables import Array
 from gpsindy.mujoco._engine import mujoco
 
-#: Inertia of a base that moves as it is told, as a multiple of the model's own: its legs then move it by less than a millionth.
+#: Inertia of a base whose motion is prescribed, as a multiple of the model's own: its legs then move it by less than a millionth.
 FIRM = 1e6
 
 #: How a base may move, and the columns that say it beside each other.
@@ -67,8 +67,8 @@ class Base:
             )
         if how == "imu" and _may_touch_the_world(model):
             raise ValueError(
-                "base='imu': the model has a floor or another fixed shape that the robot may touch, and orientation and rates do not tell "
-                "how far it is; log its position, too (base='pose'), or take the fixed shapes out of the file"
+                "base='imu': the model has a floor or another fixed shape that the robot may touch, and orientation and rates do not say "
+                "how far away it is; log its position, too (base='pose'), or take the fixed shapes out of the file"
             )
         position, velocity = int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])
         self._at = position, velocity

@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { added_states: 2, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(
         example::CART,
         Drive::Steps,

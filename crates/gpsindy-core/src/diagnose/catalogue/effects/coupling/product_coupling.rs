@@ -22,7 +22,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { has_many_places: true, has_no_single_size: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::RIG, Drive::Steps, 10.0, "v", &[("v", "2*u - 0.8*v - 0.5*v*z")]),
     in_mjcf: None,
     about: "",

@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { has_many_places: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(&[("s", 8.0, "-0.5*s")], Drive::Released, 8.0, "s", &[("s", "-0.5*s/(1 + 0.25*s)")]),
     in_mjcf: None,
     about: "Monod, Holling and Michaelis-Menten kinetics, applied to the parameter that sets the rate, so that every equation with this rate changes.",

@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(&[("r", 0.0, "4*u - 2*r")], Drive::Ramp, 6.0, "r", &[("r", "4*u/sqrt(1 + 0.6*r^2) - 2*r")]),
     in_mjcf: None,
     about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. It is tested only on request, because it could act at every parameter of every equation of a speed.",

@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::COASTING, Drive::Released, 6.0, "v", &[("v", "-0.4*v - 0.5*tanh(v/0.02)")]),
     in_mjcf: Some("`frictionloss` of the joint"),
     about: "",

@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { contains: &[Effect::CoulombFriction], ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(
         example::ARM,
         Drive::Sine(2.0, 1.0),

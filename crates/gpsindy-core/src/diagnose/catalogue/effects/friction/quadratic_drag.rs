@@ -23,7 +23,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::COASTING, Drive::Released, 6.0, "v", &[("v", "-0.4*v - 0.6*v*abs(v)")]),
     in_mjcf: None,
     about: "",

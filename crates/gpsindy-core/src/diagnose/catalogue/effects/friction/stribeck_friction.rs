@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { contains: &[Effect::CoulombFriction], ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(
         example::COASTING,
         Drive::Released,

@@ -29,7 +29,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Sine(3.0, 1.0), 10.0, "v", &[("v", "2*play(u, 0.7) - 0.8*v")]),
     in_mjcf: None,
     about: "",

@@ -31,7 +31,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { added_states: 1, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(
         example::ARM,
         Drive::Sine(2.0, 1.0),

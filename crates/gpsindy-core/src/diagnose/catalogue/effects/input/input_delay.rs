@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { imitated_by_hold: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Steps, 10.0, "v", &[("v", "2*delay(u, 0.35) - 0.8*v")]),
     in_mjcf: Some("`delay` of the actuator, in whole steps"),
     about: "",

@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { imitated_by_hold: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Sine(3.0, 1.0), 10.0, "v", &[("v", "2*sample_hold(u, 0.8, 0) - 0.8*v")]),
     in_mjcf: None,
     about: "Period and phase are found by trial, because what is held changes in jumps when they move; the other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. Jitter of the period is not modelled.",

@@ -24,7 +24,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { added_states: 1, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Steps, 10.0, "v", &[("v", "2*w - 0.8*v"), ("w", "(u - w)/0.5")]),
     in_mjcf: None,
     about: "",

@@ -24,7 +24,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { is_a_limit: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Sine(3.0, 1.0), 10.0, "v", &[("v", "2*clamp(u, -0.5, 0.5) - 0.8*v")]),
     in_mjcf: Some("`ctrlrange` of the actuator, if symmetric"),
     about: "",

@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::SPRING, Drive::Released, 8.0, "x", &[("v", "-4*x - 0.2*v + 3*u + 1.2")]),
     in_mjcf: None,
     about: "",

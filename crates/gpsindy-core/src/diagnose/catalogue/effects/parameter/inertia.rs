@@ -24,7 +24,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::SPRING, Drive::Released, 8.0, "x", &[("v", "(-4*x - 0.2*v + 3*u)/1.4")]),
     in_mjcf: Some("`armature` of the joint"),
     about: "If a parameter of the model already scales the whole equation, such as its mass, that parameter is tested instead. Negative values down to half of the inertia are allowed.",

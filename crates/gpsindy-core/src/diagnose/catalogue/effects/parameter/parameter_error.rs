@@ -23,7 +23,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::SPRING, Drive::Released, 8.0, "x", &[("v", "-5*x - 0.2*v + 3*u")]),
     in_mjcf: Some("the field: `kp`, `kv`, `mass` ..."),
     about: "",

@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { only_if_asked: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "delay(x, 0.5)"),
     in_mjcf: None,
     about: "The state at the other time is approximated by its value plus its rate times the difference, which holds for differences that are short compared with the motion. It is tested only on request: an offset of half a sample absorbs the timing errors of any other effect.",
@@ -62,6 +62,6 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.model.states[planting.hypothesis.state].measured = Some(measured);
     let (period, span) = (planting.scene.period, planting.span());
     let size =
-        Size::within("e", String::new(), (period / span, 0.2), "beyond that a straight line no longer tells the time");
+        Size::within("e", String::new(), (period / span, 0.2), "beyond that no straight line describes the clock");
     Ok(Some(size))
 }

@@ -22,7 +22,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "x + 0.3"),
     in_mjcf: None,
     about: "",

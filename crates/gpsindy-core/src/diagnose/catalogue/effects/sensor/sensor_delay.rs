@@ -23,7 +23,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { reads_the_past: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "delay(x, 0.3)"),
     in_mjcf: None,
     about: "",

@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { added_states: 1, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example {
         reads: "y",
         own_start: 1.0,

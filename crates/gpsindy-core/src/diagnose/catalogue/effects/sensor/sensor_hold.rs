@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { reads_the_past: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "sample_hold(x, 0.4, 0)"),
     in_mjcf: None,
     about: "Period and phase are found by trial, because the values that are shown change in jumps when they move; the other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",

@@ -23,7 +23,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::TURNING, Drive::Ramp, 9.0, "v", &[("v", "2*u - 0.8*v + 1.2*sin(q)")]),
     in_mjcf: None,
     about: "",

@@ -22,7 +22,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Steps, 10.0, "v", &[("v", "2*u - 0.8*v - 1.5*x")]),
     in_mjcf: Some("`stiffness` of the joint"),
     about: "",

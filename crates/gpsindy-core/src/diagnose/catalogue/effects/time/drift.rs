@@ -25,7 +25,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { has_many_places: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Sine(4.0, 1.0), 12.0, "v", &[("v", "2*u - 0.8*v + 0.08*t")]),
     in_mjcf: None,
     about: "",

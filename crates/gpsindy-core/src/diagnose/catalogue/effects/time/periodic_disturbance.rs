@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(example::CART, Drive::Steps, 10.0, "v", &[("v", "2*u - 0.8*v + 1.5*sin(4*t)")]),
     in_mjcf: None,
     about: "",

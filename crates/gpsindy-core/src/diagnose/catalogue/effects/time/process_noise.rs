@@ -23,7 +23,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(
         example::CART,
         Drive::Steps,
@@ -35,8 +35,8 @@ pub(super) static DEFINITION: Definition = Definition {
     about: "No rollout can follow a random force, so none is fitted: an extended Kalman filter gives the likelihood of the logs with \
             an Ornstein-Uhlenbeck process in the row (the spectrum of Dryden's gusts). It is reported where the filter explains the logs \
             better than any effect does and no function of the states, the controls or the time improves it further. The \
-            augmented model does not change: the statement is about the row. The picture stands for it by three sines. `q` and `tau` are what a Kalman filter of \
-            the machine wants to know.",
+            augmented model does not change: the statement is about the row. In the picture three sines represent it. A Kalman filter \
+            of the machine needs `q` and `tau`.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

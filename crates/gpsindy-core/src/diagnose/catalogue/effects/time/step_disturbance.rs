@@ -25,7 +25,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits::PLAIN,
     write,
     plant,
-    told: tell,
+    reported: with_edge,
     example: Example::of(example::CART, Drive::Steps, 10.0, "v", &[("v", "2*u - 0.8*v + 0.8*step(t - 5.3)")]),
     in_mjcf: None,
     about: "",
@@ -41,7 +41,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (first, last, span) = writer.span();
     let period = writer.scene.period;
     let c = writer.add("c", 0.0, rate, FREE, &unit);
-    // Less than a handful of samples beside the edge is a spike, not an event that lasts.
+    // Less than a handful of samples next to the edge is a spike, not an event that lasts.
     let margin = (EDGE * span).max(LASTING * period).min(0.5 * span);
     let t0 = writer.add("t0", first, 0.01 * span, (first + margin, last - margin), "s");
     // A ramp of two samples in place of the edge, so that its time can be fitted.
@@ -60,8 +60,8 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     Ok(Some(Size::added(planting.rate_unit(), planting.rate())))
 }
 
-/// The ramp that stood for an edge in the fit, as the edge.
-fn tell(model: &mut Model, _: usize) {
+/// Replaces the ramp that approximated the edge in the fit by the edge.
+fn with_edge(model: &mut Model, _: usize) {
     let sharp = |part: Expression| match &part {
         Expression::Call(Function::Clamp, arguments) => match &arguments[0] {
             Expression::Binary(Operator::Divide, ramp, _) if is_since_an_instant(ramp) => {

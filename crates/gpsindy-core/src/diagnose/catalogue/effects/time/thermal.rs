@@ -26,7 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
     traits: Traits { added_states: 1, has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
     write,
     plant,
-    told: as_fitted,
+    reported: as_fitted,
     example: Example::of(
         example::CART,
         Drive::Sine(6.0, 1.0),
