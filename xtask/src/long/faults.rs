@@ -275,11 +275,11 @@ impl Lab {
         let mut shell = Command::new("unshare");
         shell.args(["--map-root-user", "--mount", "bash", "-c", &script]).current_dir(&self.folder);
         let output = shell.stdin(Stdio::null()).output().map_err(|e| format!("unshare: {e}"))?;
-        let told = |what: &str| format!("{change}; gpsindy {line}: {what}; {}", told(&output));
-        expect(self.is_one_report("found")?, || told("files of two reports"))?;
+        let complained = |what: &str| format!("{change}; gpsindy {line}: {what}; {}", complaint(&output));
+        expect(self.is_one_report("found")?, || complained("files of two reports"))?;
         let [found, full] = ["found", "full"].map(|folder| names(&self.folder.join(folder)));
-        expect(found == full, || told("a part was left"))?;
-        expect(output.status.success() || one_line(&output), || told("not one line"))?;
+        expect(found == full, || complained("a part was left"))?;
+        expect(output.status.success() || one_line(&output), || complained("not one line"))?;
         fs::remove_dir_all(self.folder.join("found")).map_err(|e| format!("found: {e}"))?;
         Ok(output.status.success())
     }
