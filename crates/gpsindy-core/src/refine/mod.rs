@@ -100,6 +100,15 @@ pub struct Refined {
     pub(crate) kept: Option<Arc<Kept>>,
 }
 
+/// What a fit starts from, and what it must end with.
+struct Beginning<'a> {
+    /// Initial states of all windows, as far as they are known.
+    initial: Option<&'a [Vec<f64>]>,
+    /// Derivatives of an earlier fit.
+    kept: Option<&'a Arc<Kept>>,
+    wanted: Wanted,
+}
+
 /// Steps up to which a fit only ranks. A Jacobian costs as much as several of them.
 const RANKING: usize = 5;
 
@@ -130,7 +139,7 @@ impl Refine {
         kept: Option<&Arc<Kept>>,
     ) -> Result<Refined> {
         let wanted = if self.only_ranks() { Wanted::Rank } else { Wanted::Derivatives };
-        let from = (Some(initial), kept, wanted);
+        let from = Beginning { initial: Some(initial), kept, wanted };
         let (refined, _) = self.fit_from(system, experiment, (parameters, free), from, &|_| Ok(()))?;
         Ok(refined)
     }
@@ -144,7 +153,13 @@ impl Refine {
         initial: Option<&[Vec<f64>]>,
         watch: &dyn Fn(usize) -> Result<()>,
     ) -> Result<(Refined, Jacobian)> {
-        self.fit_from(system, experiment, (parameters, free), (initial, None, Wanted::Derivatives), watch)
+        self.fit_from(
+            system,
+            experiment,
+            (parameters, free),
+            Beginning { initial, kept: None, wanted: Wanted::Derivatives },
+            watch,
+        )
     }
 
     /// Whether a fit with so few steps only ranks: it is not worth derivatives of where it ends.
@@ -157,7 +172,7 @@ impl Refine {
         system: &System,
         experiment: &Experiment,
         (parameters, free): (&[f64], &[Free]),
-        (initial, kept, wanted): (Option<&[Vec<f64>]>, Option<&Arc<Kept>>, Wanted),
+        Beginning { initial, kept, wanted }: Beginning<'_>,
         watch: &dyn Fn(usize) -> Result<()>,
     ) -> Result<(Refined, Jacobian)> {
         experiment.tally.fit();

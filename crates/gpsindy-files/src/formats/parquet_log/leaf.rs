@@ -96,7 +96,7 @@ impl Table {
         for (name, ticks) in arrow.map(arrow::durations).unwrap_or_default() {
             let is_it = |leaf: &&mut Leaf| leaf.name == name && leaf.whole && leaf.seconds.is_none();
             if let Some(leaf) = leaves.iter_mut().find(is_it) {
-                (leaf.told, leaf.seconds) = ("duration".into(), Some((1.0, ticks)));
+                (leaf.kind, leaf.seconds) = ("duration".into(), Some((1.0, ticks)));
             }
         }
         leaves
