@@ -35,4 +35,15 @@ mod tests {
         assert!(on("x") > 0, "{:?}", found.excluded);
         assert_eq!(on("rest"), 0, "{:?}", found.excluded);
     }
+
+    #[test]
+    fn a_delay_that_would_have_shown_is_excluded_above_a_share_of_a_period() {
+        // Readings every 0.02 s of a command that steps, and a drag that the model lacks.
+        let (model, data) = drive(None, |x| x + 0.8 * x * x.abs(), 0.01, (3, 400));
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let delay = found.excluded.iter().find(|row| row.effect == "input_delay").unwrap();
+        assert_eq!(delay.unit, "s");
+        assert!(delay.above > 0.0 && delay.above < 0.02, "{delay:?}");
+    }
 }

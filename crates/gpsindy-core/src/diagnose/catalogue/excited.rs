@@ -1,7 +1,6 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
-use crate::diagnose::catalogue::clock::tells_time;
-use crate::diagnose::catalogue::excursion::{Excursion, turns};
+use crate::diagnose::catalogue::excursion::{Excursion, tells_time, turns};
 use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
 use crate::refine::{Experiment, Log, Window, present};

@@ -1,7 +1,6 @@
 //! The catalogue: the effects, where they can act, and how each is written into a model.
 
 mod applied;
-mod clock;
 pub(crate) mod custom;
 pub(crate) mod definition;
 pub(crate) mod effect;

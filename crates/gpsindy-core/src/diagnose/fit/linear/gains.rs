@@ -67,7 +67,8 @@ impl Basis {
             Combine::Keep if usable(0) => {
                 // The column is a finite step: taken in full, half or double, not at any length.
                 let length = (slope[0] / gram[(0, 0)]).clamp(STEP.0, STEP.1);
-                Gain { gain: 2.0 * length * slope[0] - length * length * gram[(0, 0)], ..nothing }
+                let gain = 2.0 * length * slope[0] - length * length * gram[(0, 0)];
+                Gain { gain, deviation: step_deviation(start, fitted, gram[(0, 0)]), ..nothing }
             }
             Combine::Amplitude => {
                 let own = (0..count).map(|i| if usable(i) { length_bounds(start, fitted, i) } else { (0.0, 0.0) });
@@ -168,6 +169,13 @@ impl Gain {
 /// as all else does together: a larger one shows in any log, so its exclusion says nothing.
 fn is_telling(deviation: f64, added: Option<&(usize, Added)>) -> bool {
     added.is_none_or(|(_, added)| SHOWN * deviation < added.scale)
+}
+
+/// Standard deviation of the one parameter that a finite step moves from zero, as a delay: the response to a longer one grows by less.
+fn step_deviation(start: &Start, fitted: &[(usize, Added)], gram: f64) -> Option<f64> {
+    let [(_, added)] = fitted else { return None };
+    let deviation = (added.lower == 0.0).then(|| start.columns[0][0].abs() / gram.sqrt())?;
+    is_telling(deviation, fitted.first()).then_some(deviation)
 }
 
 /// Least and greatest length of column `i` for which its parameter stays within its bounds: a friction that would

@@ -65,8 +65,10 @@ impl Screened {
         // Of a wrong parameter finite steps are tried, too, and one of them may be best: how well it is known the straight line says.
         let is_straight = |start: &Start| start.amplitudes.first().is_some_and(|(_, origin)| *origin != 0.0);
         let straight = self.applied.starts.iter().zip(&self.gains).find(|(start, _)| is_straight(start));
-        let deviation =
-            best.deviation.or_else(|| straight.and_then(|(_, gains)| gains.of(Noise::Coloured)?.first()?.deviation));
+        let deviation = match straight {
+            Some((_, gains)) => gains.of(Noise::Coloured).and_then(|gains| gains.first()?.deviation),
+            None => best.deviation,
+        };
         let resolution = deviation.map(|deviation| (deviation, unit));
         Summary { gain: best.gain, degrees: best.degrees, resolution }
     }

@@ -51,7 +51,8 @@ pub(crate) fn choose_windows(
                 if fits && parts == of_motion && parts > 1 && follows(&cut, &fit.residuals) {
                     return grown(system, (experiment, cut), at, parts, watch);
                 }
-                if fits || smallest {
+                // Where time is up no further length is tried.
+                if fits || smallest || experiment.tally.is_over() {
                     return Ok((cut, (parts > 1).then_some(length)));
                 }
             }
@@ -73,7 +74,7 @@ fn grown(
     watch: &dyn Fn(usize) -> Result<()>,
 ) -> Result<(Experiment, Option<f64>)> {
     let longest = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).fold(0.0, f64::max);
-    while parts > 1 {
+    while parts > 1 && !experiment.tally.is_over() {
         let half = parts / 2;
         let longer = match half {
             1 => whole_runs(experiment.clone()),

@@ -2,6 +2,7 @@
 
 use crate::data::Dataset;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::limits::SHOWN;
@@ -91,9 +92,10 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome, verdict: Verdict) -> Vec<E
                 && h.state == hypothesis.state
                 && (h.frees().is_none() || h.frees() == hypothesis.frees())
         };
+        let has_size = hypothesis.has_single_size() && !hypothesis.effect().is_some_and(Effect::size_is_a_limit);
         let is_quiet = summary.gain < QUIET_GAIN && !outcome.best.hypotheses.iter().any(is_same);
         let may_be = !is_whole && outcome.may_carry(hypothesis);
-        if is_quiet && !may_be && deviation.is_finite() && *deviation > 0.0 && hypothesis.has_single_size() {
+        if is_quiet && !may_be && deviation.is_finite() && *deviation > 0.0 && has_size {
             let state = model.states[hypothesis.moves()].name.clone();
             let (variables, place) = (hypothesis.variables.clone(), hypothesis.place());
             let is_listed = |e: &Excluded| {
