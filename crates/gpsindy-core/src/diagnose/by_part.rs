@@ -105,24 +105,24 @@ fn bound(bound: &Bound) -> String {
 /// A cause in words: `friction +0.25 N m (0.248 to 0.252)`, `kp of elbow_servo 40 -> 30 (29.9 to 30.1)`.
 fn cause(cause: &Cause, part: &str, model: &Model) -> String {
     let Some(size) = cause.parameters.first() else { return name(cause) };
-    let range = |write: &dyn Fn(f64) -> String| match (size.low, size.high) {
-        (Some(low), Some(high)) => format!(" ({} to {})", write(low), write(high)),
+    let range = |factor: f64| match (size.low, size.high) {
+        (Some(low), Some(high)) => format!(" ({})", between(factor * low, factor * high)),
         _ => String::new(),
     };
-    let changed = |what: &str, by: f64| format!("{what} {}{}", signed(by, &size.unit), range(&short));
+    let changed = |what: &str, by: f64| format!("{what} {}{}", signed(by, &size.unit), range(1.0));
     match Effect::from_id(&cause.effect) {
-        Some(Effect::ParameterError) => parameter(cause, size, part, model, &range(&short)),
+        Some(Effect::ParameterError) => parameter(cause, size, part, model, &range(1.0)),
         Some(Effect::CoulombFriction) => changed("friction", size.value),
         Some(Effect::ViscousFriction) => changed("damping", size.value),
         Some(Effect::Bias) => changed("force", size.value),
         Some(Effect::SensorBias) => changed("sensor bias", size.value),
         Some(Effect::InputDelay) => {
-            format!("command late by {}{}", milliseconds(size.value), range(&|v| short(MILLI * v)))
+            format!("command late by {}{}", milliseconds(size.value), range(MILLI))
         }
         Some(Effect::SensorDelay) => {
-            format!("sensor late by {}{}", milliseconds(size.value), range(&|v| short(MILLI * v)))
+            format!("sensor late by {}{}", milliseconds(size.value), range(MILLI))
         }
-        _ => format!("{} {} = {}{}", name(cause), size.name, with_unit(size.value, &size.unit), range(&short)),
+        _ => format!("{} {} = {}{}", name(cause), size.name, with_unit(size.value, &size.unit), range(1.0)),
     }
 }
 
@@ -161,6 +161,16 @@ fn signed(value: f64, unit: &str) -> String {
 
 fn with_unit(value: f64, unit: &str) -> String {
     format!("{} {unit}", short(value)).trim_end().to_string()
+}
+
+/// Both ends of an interval, down to the first digit of its half width: `29.997 to 30.001`.
+fn between(low: f64, high: f64) -> String {
+    let (width, size) = (0.5 * (high - low), low.abs().max(high.abs()));
+    if !(width > 0.0 && (PLAIN.0..PLAIN.1).contains(&size)) {
+        return format!("{} to {}", short(low), short(high));
+    }
+    let decimals = (-width.log10().floor() as i32).clamp(0, 9) as usize;
+    format!("{low:.decimals$} to {high:.decimals$}")
 }
 
 /// A number with three digits: `0.25`, `12.3`, `2.0e-6` as `2e-6`.
@@ -229,5 +239,13 @@ mod tests {
     fn numbers_are_short() {
         let all = [0.25, 0.2496, 12.34, 1234.0, -0.00301, 2e-6, 0.0, 1.0].map(short);
         assert_eq!(all, ["0.25", "0.25", "12.3", "1234", "-0.00301", "2e-6", "0", "1"]);
+    }
+
+    #[test]
+    fn the_ends_of_a_narrow_interval_differ() {
+        assert_eq!(between(29.9968, 30.0011), "29.997 to 30.001");
+        assert_eq!(between(0.2481, 0.2519), "0.248 to 0.252");
+        assert_eq!(between(-14.0, 9.0), "-14 to 9");
+        assert_eq!(between(2e-6, 3e-6), "2e-6 to 3e-6");
     }
 }

@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::{CROWDED, PARTED, TWINS};
-use crate::diagnose::limits::{MATERIAL, SUBSTITUTE};
+use crate::diagnose::limits::{MATERIAL, NO_REST, SUBSTITUTE};
 use crate::diagnose::steps::attribution::survey::Summary;
 
 /// Whether there is a gap.
@@ -140,6 +140,6 @@ pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant,
 }
 
 /// Mean squared residual (noise units) that the nominal model leaves beyond noise.
-fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
-    nominal.evidence.misfit() - best.evidence.misfit().min(1.0)
+pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
+    (nominal.evidence.misfit() - best.evidence.misfit().min(1.0)).max(NO_REST)
 }

@@ -10,7 +10,7 @@ use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::NO_REST;
 use crate::diagnose::report::{Cause, Parameter, Twin, finite};
 use crate::diagnose::steps::attribution::contest::Contest;
-use crate::diagnose::steps::findings::{Outcome, Seat, Told};
+use crate::diagnose::steps::findings::{Outcome, Seat, Told, gap_size};
 use crate::diagnose::steps::verdict::stability::Stability;
 use crate::model::{Model, unit};
 use std::cmp::Ordering;
@@ -73,7 +73,7 @@ impl Causes<'_> {
     fn singles(&self) -> Vec<Cause> {
         let singles = &self.outcome.singles;
         let Some(first) = singles.first() else { return Vec::new() };
-        let gap = gap_energy(self.nominal, self.outcome);
+        let gap = gap_size(self.nominal, &self.outcome.best);
         let one = |(fit, weight): (&Contestant, f64)| {
             let removed = self.nominal.evidence.misfit() - fit.evidence.misfit();
             // Of a gap that a single effect leaves most of, it is hardly the cause.
@@ -218,10 +218,4 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
         twins: Vec::new(),
         between_runs: Vec::new(),
     }
-}
-
-/// Energy of the gap above noise in the nominal fit, in noise units.
-pub(crate) fn gap_energy(nominal: &Contestant, outcome: &Outcome) -> f64 {
-    let floor = outcome.best.evidence.misfit().min(1.0);
-    (nominal.evidence.misfit() - floor).max(NO_REST)
 }

@@ -8,8 +8,7 @@ use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::report::{Check, Unexplained, Verdict};
 use crate::diagnose::run::Ending;
 use crate::diagnose::steps::attribution::contest::Contest;
-use crate::diagnose::steps::findings::{Detected, Judged, Outcome, crowding};
-use crate::diagnose::steps::verdict::causes::gap_energy;
+use crate::diagnose::steps::findings::{Detected, Judged, Outcome, crowding, gap_size};
 use crate::diagnose::steps::verdict::checks::Checked;
 use crate::diagnose::steps::verdict::stability::{self, Stability};
 use crate::diagnose::steps::verdict::typicality::Typicality;
@@ -47,7 +46,7 @@ impl Decided {
             }
             None => unexplained(nominal, outcome, detected, verification, typicality.as_ref()),
         };
-        let gap = gap_energy(nominal, outcome);
+        let gap = gap_size(nominal, &outcome.best);
         let named = hypotheses.len() - usize::from(has_function);
         let credible = |place: usize| {
             // A function without a name imitates nothing: it is what it is.
@@ -115,7 +114,7 @@ fn unexplained(
     if outcome.best.hypotheses.is_empty() {
         return Unexplained { probability: 1.0, share: 1.0, depends_on: left.depends_on.clone() };
     }
-    let share = (left.energy / gap_energy(nominal, outcome)).min(1.0);
+    let share = (left.energy / gap_size(nominal, &outcome.best)).min(1.0);
     // Both the significance and the size of the rest count: a long log finds the roughness of any model.
     let significant = 1.0 - left.p_value;
     let size = left.energy / STRUCTURE;
