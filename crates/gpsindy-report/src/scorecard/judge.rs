@@ -50,8 +50,10 @@ pub struct Judged {
     pub group_size: Option<usize>,
     /// Closed part of the gap over the oracle's; what is not closed counts as 0.
     pub closure: Option<f64>,
-    /// Stated probability and rightness of every cause.
+    /// Stated probability and rightness of every cause; what covers a part of an effect outside the catalogue is right.
     pub stated: Vec<(f64, bool)>,
+    /// The same, where only what was put in, or what these logs cannot distinguish from it, is right.
+    pub stated_strictly: Vec<(f64, bool)>,
 }
 
 /// Judges one case; without a diagnosis everything that the case asks counts as missed.
@@ -91,12 +93,20 @@ pub(crate) fn judge(answer: &Answer, report: Option<&Diagnosis>) -> Judged {
         group_size: causes.first().filter(|_| known).map(|c| c.equivalent.len() + 1),
         closure: answer.oracle.closure_oracle.filter(|o| known && *o > 0.0).map(|oracle| closed / oracle),
         stated: causes.iter().map(|c| (c.probability, hits(answer, c))).collect(),
+        stated_strictly: causes.iter().map(|c| (c.probability, is_itself(answer, c))).collect(),
     }
 }
 
 /// The cause is an effect of the case, by name or by its group.
 fn hits(answer: &Answer, cause: &Cause) -> bool {
-    named(answer, cause, None) || answer.effects.iter().any(|e| cause.equivalent.contains(&e.effect))
+    named(answer, cause, None) || is_itself(answer, cause)
+}
+
+/// The same, but what covers a part of an effect is no hit.
+fn is_itself(answer: &Answer, cause: &Cause) -> bool {
+    let mut all = answer.effects.iter().chain(answer.accept.iter().map(|a| &a.name));
+    let is_it = |effect: &TrueEffect| same(effect, (&cause.effect, &cause.state, &cause.variables));
+    all.any(is_it) || answer.effects.iter().any(|e| cause.equivalent.contains(&e.effect))
 }
 
 /// The cause has a name of effect `of`, or of any effect; what honestly covers a part counts outside the catalogue.

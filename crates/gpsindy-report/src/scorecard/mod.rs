@@ -76,6 +76,8 @@ pub struct ScoreCard {
     pub right_verdict: Rate,
     /// Stated probabilities of all causes against what was right.
     pub calibration: Calibration,
+    /// The same, where what covers a part of an effect outside the catalogue is wrong.
+    pub strict_calibration: Calibration,
     /// Closed part of the gap over the oracle's, cases of the catalogue.
     pub closure: ClosureScore,
     /// What was said with one effect left out of the catalogue; absent where none was.
@@ -137,6 +139,7 @@ impl ScoreCard {
         let above = |c: &&Judged, least: f64| c.snr.is_none_or(|snr| snr >= least);
         let said = |c: &Judged, verdict: Verdict| c.verdict == Some(verdict);
         let stated: Vec<(f64, bool)> = cases.iter().flat_map(|c| c.stated.iter().copied()).collect();
+        let strictly: Vec<(f64, bool)> = cases.iter().flat_map(|c| c.stated_strictly.iter().copied()).collect();
         let closures: Vec<f64> = cases.iter().filter_map(|c| c.closure).collect();
         Self {
             schema: SCHEMA,
@@ -168,6 +171,7 @@ impl ScoreCard {
             needlessly_partly: Rate::count(known().map(|c| said(c, Verdict::PartlyExplained))),
             right_verdict: Rate::count(cases.iter().map(|c| c.right_verdict)),
             calibration: Calibration::new(&stated),
+            strict_calibration: Calibration::new(&strictly),
             closure: ClosureScore {
                 of: closures.len(),
                 median: quantile(&closures, 0.5),

@@ -49,6 +49,7 @@ pub(super) fn text(card: &ScoreCard) -> String {
     figure(&mut text, "mean size of the group of the best cause", card.mean_group_size);
     figure(&mut text, "Brier score of all causes", card.calibration.brier);
     figure(&mut text, "expected calibration error", card.calibration.expected_error);
+    figure(&mut text, "  where a part of an effect outside is no hit", card.strict_calibration.expected_error);
     figure(&mut text, "closure relative to the oracle, median", card.closure.median);
     figure(&mut text, "closure relative to the oracle, 10th percentile", card.closure.percentile_10);
     if let Some(handed) = &card.handed {
