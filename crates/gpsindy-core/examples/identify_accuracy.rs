@@ -5,10 +5,11 @@
 //! With FAULTS in the environment the terms of every wrong support are shown.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use gpsindy_beside::random::Random;
 use gpsindy_core::library::LibrarySettings;
 use gpsindy_core::systems::LORENZ_TERMS;
 use gpsindy_core::{Channel, Dataset, Identify, Run, Silent};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{Rng, SeedableRng};
 use std::time::Instant;
 
 struct Truth {
@@ -62,6 +63,15 @@ fn truth(name: &str) -> Truth {
     }
 }
 
+fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    ((rng.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+}
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (u, v) = (uniform(rng), uniform(rng));
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
 fn simulate(truth: &Truth, times: &[f64]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (mut x, mut t) = (truth.initial.clone(), 0.0);
     let rate = |t: f64, x: &[f64]| (truth.rate)(t, x, &(truth.control)(t));
@@ -107,11 +117,11 @@ fn main() {
     for sigma in sigmas {
         let (mut errors, mut exact, mut cost) = (Vec::new(), 0, 0.0);
         for seed in from..to {
-            let mut rng = Random::new(seed);
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let count = (truth.span / step).round() as usize + 1;
             let mut time: Vec<f64> = (0..count).map(|i| step * i as f64).collect();
             if regime == "irregular" {
-                time = (0..count).map(|_| rng.uniform(0.0, truth.span)).collect();
+                time = (0..count).map(|_| truth.span * uniform(&mut rng)).collect();
                 time.sort_by(f64::total_cmp);
                 time.dedup();
             }
@@ -129,7 +139,7 @@ fn main() {
             let mut columns: Vec<Vec<f64>> = Vec::new();
             let mut names: Vec<String> = Vec::new();
             for j in 0..n {
-                columns.push(states.iter().map(|x| x[j] + sigma * size[j] * rng.normal()).collect());
+                columns.push(states.iter().map(|x| x[j] + sigma * size[j] * normal(&mut rng)).collect());
                 names.push(truth.states[j].into());
             }
             for k in 0..m {
@@ -138,7 +148,7 @@ fn main() {
             }
             if given {
                 for j in 0..n {
-                    columns.push(rates.iter().map(|x| x[j] + sigma * size[j] * rng.normal()).collect());
+                    columns.push(rates.iter().map(|x| x[j] + sigma * size[j] * normal(&mut rng)).collect());
                     names.push(format!("d{}", truth.states[j]));
                 }
             }

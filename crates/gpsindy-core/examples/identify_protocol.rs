@@ -8,9 +8,10 @@
 //! (terms of a car and their signs known), paper (the authors' 91 terms). VERBOSE in the environment shows every model.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use gpsindy_beside::random::Random;
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 use gpsindy_core::{Channel, Dataset, Excitation, Hold, Identify, Model, Run, Silent, Simulate};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{Rng, SeedableRng};
 use std::time::Instant;
 
 const NAMES: [&str; 7] = ["t", "x", "y", "v", "heading", "throttle", "steering"];
@@ -42,6 +43,11 @@ fn rollout(folder: &str, number: usize, rate: usize) -> Option<Run> {
             full.values[(if j < 4 { kept[i] } else { kept[i] - SHIFT }, j)]
         }),
     })
+}
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let mut uniform = || ((rng.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
+    (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
 }
 
 fn part(run: &Run, from: usize, end: usize) -> Run {
@@ -126,9 +132,9 @@ fn main() {
         let mut own = Vec::new();
         for number in (1..=45).step_by(every).filter(|n| only.as_ref().is_none_or(|only| only.contains(n))) {
             let Some(mut run) = rollout(&arguments[0], number, rate) else { continue };
-            let mut rng = Random::new((number * 1000) as u64 + (sigma * 1000.0).round() as u64);
+            let mut rng = ChaCha8Rng::seed_from_u64((number * 1000) as u64 + (sigma * 1000.0).round() as u64);
             for i in 0..run.n_samples() {
-                (0..4).for_each(|j| run.values[(i, j)] += sigma * rng.normal());
+                (0..4).for_each(|j| run.values[(i, j)] += sigma * normal(&mut rng));
             }
             let n_train = (0.7 * run.n_samples() as f64).round() as usize;
             let train = Dataset::new(channels.clone(), vec![part(&run, 0, n_train)]).unwrap();

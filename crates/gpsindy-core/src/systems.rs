@@ -4,11 +4,10 @@ use crate::data::{Channel, Dataset, Hold, Run};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Control, Model, Parameter, State};
-use crate::random::normal;
 use crate::simulate::{Excitation, Simulate};
 use faer::Mat;
 use rand_chacha::ChaCha8Rng;
-use rand_core::SeedableRng;
+use rand_core::{Rng, SeedableRng};
 
 /// A system whose equations are known, with the way in which it is usually run.
 ///
@@ -89,7 +88,7 @@ impl TestSystem {
         let mut values = Mat::zeros(times.len(), n + m);
         for i in 0..times.len() {
             for j in 0..n {
-                values[(i, j)] = clean[(i, j)] + levels[j] * normal(&mut random);
+                values[(i, j)] = clean[(i, j)] + levels[j] * standard_normal(&mut random);
             }
             for j in 0..m {
                 values[(i, n + j)] = controls[(i, j)];
@@ -122,6 +121,15 @@ fn levels(clean: &Mat<f64>, noise: SensorNoise) -> Result<Vec<f64>> {
         Some(wrong) => Err(Error::range("noise", "0 or above", wrong)),
         None => Ok(levels),
     }
+}
+
+/// Box and Muller's transform of two uniform numbers, one of its two values.
+fn standard_normal(random: &mut ChaCha8Rng) -> f64 {
+    let scale = 1.0 / (1_u64 << 53) as f64;
+    // Above 0, so that the logarithm is finite.
+    let radius = ((random.next_u64() >> 11) as f64 + 1.0) * scale;
+    let angle = (random.next_u64() >> 11) as f64 * scale;
+    (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
 }
 
 /// A row: name, unit, equation, initial value.

@@ -2,8 +2,7 @@
 
 use super::{Observation, Quantity};
 use rand_chacha::ChaCha8Rng;
-use rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal, StandardUniform};
+use rand_core::{Rng, SeedableRng};
 use std::f64::consts::TAU;
 
 /// Spread between units.
@@ -15,7 +14,7 @@ pub(crate) const WORN: f64 = 180.0;
 /// Fortnights of a year.
 const PERIODS: u32 = 26;
 
-/// Random numbers from an explicit seed.
+/// Normal numbers from an explicit seed (Box and Muller 1958).
 pub(crate) struct Draw(ChaCha8Rng);
 
 impl Draw {
@@ -24,11 +23,12 @@ impl Draw {
     }
 
     pub(crate) fn uniform(&mut self) -> f64 {
-        StandardUniform.sample(&mut self.0)
+        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     pub(crate) fn normal(&mut self) -> f64 {
-        StandardNormal.sample(&mut self.0)
+        let (u, v) = (self.uniform().max(1e-300), self.uniform());
+        (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
     }
 
     /// The standard error of an estimate.

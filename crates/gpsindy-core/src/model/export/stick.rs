@@ -79,7 +79,7 @@ mod tests {
         for language in Language::ALL {
             let (holding, corner) = (written(language, 0.0), written(language, 0.1));
             for text in [&holding, &corner] {
-                assert!(text.contains("Dry friction: sign(z)"), "{language:?}: {text}");
+                assert!(text.contains("Dry friction: at rest sign(z)"), "{language:?}: {text}");
                 assert!(!text.contains("stick(") && !text.contains("breakaway"), "{language:?}: {text}");
             }
             assert!(!holding.contains("tanh"), "{language:?}: {holding}");
