@@ -370,7 +370,7 @@ fn a_data_set_without_a_rate_says_that_its_stamps_stay_single() {
     let found = logs.assemble(&Task { needed: vec!["action_elbow_pos".into()], ..Task::default() }, &Silent).unwrap();
     assert_eq!(found.data.runs()[0].time[1], f64::from(1.0_f32 / 30.0));
     assert!(
-        found.notes[0].contains("meta/info.json tells no `fps` above 0; the stamps were taken as they stand, float32"),
+        found.notes[0].contains("meta/info.json has no `fps` above 0; the stamps were used unchanged, as float32"),
         "{:?}",
         found.notes
     );
