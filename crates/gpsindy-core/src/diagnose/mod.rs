@@ -265,9 +265,8 @@ impl Diagnose {
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let suspected = begun(&contest, &prepared, suspected)?;
-        let judged = attribute(&contest, suspected)?;
-        let judged = forced(&contest, judged)?;
-        let judged = reconsider_hold(&contest, &prepared, judged)?;
+        let (judged, said) = run.notes.of_attempt(|| forced(&contest, attribute(&contest, suspected)?));
+        let judged = reconsider_hold(&contest, &prepared, (judged?, said))?;
         let judged = forced(&contest, judged)?;
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         self.reported(contest, prepared, judged)

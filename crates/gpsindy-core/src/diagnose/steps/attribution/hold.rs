@@ -26,8 +26,14 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
         return Ok(held);
     }
     let Some(start) = unless_refused(interpolated(contest, &prepared.nominal))? else { return Ok(held) };
+    let follows = contest.lead(&start, &prepared.nominal) > HOLD;
     let (other, said) = contest.run.notes.of_attempt(|| detect(contest, start));
     let other = other?;
+    if follows && !other.detected.gap {
+        // Whatever held controls would need, interpolated ones leave nothing of it.
+        contest.run.notes.say_all(said.into_iter().chain([Note::Interpolated]));
+        return Ok(other);
+    }
     let is_better = |fit: &Contestant| contest.lead(fit, leader) > HOLD && !is_delayed(fit);
     if !other.detected.gap || !other.first.fits.first().is_some_and(is_better) {
         return Ok(held);
@@ -36,16 +42,23 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
     Ok(other)
 }
 
-/// The verdict under the other hold, where that is clearly the better account of the logs.
+/// The verdict under the other hold, where that is clearly the better account of the logs; `said` is what the one that was found wants
+/// said.
 ///
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
-pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
+pub(crate) fn reconsider_hold(
+    contest: &Contest<'_>,
+    prepared: &Prepared,
+    (found, said): (Judged, Vec<Note>),
+) -> Result<Judged> {
+    let notes = &contest.run.notes;
     if !is_open(contest, prepared) || !found.detected.gap {
+        notes.say_all(said);
         return Ok(found);
     }
     if found.nominal.experiment.hold != prepared.nominal.experiment.hold {
-        return without_phantom(contest, prepared, found);
+        return without_phantom(contest, prepared, (found, said));
     }
     let (held, start) = (found, &prepared.nominal);
     let is_better = |fit: &Contestant| -> Result<bool> {
@@ -63,27 +76,29 @@ pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found:
         let suspected = detect(contest, interpolated(contest, start)?)?;
         Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
     };
-    let (other, said) = contest.run.notes.of_attempt(attempt);
-    let Some(other) = other? else { return Ok(held) };
-    if is_phantom(&other, &held) || (other.detected.gap && !wins(contest, &other, &held)) {
+    let (other, said_of_other) = notes.of_attempt(attempt);
+    let is_right = |other: &Judged| !is_phantom(other, &held) && (!other.detected.gap || wins(contest, other, &held));
+    let Some(other) = other?.filter(is_right) else {
+        notes.say_all(said);
         return Ok(held);
-    }
-    contest.run.notes.say_all(said.into_iter().chain([Note::Interpolated]));
+    };
+    notes.say_all(said_of_other.into_iter().chain([Note::Interpolated]));
     Ok(other)
 }
 
 /// What was found under interpolated controls, unless it needs a delay that held ones do not.
-fn without_phantom(contest: &Contest<'_>, prepared: &Prepared, other: Judged) -> Result<Judged> {
+fn without_phantom(contest: &Contest<'_>, prepared: &Prepared, (other, said): (Judged, Vec<Note>)) -> Result<Judged> {
+    let notes = &contest.run.notes;
     if is_delayed(&other.outcome.best) && !contest.run.is_out_of_time() {
         let attempt = || attribute(contest, detect(contest, prepared.nominal.clone())?);
-        let (held, said) = contest.run.notes.of_attempt(attempt);
+        let (held, said_of_held) = notes.of_attempt(attempt);
         let held = held?;
         if is_phantom(&other, &held) || !wins(contest, &other, &held) {
-            contest.run.notes.say_all(said);
+            notes.say_all(said_of_held);
             return Ok(held);
         }
     }
-    contest.run.notes.say(Note::Interpolated);
+    notes.say_all(said.into_iter().chain([Note::Interpolated]));
     Ok(other)
 }
 
@@ -115,6 +130,7 @@ fn is_phantom(other: &Judged, held: &Judged) -> bool {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::report::Verdict;
     use crate::diagnose::{Diagnose, Diagnosed, Note, hold_out};
     use crate::expression::Expression;
     use crate::model::{Control, Model, Parameter, State, System};
@@ -137,9 +153,9 @@ mod tests {
         }
     }
 
-    /// An oscillator with a spring that hardens, of which its model knows the linear part, twenty samples a period.
-    fn hardening(hold: Hold) -> Diagnosed {
-        let machine = System::new(&oscillator(120.0)).unwrap();
+    /// An oscillator with a spring that hardens by so much, of which its model knows the linear part, twenty samples a period.
+    fn hardening(cubic: f64, hold: Hold) -> Diagnosed {
+        let machine = System::new(&oscillator(cubic)).unwrap();
         let runs = (0..4).map(|run| {
             let time: Vec<f64> = (0..300).map(|i| STEP * f64::from(i)).collect();
             let drive = |t: f64| {
@@ -162,10 +178,19 @@ mod tests {
     #[test]
     fn a_spring_that_hardens_is_one_cause_whether_its_control_was_held_or_interpolated() {
         for hold in [Hold::Zero, Hold::Linear] {
-            let found = hardening(hold);
+            let found = hardening(120.0, hold);
             let names: Vec<&str> = found.diagnosis.included().map(|cause| cause.effect.as_str()).collect();
             assert_eq!(names, ["cubic_stiffness"], "{hold:?}");
             assert_eq!(found.notes.contains(&Note::Interpolated), hold == Hold::Linear);
         }
+    }
+
+    #[test]
+    fn a_search_does_not_begin_where_interpolated_controls_leave_no_gap() {
+        let found = hardening(0.0, Hold::Linear);
+        assert_eq!(found.diagnosis.verdict, Verdict::NoGap);
+        assert_eq!(found.notes.iter().filter(|note| **note == Note::Interpolated).count(), 1, "{:?}", found.notes);
+        let stages: Vec<&str> = found.diagnosis.work.iter().map(|work| work.stage.as_str()).collect();
+        assert!(!stages.iter().any(|stage| stage.starts_with("move")), "{stages:?}");
     }
 }
