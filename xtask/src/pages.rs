@@ -110,7 +110,7 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("84 of 84 right", "84 of 84 are right"),
+            ("82 of 82 right", "82 of 82 are right"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
             ("68.3 %", "68.3 %"),

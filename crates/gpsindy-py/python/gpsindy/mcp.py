@@ -155,6 +155,10 @@ def _links(folder: pathlib.Path) -> list[pathlib.Path]:
     return [one for part in inside for one in part if one.is_symlink()]
 
 
+#: Words in quotes that are the library's own, not a file's.
+OWN = frozenset({"t", "time", "timestamp", "=", "-"})
+
+
 def without_content(message: str, said: Iterable[str]) -> str:
     """An error's message without what it quotes from a file; what the call itself ``said`` stays."""
     known = OWN.union(said)
