@@ -32,7 +32,7 @@ pub use inspect::{ClockReport, ColumnReport, Finding, Inspection, TopicReport, i
 pub use log::Log;
 pub use logs::{Assembled, Logs, Task};
 pub use model::{model_to_json, model_to_toml, parse_model, read_model, write_model};
-pub use near::hint;
+pub use near::{hint, meant};
 pub use options::{LogOptions, Offset, Stamp};
 pub use output::{finish_writing, start_of, write_together, write_whole};
 pub use stream::{Sample, Stream};

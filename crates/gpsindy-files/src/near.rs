@@ -31,9 +31,14 @@ pub(crate) fn near<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> 
 #[must_use]
 pub fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();
-    let near: Vec<String> = near(name, known.iter().copied()).iter().map(|n| format!("`{n}`")).collect();
-    let meant = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
-    format!("{meant}; found: {}", listed(&known))
+    format!("{}; found: {}", meant(name, known.iter().copied()), listed(&known))
+}
+
+/// `; did you mean `a` or `b`?`: the near names; nothing where there are none.
+#[must_use]
+pub fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let near: Vec<String> = near(name, known).iter().map(|n| format!("`{n}`")).collect();
+    if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) }
 }
 
 /// Names in a row, the rest counted where they are many.

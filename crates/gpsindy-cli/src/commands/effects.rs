@@ -4,7 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use gpsindy_core::diagnose::Effect;
-use gpsindy_files::hint;
+use gpsindy_files::meant;
 use serde_json::json;
 
 /// List the effects that a diagnosis tests
@@ -24,8 +24,7 @@ pub(crate) fn run(command: &Effects, screen: &Screen) -> Outcome {
     let mut shown: Vec<Effect> = Vec::new();
     for id in &command.ids {
         let unknown = || {
-            let known = hint(id, Effect::ALL.iter().map(|effect| effect.id()));
-            let near = known.split_once("; found: ").map_or("", |(near, _)| near);
+            let near = meant(id, Effect::ALL.iter().map(|effect| effect.id()));
             Failure::input(format!("effect `{id}` is not in the catalogue{near}; `gpsindy effects` lists all"))
         };
         shown.push(Effect::from_id(id).ok_or_else(unknown)?);
