@@ -37,8 +37,13 @@ pub fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String 
 /// `; did you mean `a` or `b`?`: the near names; nothing where there are none.
 #[must_use]
 pub fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    let near: Vec<String> = near(name, known).iter().map(|n| format!("`{n}`")).collect();
-    if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) }
+    question(&near(name, known))
+}
+
+/// `; did you mean `a` or `b`?` of these names; nothing where there are none.
+pub(crate) fn question(names: &[&str]) -> String {
+    let names: Vec<String> = names.iter().map(|n| format!("`{n}`")).collect();
+    if names.is_empty() { String::new() } else { format!("; did you mean {}?", names.join(" or ")) }
 }
 
 /// Names in a row, the rest counted where they are many.

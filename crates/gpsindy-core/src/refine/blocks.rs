@@ -32,6 +32,13 @@ pub(crate) struct Jacobian {
     pub(crate) n_states: usize,
 }
 
+/// Sum of a window's squared residuals, the first samples counting as they do; infinite where it is no number.
+pub(super) fn squares(experiment: &Experiment, residual: &DVector<f64>) -> f64 {
+    let columns = experiment.columns.len();
+    let sum = residual.iter().enumerate().map(|(row, e)| experiment.starts.weight(row / columns) * (e * e)).sum();
+    if f64::is_finite(sum) { sum } else { f64::INFINITY }
+}
+
 /// Sum of the beliefs' squared, scaled distances.
 pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
     free.iter().filter_map(|f| f.prior.map(|(mean, sd)| ((parameters[f.parameter] - mean) / sd).powi(2))).sum()

@@ -1,5 +1,6 @@
 //! The fit of a model of equations: Levenberg-Marquardt whose derivatives are made where a step needs them, and not where it ends.
 
+use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, misses, prior_cost};
 use super::normal::Normal;
 use super::{Experiment, Found, Free, Refine};
@@ -117,14 +118,10 @@ impl Search<'_> {
         misses(self.system, self.experiment, &points, |point, window, row, missed| {
             residuals[point][window][row] = missed;
         });
-        let columns = self.experiment.columns.len();
-        let squares = |residual: &DVector<f64>| -> f64 {
-            let weight = |row: usize| self.experiment.starts.weight(row / columns);
-            residual.iter().enumerate().map(|(row, e)| weight(row) * (e * e)).sum()
-        };
         let trial = |((factor, point), residuals): ((f64, Point), Vec<DVector<f64>>)| {
-            let cost = residuals.iter().map(squares).sum::<f64>() + prior_cost(&point.parameters, self.free);
-            Trial { factor, point, residuals, cost: if cost.is_finite() { cost } else { f64::INFINITY } }
+            let sum: f64 = residuals.iter().map(|residual| squares(self.experiment, residual)).sum();
+            let cost = sum + prior_cost(&point.parameters, self.free);
+            Trial { factor, point, residuals, cost }
         };
         let trials = factors.into_iter().zip(points).zip(residuals).map(trial);
         trials.min_by(|a, b| a.cost.total_cmp(&b.cost))

@@ -1,6 +1,6 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
-use crate::diagnose::catalogue::excursion::{Excursion, tells_time, turns};
+use crate::diagnose::catalogue::excursion::{Excursion, shows_time, turns};
 use crate::diagnose::catalogue::site::Reach;
 use crate::model::System;
 use crate::refine::{Experiment, Log, Window, present};
@@ -12,7 +12,7 @@ pub(crate) struct Scene {
     pub(crate) controls: Vec<Excursion>,
     /// Of an unlogged speed whose place is logged whether that goes either way; nothing of other states.
     pub(crate) turns: Vec<Option<bool>>,
-    /// Names of the states and controls that tell how long a run has lasted.
+    /// Names of the states and controls that show how long a run has lasted.
     pub(crate) clocks: Vec<String>,
     /// Typical size of every state's rate, in its unit per second.
     pub(crate) rates: Vec<f64>,
@@ -77,7 +77,7 @@ impl Scene {
     }
 }
 
-/// States and controls that tell how long a run has lasted: states by their logs, those that are not logged by the trajectories.
+/// States and controls that show how long a run has lasted: states by their logs, those that are not logged by the trajectories.
 fn clocks(system: &System, experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> Vec<String> {
     let model = system.model();
     let since = |log: &Log, sample: usize| log.time[sample] - log.time[0];
@@ -95,11 +95,11 @@ fn clocks(system: &System, experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> 
         };
         windows.flat_map(of_window).collect()
     };
-    let states = (0..model.states.len()).filter(|&j| tells_time(&of_state(j))).map(|j| model.states[j].name.clone());
+    let states = (0..model.states.len()).filter(|&j| shows_time(&of_state(j))).map(|j| model.states[j].name.clone());
     let of_control = |c: usize| -> Vec<(f64, f64)> {
         experiment.logs.iter().flat_map(|log| of_log(log, &log.controls[c])).collect()
     };
-    let controls = (0..system.n_controls()).filter(|&c| tells_time(&of_control(c)));
+    let controls = (0..system.n_controls()).filter(|&c| shows_time(&of_control(c)));
     states.chain(controls.map(|c| model.controls[c].name.clone())).collect()
 }
 

@@ -1,6 +1,6 @@
-//! How far a variable moves, which way, and whether it tells the time.
+//! How far a variable moves, which way, and whether it shows the time.
 
-use crate::diagnose::limits::catalogue::{TELLS_TIME, TURNED};
+use crate::diagnose::limits::catalogue::{SHOWS_TIME, TURNED};
 
 /// How a variable moves over all training logs.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,13 +69,13 @@ pub(crate) fn turns<'a>(runs: impl Iterator<Item = &'a [f64]>, noise: f64) -> bo
 ///
 /// Spearman 1904, The proof and measurement of association between two things (American Journal of Psychology 15): the correlation of
 /// the ranks is one where the value only rises, by the same course in every run.
-pub(crate) fn tells_time(pairs: &[(f64, f64)]) -> bool {
+pub(crate) fn shows_time(pairs: &[(f64, f64)]) -> bool {
     let present: Vec<(f64, f64)> = pairs.iter().copied().filter(|(_, value)| value.is_finite()).collect();
     let (times, values) = (ranks(present.iter().map(|p| p.0)), ranks(present.iter().map(|p| p.1)));
     let mean = 0.5 * (present.len().max(1) as f64 - 1.0);
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
     let scale = (product(&times, &times) * product(&values, &values)).sqrt();
-    scale > 0.0 && product(&times, &values).abs() > TELLS_TIME * scale
+    scale > 0.0 && product(&times, &values).abs() > SHOWS_TIME * scale
 }
 
 /// Ranks from zero, equal values at the mean of theirs.
@@ -114,12 +114,12 @@ mod tests {
     }
 
     #[test]
-    fn a_fall_tells_the_time_and_a_swing_or_runs_of_their_own_speeds_do_not() {
-        assert!(tells_time(&runs(4, |run, t| -9.81 * t - 0.3 * run as f64)));
-        assert!(!tells_time(&runs(4, |_, t| (2.0 * t).sin())));
+    fn a_fall_shows_the_time_and_a_swing_or_runs_of_their_own_speeds_do_not() {
+        assert!(shows_time(&runs(4, |run, t| -9.81 * t - 0.3 * run as f64)));
+        assert!(!shows_time(&runs(4, |_, t| (2.0 * t).sin())));
         // The same laws, but every run begins at a speed of its own.
-        assert!(!tells_time(&runs(4, |run, t| t - 3.0 * run as f64)));
-        assert!(!tells_time(&runs(4, |_, _| 1.0)) && !tells_time(&[]));
+        assert!(!shows_time(&runs(4, |run, t| t - 3.0 * run as f64)));
+        assert!(!shows_time(&runs(4, |_, _| 1.0)) && !shows_time(&[]));
     }
 
     #[test]

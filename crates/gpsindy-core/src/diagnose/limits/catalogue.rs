@@ -4,9 +4,9 @@
 /// Argument.
 pub(crate) const TURNED: f64 = 10.0;
 
-/// Correlation of the ranks of time and of a variable from which that variable tells the time: nine tenths of their variance are in
+/// Correlation of the ranks of time and of a variable from which that variable shows the time: nine tenths of their variance are in
 /// common then. Argument.
-pub(crate) const TELLS_TIME: f64 = 0.95;
+pub(crate) const SHOWS_TIME: f64 = 0.95;
 
 /// By how much more a name must move an equation than the one before, so that equals keep their order. Convention.
 pub(crate) const CLEARLY: f64 = 1.05;

@@ -64,10 +64,10 @@ pub(crate) const CONVINCING: f64 = 5.0;
 /// Nats by which an effect of time is less expected beforehand: twenty to one that no machine knows when its log was begun. Argument.
 pub(crate) const CLOCK: f64 = 3.0;
 
-/// The same where a variable tells the time, so that a function of time may be one of that variable: only their shapes part the two, and
+/// The same where a variable shows the time, so that a function of time may be one of that variable: only their shapes part the two, and
 /// what else the model lacks bends these. Time is then the last to be named: it must say three times what
 /// [`TWINS`](crate::diagnose::limits::weigh::TWINS) takes for a difference. Argument.
-pub(crate) const TOLD_CLOCK: f64 = 9.0;
+pub(crate) const SHOWN_CLOCK: f64 = 9.0;
 
 /// Chance that noise gives a gain anywhere in a search, above which the gain is none. Convention.
 pub(crate) const CHANCE: f64 = 0.05;

@@ -15,6 +15,7 @@ pub(crate) use beginnings::guess_starts;
 pub(crate) use kept::Kept;
 pub(super) use slopes::jacobian;
 
+use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, prior_cost};
 use super::normal::Normal;
 use super::{Experiment, Found, Free, Refine, Refined};
@@ -122,7 +123,7 @@ impl<'a> Search<'a> {
         };
         scene.differentiate(&point, slopes, &wanted, &mut blocks);
         let state = |squares| State { squares, damping: DAMPING, slopes, is_fresh: kept.is_none(), failures: 0 };
-        let windows = blocks.iter().map(|block| state(scene.squares(&block.residual))).collect();
+        let windows = blocks.iter().map(|block| state(squares(scene.experiment, &block.residual))).collect();
         let part = |windows| Part { windows, failures: 0, rest: None };
         let parts = if scene.free.is_empty() {
             (0..count).map(|w| part(vec![w])).collect()

@@ -54,14 +54,6 @@ impl Scene<'_> {
         Job { window, parameters: point.parameters.clone(), initial: point.initial[window].clone() }
     }
 
-    /// Sum of a window's squares, the first samples counting as they do.
-    pub(super) fn squares(self, residual: &DVector<f64>) -> f64 {
-        let Self { experiment, .. } = self;
-        let columns = experiment.columns.len();
-        let sum = residual.iter().enumerate().map(|(row, e)| experiment.starts.weight(row / columns) * (e * e)).sum();
-        if f64::is_finite(sum) { sum } else { f64::INFINITY }
-    }
-
     /// Blocks with the residuals at `point`, and with derivatives of zero.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 use super::slopes::{Scene, Slopes};
 use super::{DAMPING, LEAST, LESS, MORE, MOST, Search};
 use crate::refine::Job;
+use crate::refine::blocks::squares;
 use crate::refine::jacobian::{Block, Point, prior_cost};
 use nalgebra::DVector;
 
@@ -58,7 +59,7 @@ impl Search<'_> {
         };
         let residuals = self.scene.residuals(&starts.iter().map(job).collect::<Vec<Job>>());
         for ((window, start), residual) in starts.into_iter().zip(residuals) {
-            let squares = self.scene.squares(&residual);
+            let squares = squares(self.scene.experiment, &residual);
             tried[window].rollouts.push(Rollout { start, residual, squares });
         }
     }

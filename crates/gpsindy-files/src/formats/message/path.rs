@@ -1,6 +1,6 @@
 //! The path to a field: `/joint_states.position[shoulder_pan]` is a topic, then fields and elements.
 
-use crate::near::near;
+use crate::near::{near, question};
 
 /// One step from a message to a field in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,9 +25,7 @@ pub(crate) fn split<'a>(text: &str, topics: &[&'a str]) -> Result<(&'a str, Vec<
         let mut liked = near(own, topics.iter().copied());
         liked.extend(topics.iter().filter(|t| **t == with_slash));
         liked.dedup();
-        let meant: Vec<String> = liked.iter().map(|t| format!("`{t}`")).collect();
-        let meant = if meant.is_empty() { String::new() } else { format!("; did you mean {}?", meant.join(" or ")) };
-        return Err(format!("there is no topic `{own}`{meant}; found: {}", topics.join(", ")));
+        return Err(format!("there is no topic `{own}`{}; found: {}", question(&liked), topics.join(", ")));
     };
     let steps = steps(&text[topic.len()..])?;
     if steps.is_empty() {

@@ -8,7 +8,7 @@ use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at, unless_refused};
-use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, TOLD_CLOCK};
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::attribution::suspects::Suspects;
 use crate::error::Result;
@@ -25,8 +25,6 @@ pub(crate) struct Contest<'a> {
     pub(crate) scene: Scene,
     /// Whether random forces are suspects.
     pub(crate) random: bool,
-    /// Whether what depends on time may depend on a variable that tells it.
-    pub(crate) time_is_told: bool,
     /// Largest number of effects together.
     pub(crate) most: usize,
     pub(crate) fitter: Fitter,
@@ -35,8 +33,8 @@ pub(crate) struct Contest<'a> {
 impl<'a> Contest<'a> {
     /// A contest of so many suspects together at `most`.
     pub(crate) fn new(run: &'a Run<'a>, fitter: Fitter, suspects: Suspects, most: usize) -> Self {
-        let Suspects { hypotheses, joint, rivals, scene, random, time_is_told } = suspects;
-        Self { run, hypotheses, joint, rivals, scene, random, time_is_told, most, fitter }
+        let Suspects { hypotheses, joint, rivals, scene, random } = suspects;
+        Self { run, hypotheses, joint, rivals, scene, random, most, fitter }
     }
 
     /// The scene in the windows of `base`, in which the size and the pace of some effects have their ends.
@@ -51,9 +49,9 @@ impl<'a> Contest<'a> {
             *families.entry(h.family()).or_default() += 1;
         }
         let members = families.get(&hypothesis.family()).copied().unwrap_or(1);
-        let clock = match (hypothesis.family(), self.time_is_told) {
-            (Family::Time, true) => TOLD_CLOCK,
-            (Family::Time, false) => CLOCK,
+        let clock = match (hypothesis.family(), self.scene.clocks.is_empty()) {
+            (Family::Time, true) => CLOCK,
+            (Family::Time, false) => SHOWN_CLOCK,
             _ => 0.0,
         };
         -((families.len().max(1) * members) as f64).ln() - clock

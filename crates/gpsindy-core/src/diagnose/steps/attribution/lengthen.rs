@@ -70,9 +70,8 @@ mod tests {
         let fit = fitter.with(&nominal, &[unsearched(drag)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
         let fit = fitter.carried_on(fit, Budget::Thorough).unwrap();
         let run = Run::new(&Silent, None);
-        let (joint, rivals) = (Vec::new(), Vec::new());
         let suspects =
-            Suspects { hypotheses: hypotheses.clone(), joint, rivals, scene, random: false, time_is_told: false };
+            Suspects { hypotheses: hypotheses.clone(), joint: Vec::new(), rivals: Vec::new(), scene, random: false };
         let contest = Contest::new(&run, fitter, suspects, 6);
         let (_, longer) = lengthen(&contest, nominal.clone(), fit.clone()).unwrap();
         (nominal, fit, longer)

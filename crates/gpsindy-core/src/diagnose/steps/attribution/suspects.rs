@@ -25,8 +25,6 @@ pub(crate) struct Suspects {
     pub(crate) scene: Scene,
     /// Whether random forces are suspects.
     pub(crate) random: bool,
-    /// Whether what depends on time may depend on a variable that tells it.
-    pub(crate) time_is_told: bool,
 }
 
 /// Which effects are suspects.
@@ -54,7 +52,7 @@ pub(crate) struct Choice<'a> {
 /// No effect that can act; an effect of the user's own in a state that the model lacks.
 pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes) -> Result<Suspects> {
     let model = nominal.system.model();
-    let scene = scene_of(nominal);
+    let mut scene = scene_of(nominal);
     let mut all = everything(model, &scene, &nominal.experiment.columns, choice.custom)?;
     let is_suspect = |id: &str, is_only_if_asked: bool| {
         let is_chosen = match choice.chosen.is_empty() {
@@ -105,8 +103,8 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
     let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
     let rivals = rival::enumerate(model, &scene, model.states.len());
     // The place of a machine that moves alike everywhere acts on nothing.
-    let time_is_told = scene.clocks.iter().any(|name| !places.contains(&name.as_str()));
-    Ok(Suspects { hypotheses, joint, rivals, scene, random, time_is_told })
+    scene.clocks.retain(|name| !places.contains(&name.as_str()));
+    Ok(Suspects { hypotheses, joint, rivals, scene, random })
 }
 
 /// Why an effect is no suspect at a place.
