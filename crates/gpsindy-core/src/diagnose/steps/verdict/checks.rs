@@ -98,14 +98,16 @@ impl Checked<'_> {
         let passed = p_value >= TYPICAL || self.unexplained.share < LEAST_REST;
         let says = match (p_value >= TYPICAL, passed) {
             (true, _) => {
-                format!("Of {drawn} logs simulated with these causes, enough leave a rest as large as the one seen.")
+                format!(
+                    "Of {drawn} logs simulated with these causes, enough leave a residual as large as the one seen."
+                )
             }
             (false, true) => format!(
-                "Hardly one of {drawn} logs simulated with these causes leaves as large a rest, but it is too small to count."
+                "Hardly one of {drawn} logs simulated with these causes leaves as large a residual, but it is too small to count."
             ),
             (false, false) => {
                 format!(
-                    "Hardly one of {drawn} logs simulated with these causes leaves a rest as large as the one seen."
+                    "Hardly one of {drawn} logs simulated with these causes leaves a residual as large as the one seen."
                 )
             }
         };
