@@ -10,6 +10,7 @@
 mod decay;
 mod driven;
 mod linear;
+mod moments;
 mod pass;
 
 use crate::diagnose::fit::linear::elimination;

@@ -116,8 +116,13 @@ impl Forcing {
     /// Probability that what is left is random: then the chance is spread evenly; that of structure crowds near zero, as the
     /// disagreement of imitations does.
     pub(crate) fn probability(&self) -> f64 {
-        1.0 / (1.0 + crowding(self.p_value))
+        probability_of_random(self.p_value)
     }
+}
+
+/// The same, from the chance of as large a function besides the forces.
+pub(crate) fn probability_of_random(p_value: f64) -> f64 {
+    1.0 / (1.0 + crowding(p_value))
 }
 
 /// A nominal model, whether it has a gap, and what causes it.

@@ -5,19 +5,16 @@
 //!
 //! Source: the linearised Kalman filter of Jazwinski 1970, Stochastic Processes and Filtering Theory, chapter 8.3.
 
-use super::decay::{Decay, add, add_series, weights};
+use super::decay::{add_series, weights};
 use super::driven::{TERMS, logarithm};
+use super::moments::{Ahead, Moments, Reading};
 use super::{Acts, Filtered, Process, Sample};
+use crate::parallel::*;
 use crate::refine::Experiment;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
-/// A reading as a linear function of the machine's states.
-struct Reading {
-    slope: Vec<f64>,
-    /// What was read, less what the slope does not explain.
-    value: f64,
-    column: usize,
-}
+/// Sets of processes that are filtered at once. Exact.
+const LANES: usize = 8;
 
 /// A sample's readings and the step to the next sample.
 struct Step {
@@ -26,21 +23,8 @@ struct Step {
     ahead: Option<Ahead>,
 }
 
-/// The machine's next states as a linear function of those at a sample and of the processes there.
-struct Ahead {
-    time: f64,
-    carried: DMatrix<f64>,
-    offset: Vec<f64>,
-    /// By process in a row: what it moves at the path's own correlation time, less the series below.
-    beyond: Vec<Vec<f64>>,
-    /// By process in a row: `A^j e` for the rates `A` of the machine and the unit vector `e` of the row, n entries each.
-    powers: Vec<Vec<f64>>,
-}
-
 /// A filter along a known path.
 pub(crate) struct Linear {
-    /// The machine's own states.
-    n: usize,
     places: Vec<Acts>,
     /// Of each stretch the start of the machine, and its samples.
     stretches: Vec<(Vec<f64>, Vec<Step>)>,
@@ -78,7 +62,6 @@ impl Linear {
             (start, samples.iter().enumerate().map(step).collect())
         };
         Self {
-            n,
             places: processes.iter().map(|p| p.acts).collect(),
             stretches: filtered.stretches.iter().map(one).collect(),
             scale: experiment.scale[..n].to_vec(),
@@ -86,20 +69,33 @@ impl Linear {
         }
     }
 
-    /// Log likelihood of the first `most` samples, or a few more, with `processes` at the path's own places, up to the constant that
-    /// all of one path share; not finite where the filter diverges.
-    pub(crate) fn likelihood(&self, processes: &[Process], most: usize) -> f64 {
-        debug_assert!(processes.iter().map(|p| p.acts).eq(self.places.iter().copied()));
+    /// Log likelihoods of the first `most` samples, or a few more, of several sets of processes at the path's own places, up to the
+    /// constant that all of one path share; not finite where the filter diverges.
+    pub(crate) fn likelihoods(&self, all: &[&[Process]], most: usize) -> Vec<f64> {
+        debug_assert!(all.iter().all(|set| set.iter().map(|p| p.acts).eq(self.places.iter().copied())));
+        let chunks: Vec<&[&[Process]]> = all.chunks(LANES).collect();
+        let one = |chunk: &&[&[Process]]| match chunk.len() {
+            1 => self.dispatched::<1>(chunk, most),
+            2..=4 => self.dispatched::<4>(chunk, most),
+            _ => self.dispatched::<LANES>(chunk, most),
+        };
+        chunks.par_iter().map(one).collect::<Vec<_>>().concat()
+    }
+
+    /// Of up to `L` sets, one a lane; lanes beyond the last repeat it.
+    fn dispatched<const L: usize>(&self, sets: &[&[Process]], most: usize) -> Vec<f64> {
+        let lanes: [&[Process]; L] = std::array::from_fn(|lane| sets[lane.min(sets.len() - 1)]);
         // The widest registers that the processor has.
-        pulp::Arch::new().dispatch(
+        let all = pulp::Arch::new().dispatch(
             #[inline(always)]
-            || self.along(processes, most),
-        )
+            || self.along(&lanes, most),
+        );
+        all[..sets.len()].to_vec()
     }
 
     #[inline(always)]
-    fn along(&self, processes: &[Process], most: usize) -> f64 {
-        let mut filter = Moments::new(self, processes);
+    fn along<const L: usize>(&self, lanes: &[&[Process]; L], most: usize) -> [f64; L] {
+        let mut filter = Moments::new((&self.scale, &self.noise), lanes);
         let mut left = most;
         for (start, steps) in &self.stretches {
             filter.begin(start);
@@ -114,8 +110,7 @@ impl Linear {
                 }
             }
         }
-        let count = filter.count.max(1) as f64;
-        -0.5 * (count * (filter.squares / count).max(f64::MIN_POSITIVE).ln() + filter.logarithms)
+        filter.likelihood()
     }
 }
 
@@ -138,174 +133,12 @@ impl Ahead {
                 all.extend(power.iter());
                 power = &rates * power;
             }
-            let mut left: Vec<f64> = column.iter().take(n).copied().collect();
-            add_series(&mut left, &all, &weights(time, process.time), -1.0);
-            beyond.push(left);
+            let mut series = vec![[0.0]; n];
+            add_series(&mut series, &all, &weights(time, &[process.time]));
+            beyond.push(column.iter().zip(series).map(|(column, [series])| column - series).collect());
             powers.push(all);
         }
         Self { time, carried, offset, beyond, powers }
-    }
-}
-
-/// Mean and covariance of all states as the filter goes.
-struct Moments<'a> {
-    linear: &'a Linear,
-    processes: &'a [Process],
-    size: usize,
-    state: Vec<f64>,
-    covariance: Vec<f64>,
-    along: Vec<f64>,
-    /// Column after column.
-    transition: Vec<f64>,
-    product: Vec<f64>,
-    driven: Vec<f64>,
-    decays: Vec<Decay>,
-    /// The length of a step that the decays are of.
-    time: f64,
-    count: usize,
-    squares: f64,
-    logarithms: f64,
-}
-
-impl<'a> Moments<'a> {
-    fn new(linear: &'a Linear, processes: &'a [Process]) -> Self {
-        let size = linear.n + processes.len();
-        let (vector, matrix) = (vec![0.0; size], vec![0.0; size * size]);
-        Self {
-            linear,
-            processes,
-            size,
-            state: vector.clone(),
-            covariance: matrix.clone(),
-            along: vector.clone(),
-            transition: matrix.clone(),
-            product: matrix,
-            driven: vector,
-            decays: Vec::new(),
-            time: f64::NAN,
-            count: 0,
-            squares: 0.0,
-            logarithms: 0.0,
-        }
-    }
-
-    /// Nothing is known of the start but the size of the motion.
-    fn begin(&mut self, start: &[f64]) {
-        let (n, size) = (self.linear.n, self.size);
-        self.state.fill(0.0);
-        self.state[..n].copy_from_slice(start);
-        self.covariance.fill(0.0);
-        for j in 0..size {
-            let deviation = if j < n { self.linear.scale[j] } else { self.processes[j - n].deviation };
-            self.covariance[j * size + j] = deviation * deviation;
-        }
-    }
-
-    #[inline(always)]
-    fn read(&mut self, reading: &Reading) {
-        let (n, size) = (self.linear.n, self.size);
-        let Self { state, covariance, along, processes, .. } = self;
-        let on_column = |k: usize| processes[k].acts == Acts::Column(reading.column);
-        let slopes = || {
-            let own = reading.slope.iter().copied().enumerate().filter(|(_, slope)| *slope != 0.0);
-            own.chain((n..size).filter(|&j| on_column(j - n)).map(|j| (j, 1.0)))
-        };
-        // The covariance is symmetric: its rows are its columns.
-        let mut expected = 0.0;
-        along.fill(0.0);
-        for (j, slope) in slopes() {
-            expected += slope * state[j];
-            add(along, slope, &covariance[j * size..(j + 1) * size]);
-        }
-        let variance = slopes().map(|(j, slope)| slope * along[j]).sum::<f64>() + self.linear.noise[reading.column];
-        let innovation = reading.value - expected;
-        add(state, innovation / variance, along);
-        for (i, row) in covariance.chunks_exact_mut(size).enumerate() {
-            add(row, -along[i] / variance, along);
-        }
-        self.logarithms += variance.ln();
-        self.squares += innovation * innovation / variance;
-        self.count += 1;
-    }
-
-    #[inline(always)]
-    fn go(&mut self, ahead: &Ahead) {
-        // Stamps are rounded.
-        if !((ahead.time - self.time).abs() <= 1e-9 * ahead.time) {
-            self.time = ahead.time;
-            self.decays = self.processes.iter().map(|process| Decay::over(self.time, process.time)).collect();
-        }
-        let (n, size) = (self.linear.n, self.size);
-        // Column after column: those of the machine, then those of the processes.
-        self.transition.fill(0.0);
-        for (column, carried) in self.transition.chunks_exact_mut(size).zip(ahead.carried.column_iter()) {
-            column[..n].copy_from_slice(carried.as_slice());
-        }
-        let mut row = 0;
-        for (k, decay) in self.decays.iter().enumerate() {
-            let column = &mut self.transition[(n + k) * size..(n + k + 1) * size];
-            column[n + k] = decay.left;
-            if self.processes[k].row().is_some() {
-                column[..n].copy_from_slice(&ahead.beyond[row]);
-                add_series(&mut column[..n], &ahead.powers[row], &decay.moved, 1.0);
-                row += 1;
-            }
-        }
-        carry(&mut self.along, &self.state, &self.transition);
-        self.state.copy_from_slice(&self.along);
-        add(&mut self.state[..n], 1.0, &ahead.offset);
-        // Rows of the covariance are carried, then those of what came of it turned: it is symmetric.
-        for (i, row) in self.covariance.chunks_exact(size).enumerate() {
-            carry(&mut self.along, row, &self.transition);
-            (0..size).for_each(|j| self.product[j * size + i] = self.along[j]);
-        }
-        for (to, row) in self.covariance.chunks_exact_mut(size).zip(self.product.chunks_exact(size)) {
-            carry(to, row, &self.transition);
-        }
-        // Rounding makes the two triangles differ.
-        for i in 0..size {
-            for j in 0..i {
-                let mean = 0.5 * (self.covariance[i * size + j] + self.covariance[j * size + i]);
-                self.covariance[i * size + j] = mean;
-                self.covariance[j * size + i] = mean;
-            }
-        }
-        self.drive(ahead);
-    }
-
-    /// What the white noise of the processes adds over a step.
-    #[inline(always)]
-    fn drive(&mut self, ahead: &Ahead) {
-        let (n, size) = (self.linear.n, self.size);
-        let mut row = 0;
-        for (k, (decay, process)) in self.decays.iter().zip(self.processes).enumerate() {
-            let density = 2.0 * process.deviation * process.deviation / process.time;
-            let is_force = process.row().is_some();
-            for (weight, left, moved) in &decay.points {
-                self.driven.fill(0.0);
-                self.driven[n + k] = *left;
-                if is_force {
-                    add_series(&mut self.driven[..n], &ahead.powers[row], moved, 1.0);
-                }
-                for (row, a) in self.covariance.chunks_exact_mut(size).zip(&self.driven) {
-                    if *a != 0.0 {
-                        add(row, density * weight * a, &self.driven);
-                    }
-                }
-            }
-            row += usize::from(is_force);
-        }
-    }
-}
-
-/// A square matrix (column after column) times a vector.
-#[inline(always)]
-fn carry(to: &mut [f64], vector: &[f64], columns: &[f64]) {
-    to.fill(0.0);
-    for (column, v) in columns.chunks_exact(to.len()).zip(vector) {
-        if *v != 0.0 {
-            add(to, *v, column);
-        }
     }
 }
 
@@ -359,7 +192,7 @@ mod tests {
         let other = processes(1.7, 0.5);
         let rolled = filter.run((&experiment, usize::MAX), machine, &other, Pace::Likelihood).unwrap();
         assert_eq!(rolled.count, 600);
-        (rolled.likelihood, path.likelihood(&other, usize::MAX))
+        (rolled.likelihood, path.likelihoods(&[&other], usize::MAX)[0])
     }
 
     #[test]

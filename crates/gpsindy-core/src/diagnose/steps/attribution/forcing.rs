@@ -6,6 +6,7 @@
 //! with the forces, or a camera's slow error would be a gust.
 
 mod account;
+mod climb;
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
@@ -13,7 +14,7 @@ use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::weigh::LIKELY;
 use crate::diagnose::limits::{CHANCE, CONVINCING, NOISE};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat};
+use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probability_of_random};
 use crate::error::Result;
 use account::Account;
 
@@ -39,7 +40,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
     let Some(found) = Account::forced(contest, best, near)? else { return Ok(judged) };
     stage.advance()?;
-    let found = beside(contest, &judged.nominal, found)?;
+    let Some((found, p_value)) = beside(contest, &judged.nominal, found)? else { return Ok(judged) };
     stage.advance()?;
     let mut chance = 1.0;
     let is_account = if found.is_forced() {
@@ -54,12 +55,8 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     if !is_account {
         return Ok(judged);
     }
-    let p_value = found.functions(contest)?;
-    stage.advance()?;
     let forcing = found.told(p_value);
-    if forcing.probability() < LIKELY {
-        return Ok(judged);
-    }
+    stage.advance()?;
     Ok(replaced(contest, judged, found, forcing, chance))
 }
 
@@ -103,9 +100,13 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
     judged
 }
 
-/// An account without those of its effects that do not convince beside random forces.
-fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Result<Account> {
-    while best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
+/// An account without those of its effects that do not convince beside random forces, and the chance of as large a function besides it;
+/// nothing where what is left follows a law.
+fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Result<Option<(Account, f64)>> {
+    let is_random = |p_value: f64| probability_of_random(p_value) >= LIKELY;
+    let mut p_value = best.functions(contest)?;
+    // With fewer effects more of a law is left.
+    while is_random(p_value) && best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
         for fit in contest.without_each(nominal, &best.fit)?.into_iter().flatten() {
             let Some(account) = Account::of(contest, &fit, &best.processes)? else { continue };
@@ -117,13 +118,17 @@ fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Res
             Some(simpler) if simpler.score > best.score - CONVINCING => best = simpler,
             _ => break,
         }
+        p_value = best.functions(contest)?;
     }
-    if best.fit.hypotheses.is_empty() || contest.run.is_out_of_time() {
-        return Ok(best);
+    // Forces of their own may do what the effects do.
+    if !best.fit.hypotheses.is_empty() && !contest.run.is_out_of_time() {
+        let alone = Account::forced(contest, nominal, &[])?;
+        if let Some(alone) = alone.filter(|alone| alone.score > best.score - CONVINCING) {
+            p_value = alone.functions(contest)?;
+            best = alone;
+        }
     }
-    // Forces of their own may do what the last one does.
-    let alone = Account::forced(contest, nominal, &[])?;
-    Ok(alone.filter(|alone| alone.score > best.score - CONVINCING).unwrap_or(best))
+    Ok(is_random(p_value).then_some((best, p_value)))
 }
 
 #[cfg(test)]

@@ -7,14 +7,13 @@ use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace,
 use crate::diagnose::fit::linear::functions::courses;
 use crate::diagnose::limits::CONVINCING;
 use crate::diagnose::limits::forcing::{
-    CLIMB_STEPS, CLIMBED, CURVED, DURATIONS, LAST_STEP, LAWFUL, LEVELS, LONGEST, MOST_PATHS, MOST_READINGS, SETTLED,
-    SKETCHED_READINGS, SLOPED, UNSEEN,
+    CLIMBED, CURVED, LAWFUL, MOST_PATHS, MOST_READINGS, SETTLED, SKETCHED_READINGS,
 };
 use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
 use crate::diagnose::steps::findings::{Forcing, Told};
 use crate::error::Result;
-use crate::optimise::Optimiser;
 use crate::parallel::*;
 use crate::refine::Window;
 use nalgebra::Matrix2;
@@ -75,7 +74,7 @@ impl Account {
                 let ranges = whole.processes.iter().map(|p| range(contest, &fit, p.acts)).collect();
                 let start = whole.processes.clone();
                 let bare = Self { score: contest.prior(&fit), ..whole };
-                Sketch { climb: Climb { account: bare, ranges, linear }, start, cost: f64::NAN }.finished()
+                Sketch { account: bare, climb: Climb { ranges, linear }, start, cost: f64::NAN }.finished()
             }
             _ => whole.charged_anew(contest),
         };
@@ -143,11 +142,15 @@ impl Account {
         let starts: Vec<Vec<Process>> = ranges[ranges.len() - 1].starts().map(start).collect();
         // A strong process follows the logs.
         let Some(linear) = starts.iter().rev().find_map(|start| account.linear(start)) else { return Ok(None) };
-        let climb = Climb { account, ranges, linear };
-        let most = climb.sketched();
-        let costs: Vec<f64> = starts.par_iter().map(|start| climb.cost_of(start, most)).collect();
+        let climb = Climb { ranges, linear };
+        let costs = climb.costs_of(&starts, account.sketched_samples());
         let best = starts.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1));
-        Ok(best.map(|(start, cost)| Sketch { climb, start, cost }))
+        Ok(best.map(|(start, cost)| Sketch { account, climb, start, cost }))
+    }
+
+    /// The samples of a sketch.
+    fn sketched_samples(&self) -> usize {
+        most(&self.fit, SKETCHED_READINGS)
     }
 
     fn linear(&self, processes: &[Process]) -> Option<Linear> {
@@ -267,61 +270,10 @@ fn columns(fit: &Contestant) -> Vec<Acts> {
     (0..fit.experiment.columns.len()).map(Acts::Column).collect()
 }
 
-/// Where a process acts, and between what its standard deviation and its correlation time lie.
-struct Range {
-    acts: Acts,
-    /// Those that are tried first.
-    tried: [(f64, f64); 2],
-    /// Those that may be found.
-    bounds: [(f64, f64); 2],
-}
-
-impl Range {
-    fn starts(&self) -> impl Iterator<Item = Process> {
-        let between =
-            |(low, high): (f64, f64), k: usize, of: usize| low * (high / low).powf(k as f64 / (of - 1) as f64);
-        (0..DURATIONS * LEVELS).map(move |k| Process {
-            acts: self.acts,
-            deviation: between(self.tried[0], k % LEVELS, LEVELS),
-            time: between(self.tried[1], k / LEVELS, DURATIONS),
-        })
-    }
-
-    fn holds(&self, process: &Process) -> bool {
-        let is_inside = |value: f64, (low, high): (f64, f64)| (low..=high).contains(&value);
-        is_inside(process.deviation, self.bounds[0]) && is_inside(process.time, self.bounds[1])
-    }
-}
-
-/// What a process may be that acts on `fit`.
-fn range(contest: &Contest<'_>, fit: &Contestant, acts: Acts) -> Range {
-    let experiment = &fit.experiment;
-    let together: f64 = experiment.logs.iter().map(|log| log.time[log.time.len() - 1] - log.time[0]).sum();
-    let (period, longest) = (contest.scene.period, LONGEST * together);
-    let (tried, widest) = match acts {
-        Acts::Row(row) => {
-            let rate = contest.scene.rates[row];
-            ((rate * UNSEEN, rate), rate / UNSEEN)
-        }
-        Acts::Column(column) => {
-            let motion = experiment.scale[experiment.columns[column]];
-            ((experiment.noise[column].min(motion), motion), motion / UNSEEN)
-        }
-    };
-    Range {
-        acts,
-        tried: [tried, (period, 0.5 * longest)],
-        bounds: [(tried.0 * UNSEEN, widest), (0.5 * period, longest)],
-    }
-}
-
-/// The logarithms of every process's standard deviation and correlation time.
-fn logarithms(processes: &[Process]) -> Vec<f64> {
-    processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
-}
-
 /// Random processes about where they are at their best.
 struct Sketch {
+    /// Without its processes.
+    account: Account,
     climb: Climb,
     start: Vec<Process>,
     cost: f64,
@@ -330,7 +282,7 @@ struct Sketch {
 impl Sketch {
     /// With all of its processes at their best on a part of the samples: the first of two bore what both do, so all of them move.
     fn climbed(self) -> Option<Self> {
-        let most = self.climb.sketched();
+        let most = self.account.sketched_samples();
         let start = self.climb.top(&self.start, most)?;
         let cost = self.climb.cost_of(&start, most);
         Some(Self { start, cost, ..self })
@@ -338,9 +290,9 @@ impl Sketch {
 
     /// The account with all of its processes at their best.
     fn finished(self) -> Option<Account> {
-        let Self { mut climb, start: mut processes, .. } = self;
+        let Self { account, mut climb, start: mut processes, .. } = self;
         for _ in 0..MOST_PATHS {
-            climb.linear = climb.account.linear(&processes)?;
+            climb.linear = account.linear(&processes)?;
             let before = climb.cost_of(&processes, usize::MAX);
             // A path along which the filter just holds shows no way up.
             if !before.is_finite() {
@@ -351,65 +303,6 @@ impl Sketch {
                 break;
             }
         }
-        Account { processes, ..climb.account }.charged()
-    }
-}
-
-/// What random processes cost beside the machine of an account, about a path of the machine.
-struct Climb {
-    account: Account,
-    ranges: Vec<Range>,
-    linear: Linear,
-}
-
-impl Climb {
-    /// The samples of a sketch.
-    fn sketched(&self) -> usize {
-        most(&self.account.fit, SKETCHED_READINGS)
-    }
-
-    /// Where the processes cost least on the first `most` samples, from `start` on.
-    fn top(&self, start: &[Process], most: usize) -> Option<Vec<Process>> {
-        let climb = Optimiser {
-            tolerance_cost: LAST_STEP,
-            tolerance_gradient: LAST_STEP,
-            max_iterations: CLIMB_STEPS,
-            longest_move: 1.0,
-            ..Optimiser::default()
-        };
-        let found = climb.minimise(&logarithms(start), |place, slope| {
-            let cost = self.cost_of(&self.processes(place), most);
-            for (k, slope) in slope.iter_mut().enumerate() {
-                let at = |step: f64| {
-                    let mut aside = place.to_vec();
-                    aside[k] += step;
-                    self.cost_of(&self.processes(&aside), most)
-                };
-                // Where the range ends, backwards.
-                let ahead = (at(SLOPED) - cost) / SLOPED;
-                *slope = if ahead.is_finite() { ahead } else { (cost - at(-SLOPED)) / SLOPED };
-            }
-            cost.is_finite().then_some(cost)
-        })?;
-        Some(self.processes(&found.point))
-    }
-
-    /// On the first `most` samples.
-    fn cost_of(&self, processes: &[Process], most: usize) -> f64 {
-        if !self.ranges.iter().zip(processes).all(|(range, process)| range.holds(process)) {
-            return f64::INFINITY;
-        }
-        let likelihood = self.linear.likelihood(processes, most);
-        if likelihood.is_finite() { -likelihood } else { f64::INFINITY }
-    }
-
-    /// The processes that have these logarithms.
-    fn processes(&self, logarithms: &[f64]) -> Vec<Process> {
-        let one = |(range, pair): (&Range, &[f64])| Process {
-            acts: range.acts,
-            deviation: pair[0].exp(),
-            time: pair[1].exp(),
-        };
-        self.ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+        Account { processes, ..account }.charged()
     }
 }

@@ -1,0 +1,124 @@
+//! Climb: where random processes beside a machine are at their best.
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::filter::{Acts, Linear, Process};
+use crate::diagnose::limits::forcing::{CLIMB_STEPS, DURATIONS, LAST_STEP, LEVELS, LONGEST, SLOPED, UNSEEN};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::optimise::Optimiser;
+
+/// Where a process acts, and between what its standard deviation and its correlation time lie.
+pub(super) struct Range {
+    acts: Acts,
+    /// Those that are tried first.
+    tried: [(f64, f64); 2],
+    /// Those that may be found.
+    bounds: [(f64, f64); 2],
+}
+
+impl Range {
+    pub(super) fn starts(&self) -> impl Iterator<Item = Process> {
+        let between =
+            |(low, high): (f64, f64), k: usize, of: usize| low * (high / low).powf(k as f64 / (of - 1) as f64);
+        (0..DURATIONS * LEVELS).map(move |k| Process {
+            acts: self.acts,
+            deviation: between(self.tried[0], k % LEVELS, LEVELS),
+            time: between(self.tried[1], k / LEVELS, DURATIONS),
+        })
+    }
+
+    fn holds(&self, process: &Process) -> bool {
+        let is_inside = |value: f64, (low, high): (f64, f64)| (low..=high).contains(&value);
+        is_inside(process.deviation, self.bounds[0]) && is_inside(process.time, self.bounds[1])
+    }
+}
+
+/// What a process may be that acts on `fit`.
+pub(super) fn range(contest: &Contest<'_>, fit: &Contestant, acts: Acts) -> Range {
+    let experiment = &fit.experiment;
+    let together: f64 = experiment.logs.iter().map(|log| log.time[log.time.len() - 1] - log.time[0]).sum();
+    let (period, longest) = (contest.scene.period, LONGEST * together);
+    let (tried, widest) = match acts {
+        Acts::Row(row) => {
+            let rate = contest.scene.rates[row];
+            ((rate * UNSEEN, rate), rate / UNSEEN)
+        }
+        Acts::Column(column) => {
+            let motion = experiment.scale[experiment.columns[column]];
+            ((experiment.noise[column].min(motion), motion), motion / UNSEEN)
+        }
+    };
+    Range {
+        acts,
+        tried: [tried, (period, 0.5 * longest)],
+        bounds: [(tried.0 * UNSEEN, widest), (0.5 * period, longest)],
+    }
+}
+
+/// The logarithms of every process's standard deviation and correlation time.
+fn logarithms(processes: &[Process]) -> Vec<f64> {
+    processes.iter().flat_map(|process| [process.deviation.ln(), process.time.ln()]).collect()
+}
+
+/// What random processes cost beside a machine, about a path of it.
+pub(super) struct Climb {
+    pub(super) ranges: Vec<Range>,
+    pub(super) linear: Linear,
+}
+
+impl Climb {
+    /// Where the processes cost least on the first `most` samples, from `start` on.
+    pub(super) fn top(&self, start: &[Process], most: usize) -> Option<Vec<Process>> {
+        let climb = Optimiser {
+            tolerance_cost: LAST_STEP,
+            tolerance_gradient: LAST_STEP,
+            max_iterations: CLIMB_STEPS,
+            longest_move: 1.0,
+            ..Optimiser::default()
+        };
+        let found = climb.minimise(&logarithms(start), |place, slope| {
+            // The place itself, then a step along each logarithm.
+            let aside = |k: Option<usize>, step: f64| {
+                let mut aside = place.to_vec();
+                k.into_iter().for_each(|k| aside[k] += step);
+                self.processes(&aside)
+            };
+            let all: Vec<Vec<Process>> =
+                std::iter::once(None).chain((0..place.len()).map(Some)).map(|k| aside(k, SLOPED)).collect();
+            let costs = self.costs_of(&all, most);
+            let cost = costs[0];
+            for (k, slope) in slope.iter_mut().enumerate() {
+                let ahead = (costs[k + 1] - cost) / SLOPED;
+                // Where the range ends, backwards.
+                let back = || (cost - self.cost_of(&aside(Some(k), -SLOPED), most)) / SLOPED;
+                *slope = if ahead.is_finite() { ahead } else { back() };
+            }
+            cost.is_finite().then_some(cost)
+        })?;
+        Some(self.processes(&found.point))
+    }
+
+    /// On the first `most` samples.
+    pub(super) fn cost_of(&self, processes: &[Process], most: usize) -> f64 {
+        self.costs_of(&[processes.to_vec()], most)[0]
+    }
+
+    /// Of several sets of processes on the first `most` samples; infinite beyond their ranges and where the filter diverges.
+    pub(super) fn costs_of(&self, all: &[Vec<Process>], most: usize) -> Vec<f64> {
+        let is_inside = |set: &&[Process]| self.ranges.iter().zip(*set).all(|(range, process)| range.holds(process));
+        let sets = || all.iter().map(Vec::as_slice);
+        let mut likelihoods = self.linear.likelihoods(&sets().filter(is_inside).collect::<Vec<_>>(), most).into_iter();
+        let likelihood = |set| if is_inside(&set) { likelihoods.next() } else { None };
+        let costs = sets().map(likelihood).map(|found| found.filter(|l| l.is_finite()).map_or(f64::INFINITY, |l| -l));
+        costs.collect()
+    }
+
+    /// The processes that have these logarithms.
+    fn processes(&self, logarithms: &[f64]) -> Vec<Process> {
+        let one = |(range, pair): (&Range, &[f64])| Process {
+            acts: range.acts,
+            deviation: pair[0].exp(),
+            time: pair[1].exp(),
+        };
+        self.ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+    }
+}
