@@ -31,6 +31,8 @@ pub(super) struct Ahead {
 /// One process, a lane each.
 struct Driver<const L: usize> {
     acts: Acts,
+    /// Its number among the forces; nothing of coloured noise.
+    force: Option<usize>,
     time: [f64; L],
     variance: [f64; L],
     /// Of the white noise that drives it: twice the variance over the time.
@@ -70,7 +72,9 @@ impl<'a, const L: usize> Moments<'a, L> {
         let driver = |k: usize| {
             let (time, variance) = (lanes.map(|set| set[k].time), lanes.map(|set| set[k].deviation.powi(2)));
             let density = std::array::from_fn(|lane| 2.0 * variance[lane] / time[lane]);
-            Driver { acts: lanes[0][k].acts, time, variance, density }
+            let is_force = |process: &Process| process.row().is_some();
+            let force = is_force(&lanes[0][k]).then(|| lanes[0][..k].iter().filter(|p| is_force(p)).count());
+            Driver { acts: lanes[0][k].acts, force, time, variance, density }
         };
         let drivers: Vec<Driver<L>> = (0..lanes[0].len()).map(driver).collect();
         let (n, size) = (scale.len(), scale.len() + drivers.len());
@@ -163,74 +167,40 @@ impl<'a, const L: usize> Moments<'a, L> {
             self.time = ahead.time;
             self.decays = self.drivers.iter().map(|driver| Decay::over(self.time, &driver.time)).collect();
         }
-        let (n, m, size) = (self.n, self.drivers.len(), self.size);
-        let mut row = 0;
-        for k in 0..m {
-            let moved = &mut self.moved[k * n..(k + 1) * n];
-            if matches!(self.drivers[k].acts, Acts::Row(_)) {
-                moved.iter_mut().zip(&ahead.beyond[row]).for_each(|(moved, beyond)| *moved = [*beyond; L]);
-                add_series(moved, &ahead.powers[row], &self.decays[k].moved);
-                row += 1;
-            }
+        let (n, size) = (self.n, self.size);
+        for (driver, (decay, moved)) in self.drivers.iter().zip(self.decays.iter().zip(self.moved.chunks_exact_mut(n)))
+        {
+            let Some(force) = driver.force else { continue };
+            moved.iter_mut().zip(&ahead.beyond[force]).for_each(|(moved, beyond)| *moved = [*beyond; L]);
+            add_series(moved, &ahead.powers[force], &decay.moved);
         }
-        self.move_state(ahead);
-        // The machine's rows carried ahead: F [A B] + G [B' C], where the machine moves by F and by what the processes move, G.
-        self.carried.fill([0.0; L]);
-        for (j, column) in ahead.carried.column_iter().enumerate() {
-            let from = &self.covariance[j * size..(j + 1) * size];
-            for (factor, to) in column.iter().zip(self.carried.chunks_exact_mut(size)).filter(|(f, _)| **f != 0.0) {
-                to.iter_mut().zip(from).for_each(|(to, from)| add(to, *factor, from));
-            }
+        for (next, offset) in self.along.iter_mut().zip(&ahead.offset) {
+            *next = [*offset; L];
         }
-        for k in (0..m).filter(|&k| matches!(self.drivers[k].acts, Acts::Row(_))) {
-            let from = &self.covariance[(n + k) * size..(n + k + 1) * size];
-            for (factor, to) in self.moved[k * n..(k + 1) * n].iter().zip(self.carried.chunks_exact_mut(size)) {
-                to.iter_mut().zip(from).for_each(|(to, from)| add_product(to, factor, from));
-            }
+        carry(&mut self.along[..n], &self.state, ahead, &self.moved);
+        self.state[..n].copy_from_slice(&self.along[..n]);
+        for (state, decay) in self.state[n..].iter_mut().zip(&self.decays) {
+            (0..L).for_each(|lane| state[lane] *= decay.left[lane]);
+        }
+        // The covariance is symmetric: its rows are its columns, which the machine carries ahead.
+        for (i, from) in self.covariance.chunks_exact(size).enumerate() {
+            self.along[..n].fill([0.0; L]);
+            carry(&mut self.along[..n], from, ahead, &self.moved);
+            (0..n).for_each(|j| self.carried[j * size + i] = self.along[j]);
         }
         self.carry_columns(ahead);
         self.drive(ahead);
     }
 
-    #[inline(always)]
-    fn move_state(&mut self, ahead: &Ahead) {
-        let (n, m) = (self.n, self.drivers.len());
-        for (next, offset) in self.along.iter_mut().zip(&ahead.offset) {
-            *next = [*offset; L];
-        }
-        for (column, state) in ahead.carried.column_iter().zip(&self.state) {
-            for (factor, next) in column.iter().zip(&mut self.along).filter(|(factor, _)| **factor != 0.0) {
-                add(next, *factor, state);
-            }
-        }
-        for k in (0..m).filter(|&k| matches!(self.drivers[k].acts, Acts::Row(_))) {
-            for (moved, next) in self.moved[k * n..(k + 1) * n].iter().zip(&mut self.along) {
-                add_product(next, moved, &self.state[n + k]);
-            }
-        }
-        self.state[..n].copy_from_slice(&self.along[..n]);
-        for (state, decay) in self.state[n..].iter_mut().zip(&self.decays) {
-            (0..L).for_each(|lane| state[lane] *= decay.left[lane]);
-        }
-    }
-
     /// The covariance from the machine's rows that were carried ahead: its columns carried, too, and what the processes keep.
     #[inline(always)]
     fn carry_columns(&mut self, ahead: &Ahead) {
-        let (n, m, size) = (self.n, self.drivers.len(), self.size);
-        let Self { covariance, carried, moved, decays, drivers, .. } = self;
+        let (n, size) = (self.n, self.size);
+        let Self { covariance, carried, moved, decays, .. } = self;
         for (i, from) in carried.chunks_exact(size).enumerate() {
             let to = &mut covariance[i * size..i * size + n];
             to.fill([0.0; L]);
-            for (column, from) in ahead.carried.column_iter().zip(from) {
-                for (factor, to) in column.iter().zip(&mut *to).filter(|(factor, _)| **factor != 0.0) {
-                    add(to, *factor, from);
-                }
-            }
-            for k in (0..m).filter(|&k| matches!(drivers[k].acts, Acts::Row(_))) {
-                let moved = &moved[k * n..(k + 1) * n];
-                to.iter_mut().zip(moved).for_each(|(to, moved)| add_product(to, moved, &from[n + k]));
-            }
+            carry(to, from, ahead, moved);
             for (k, decay) in decays.iter().enumerate() {
                 let kept: [f64; L] = std::array::from_fn(|lane| from[n + k][lane] * decay.left[lane]);
                 covariance[i * size + n + k] = kept;
@@ -257,17 +227,15 @@ impl<'a, const L: usize> Moments<'a, L> {
     #[inline(always)]
     fn drive(&mut self, ahead: &Ahead) {
         let (n, size) = (self.n, self.size);
-        let mut row = 0;
         for (k, (decay, driver)) in self.decays.iter().zip(&self.drivers).enumerate() {
-            let is_force = matches!(driver.acts, Acts::Row(_));
             // The machine's states, then the process itself.
-            let first = if is_force { 0 } else { n };
+            let first = if driver.force.is_some() { 0 } else { n };
             let place = |i: usize| if i < n { i } else { n + k };
             for (weight, left, moved) in &decay.points {
                 self.driven.fill([0.0; L]);
                 self.driven[n] = *left;
-                if is_force {
-                    add_series(&mut self.driven[..n], &ahead.powers[row], moved);
+                if let Some(force) = driver.force {
+                    add_series(&mut self.driven[..n], &ahead.powers[force], moved);
                 }
                 for i in first..=n {
                     let share: [f64; L] =
@@ -277,7 +245,6 @@ impl<'a, const L: usize> Moments<'a, L> {
                     }
                 }
             }
-            row += usize::from(is_force);
         }
     }
 
@@ -288,5 +255,20 @@ impl<'a, const L: usize> Moments<'a, L> {
         std::array::from_fn(|lane| {
             -0.5 * (count * (self.squares[lane] / count).max(f64::MIN_POSITIVE).ln() + self.logarithms[lane])
         })
+    }
+}
+
+/// Adds where a step carries `from`, the machine's states and then the processes: by the machine itself and by what each process moves of
+/// it (`moved`, zero for coloured noise).
+#[inline(always)]
+fn carry<const L: usize>(to: &mut [[f64; L]], from: &[[f64; L]], ahead: &Ahead, moved: &[[f64; L]]) {
+    let (states, processes) = from.split_at(to.len());
+    for (column, from) in ahead.carried.column_iter().zip(states) {
+        for (factor, to) in column.iter().zip(&mut *to).filter(|(factor, _)| **factor != 0.0) {
+            add(to, *factor, from);
+        }
+    }
+    for (moved, from) in moved.chunks_exact(to.len()).zip(processes) {
+        to.iter_mut().zip(moved).for_each(|(to, moved)| add_product(to, moved, from));
     }
 }

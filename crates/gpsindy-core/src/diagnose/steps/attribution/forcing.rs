@@ -38,7 +38,11 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     // Where gusts drown every effect, one of them may still convince beside the gusts.
     let near = if best.hypotheses.is_empty() { &near[..] } else { &[] };
     let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
-    let Some(found) = Account::forced(contest, best, near)? else { return Ok(judged) };
+    let found = Account::forced(contest, best, near)?;
+    // Neither a process nor an effect that one might replace.
+    let Some(found) = found.filter(|found| !found.processes.is_empty() || !found.fit.hypotheses.is_empty()) else {
+        return Ok(judged);
+    };
     stage.advance()?;
     let Some((found, p_value)) = beside(contest, &judged.nominal, found)? else { return Ok(judged) };
     stage.advance()?;

@@ -76,20 +76,19 @@ impl Climb {
             ..Optimiser::default()
         };
         let found = climb.minimise(&logarithms(start), |place, slope| {
-            // The place itself, then a step along each logarithm.
-            let aside = |k: Option<usize>, step: f64| {
+            let aside = |k: usize, step: f64| {
                 let mut aside = place.to_vec();
-                k.into_iter().for_each(|k| aside[k] += step);
+                aside[k] += step;
                 self.processes(&aside)
             };
-            let all: Vec<Vec<Process>> =
-                std::iter::once(None).chain((0..place.len()).map(Some)).map(|k| aside(k, SLOPED)).collect();
+            let mut all = vec![self.processes(place)];
+            all.extend((0..place.len()).map(|k| aside(k, SLOPED)));
             let costs = self.costs_of(&all, most);
             let cost = costs[0];
             for (k, slope) in slope.iter_mut().enumerate() {
                 let ahead = (costs[k + 1] - cost) / SLOPED;
                 // Where the range ends, backwards.
-                let back = || (cost - self.cost_of(&aside(Some(k), -SLOPED), most)) / SLOPED;
+                let back = || (cost - self.cost_of(&aside(k, -SLOPED), most)) / SLOPED;
                 *slope = if ahead.is_finite() { ahead } else { back() };
             }
             cost.is_finite().then_some(cost)
@@ -99,17 +98,21 @@ impl Climb {
 
     /// On the first `most` samples.
     pub(super) fn cost_of(&self, processes: &[Process], most: usize) -> f64 {
-        self.costs_of(&[processes.to_vec()], most)[0]
+        self.costs_of(&[processes], most)[0]
     }
 
     /// Of several sets of processes on the first `most` samples; infinite beyond their ranges and where the filter diverges.
-    pub(super) fn costs_of(&self, all: &[Vec<Process>], most: usize) -> Vec<f64> {
-        let is_inside = |set: &&[Process]| self.ranges.iter().zip(*set).all(|(range, process)| range.holds(process));
-        let sets = || all.iter().map(Vec::as_slice);
-        let mut likelihoods = self.linear.likelihoods(&sets().filter(is_inside).collect::<Vec<_>>(), most).into_iter();
-        let likelihood = |set| if is_inside(&set) { likelihoods.next() } else { None };
-        let costs = sets().map(likelihood).map(|found| found.filter(|l| l.is_finite()).map_or(f64::INFINITY, |l| -l));
-        costs.collect()
+    pub(super) fn costs_of<S: AsRef<[Process]>>(&self, all: &[S], most: usize) -> Vec<f64> {
+        let is_inside = |set: &[Process]| self.ranges.iter().zip(set).all(|(range, process)| range.holds(process));
+        let inside = all.iter().map(AsRef::as_ref).enumerate().filter(|(_, set)| is_inside(set));
+        let (places, sets): (Vec<usize>, Vec<&[Process]>) = inside.unzip();
+        let mut costs = vec![f64::INFINITY; all.len()];
+        for (place, likelihood) in places.into_iter().zip(self.linear.likelihoods(&sets, most)) {
+            if likelihood.is_finite() {
+                costs[place] = -likelihood;
+            }
+        }
+        costs
     }
 
     /// The processes that have these logarithms.
