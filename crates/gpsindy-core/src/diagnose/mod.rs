@@ -57,7 +57,6 @@ use steps::attribution::suspects::{Choice, suspects};
 use steps::findings::Judged;
 use steps::logs::prepare::{Known, Prepared, prepare};
 use steps::verdict::augment::{augment, without};
-use steps::verdict::verify::Verification;
 use steps::verdict::{localise, typicality, verify, weigh};
 
 /// Settings of a diagnosis.
@@ -260,13 +259,14 @@ impl Diagnose {
     /// gives another account. Held-out logs are looked at when all is decided.
     fn body(&self, system: &System, logs: [&Dataset; 2], progress: &dyn Progress) -> Result<(Diagnosed, Found)> {
         let run = Run::new(progress, self.time_limit);
-        let prepared = prepare(&run, system, logs, &self.known())?;
-        let suspects = suspects(&prepared.nominal, &self.choice(), &run.notes)?;
+        let mut prepared = prepare(&run, system, logs, &self.known())?;
+        let (suspects, of_suspects) = suspects(&prepared.nominal, &self.choice())?;
+        prepared.notes.extend(of_suspects);
         let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let suspected = begun(&contest, &prepared, suspected)?;
-        let (judged, said) = run.notes.of_attempt(|| forced(&contest, attribute(&contest, suspected)?));
-        let judged = reconsider_hold(&contest, &prepared, (judged?, said))?;
+        let judged = forced(&contest, attribute(&contest, suspected)?)?;
+        let judged = reconsider_hold(&contest, &prepared, judged)?;
         let judged = forced(&contest, judged)?;
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         self.reported(contest, prepared, judged)
@@ -275,7 +275,7 @@ impl Diagnose {
     /// The report on what was found: verified on held-out logs, located, written into the model and weighed.
     fn reported(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
         contest.run.begin("held-out logs and report");
-        let verified = self.verify(&contest, &prepared, &judged)?;
+        let verified = verify::closure(&judged, &prepared.holdout, self.confidence)?;
         let gap = localise::gap(&contest, &judged, &verified.resting);
         let augmented = augment(&judged.outcome.best);
         let states = &judged.nominal.system.model().states;
@@ -284,11 +284,11 @@ impl Diagnose {
         // What is random leaves a rest that the noise does not.
         let has_causes = judged.detected.gap && !judged.outcome.best.hypotheses.is_empty() && judged.forcing.is_none();
         let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?.flatten();
-        if let Some(note) = contest.run.note_of_end() {
-            contest.run.notes.say(note);
-        }
+        let interpolated = prepared.is_other_hold(&judged).then_some(Note::Interpolated);
+        let mut notes = [&prepared.notes[..], &judged.notes].concat();
+        notes.extend(interpolated.into_iter().chain(verified.notes.iter().cloned()).chain(contest.run.note_of_end()));
         let found = weigh::Found { judged: &judged, typicality, verification: verified, located: gap };
-        let (mut diagnosis, augmented) = weigh::report(self.confidence, &contest, found, logs, augmented);
+        let (mut diagnosis, augmented, of_outcome) = weigh::report(self.confidence, &contest, found, logs, augmented);
         let resting: Vec<&str> = resting.iter().map(String::as_str).collect();
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let model = judged.nominal.system.model();
@@ -299,16 +299,14 @@ impl Diagnose {
         let without = ablated(&contest, &judged, &diagnosis)?;
         let (work, seconds) = contest.run.work();
         diagnosis.work = work;
-        let (notes, handed) = (contest.run.notes.all(), contest.run.handed.take());
+        notes.extend(of_outcome);
+        diagnosis.notes = notes.iter().map(ToString::to_string).collect();
+        let handed = contest.run.handed.take();
         let diagnosed = Diagnosed { diagnosis, augmented, notes, open, without, seconds, handed };
         let Contest { hypotheses, scene, .. } = contest;
         let Judged { nominal, outcome, .. } = judged;
         let Prepared { train, holdout, .. } = prepared;
         Ok((diagnosed, Found { nominal, best: outcome.best, hypotheses, scene, train, holdout }))
-    }
-
-    fn verify(&self, contest: &Contest<'_>, prepared: &Prepared, judged: &Judged) -> Result<Verification> {
-        verify::closure(judged, &prepared.holdout, self.confidence, &contest.run.notes)
     }
 
     fn known(&self) -> Known<'_> {

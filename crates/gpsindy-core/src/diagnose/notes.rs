@@ -1,7 +1,5 @@
 //! Notes of a diagnosis: what its reader must know besides the numbers.
 
-use std::sync::{Mutex, PoisonError};
-
 /// Something that a diagnosis did, or met, that its reader must know. [`std::fmt::Display`] says it in a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -208,54 +206,9 @@ impl std::fmt::Display for Note {
     }
 }
 
-/// The notes of one diagnosis, in the order in which they were said.
-#[derive(Debug, Default)]
-pub(crate) struct Notes(Mutex<Vec<Note>>);
-
-impl Notes {
-    /// Adds a note, once.
-    pub(crate) fn say(&self, note: Note) {
-        let mut notes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if !notes.contains(&note) {
-            notes.push(note);
-        }
-    }
-
-    /// Adds several, each once.
-    pub(crate) fn say_all(&self, notes: impl IntoIterator<Item = Note>) {
-        notes.into_iter().for_each(|note| self.say(note));
-    }
-
-    /// All notes so far.
-    pub(crate) fn all(&self) -> Vec<Note> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// What an attempt gives, and the notes of it alone: who keeps the attempt says them.
-    pub(crate) fn of_attempt<T>(&self, attempt: impl FnOnce() -> T) -> (T, Vec<Note>) {
-        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = std::mem::take(&mut *lock());
-        let result = attempt();
-        (result, std::mem::replace(&mut *lock(), before))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn notes_are_kept_in_their_order_and_those_of_an_attempt_are_its_own() {
-        let notes = Notes::default();
-        notes.say(Note::Outliers { count: 2 });
-        let (result, said) = notes.of_attempt(|| {
-            notes.say(Note::Lengthened);
-            notes.all().len()
-        });
-        assert_eq!((result, said), (1, vec![Note::Lengthened]));
-        notes.say(Note::Interpolated);
-        assert_eq!(notes.all(), [Note::Outliers { count: 2 }, Note::Interpolated]);
-    }
 
     #[test]
     fn no_note_names_an_option_of_a_surface() {

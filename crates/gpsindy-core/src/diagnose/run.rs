@@ -1,8 +1,8 @@
-//! What all steps of one diagnosis share: progress, time limit, notes, and the account of the work.
+//! What all steps of one diagnosis share: progress, time limit, and the account of the work.
 
 use crate::diagnose::handed::Handed;
 use crate::diagnose::limits::FOREVER;
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::notes::Note;
 use crate::diagnose::report::StageWork;
 use crate::error::Result;
 use crate::progress::{Progress, step};
@@ -30,7 +30,6 @@ pub(crate) struct Run<'a> {
     time_limit: Option<f64>,
     /// Seconds after which something was left out for the first time.
     cut: OnceLock<f64>,
-    pub(crate) notes: Notes,
     pub(crate) handed: Account,
     /// What is done with the logs, and how far it was when each stage began.
     pub(crate) tally: Arc<Tally>,
@@ -67,7 +66,6 @@ impl<'a> Run<'a> {
             progress,
             time_limit,
             cut: OnceLock::new(),
-            notes: Notes::default(),
             handed: Account::default(),
             tally: Arc::new(Tally::until(end, progress.enough())),
             begun: Mutex::default(),

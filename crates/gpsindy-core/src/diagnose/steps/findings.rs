@@ -4,6 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::{CROWDED, PARTED, TWINS};
 use crate::diagnose::limits::{MATERIAL, NO_REST, SUBSTITUTE};
+use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::survey::Summary;
 
 /// Whether there is a gap.
@@ -137,6 +138,8 @@ pub(crate) struct Judged {
     pub(crate) forcing: Option<Forcing>,
     /// Whether it was asked for them.
     pub(crate) was_asked_for_forces: bool,
+    /// What the user should know of the way to it.
+    pub(crate) notes: Vec<Note>,
 }
 
 /// Whether `best` removes a `share` of the gap beyond what `rest` does.

@@ -4,7 +4,8 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::LEAST_REST;
 use crate::diagnose::limits::{MOST_MOVES, NAMED, NOISE, SWAP};
-use crate::diagnose::steps::attribution::charge::charge_tolerated;
+use crate::diagnose::notes::Note;
+use crate::diagnose::steps::attribution::charge::{Charged, charge_tolerated};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
 use crate::diagnose::steps::attribution::lengthen::lengthen;
@@ -27,7 +28,8 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let Suspected { nominal, first, nameless, detected } = suspected;
     let singles = first.singles();
     let (found, round) = search(contest, &nominal, first)?;
-    let Settled { nominal, mut best, rests, left, is_moved } = settle(contest, nominal, &found)?;
+    let Settled { nominal, mut best, rests, left, notes } = settle(contest, nominal, &found)?;
+    let is_moved = !notes.is_empty();
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
@@ -61,7 +63,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     };
     let seats = best.hypotheses.iter().zip(places).map(seat).collect();
     let outcome = Outcome { best, seats, singles, near: round.fits, left, screened: round.screened };
-    Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false })
+    Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false, notes })
 }
 
 /// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
@@ -72,21 +74,28 @@ struct Settled {
     rests: Option<Vec<Option<Contestant>>>,
     /// Gain and degrees of freedom of every function without a name beside them.
     left: Vec<(f64, usize)>,
-    /// Whether rollouts or tolerances are others now.
-    is_moved: bool,
+    /// Which rollouts or tolerances are others now.
+    notes: Vec<Note>,
 }
 
 fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
     contest.run.begin("settling");
     let Pruned { best, rests } = pruned(contest, &nominal, found.clone())?;
-    let before = (best.experiment.windows.clone(), nominal.free.len());
-    let (nominal, best) = lengthen(contest, nominal, best)?;
-    let (nominal, best) = charge_tolerated(contest, nominal, best)?;
-    let is_moved = before != (best.experiment.windows.clone(), nominal.free.len());
+    let (mut nominal, mut best, mut notes) = (nominal, best, Vec::new());
+    if let Some(longer) = lengthen(contest, &nominal, &best)? {
+        (nominal, best) = longer;
+        notes.push(Note::Lengthened);
+    }
+    if let Some(charged) = charge_tolerated(contest, &nominal, &best)? {
+        let names;
+        Charged { nominal, best, names } = charged;
+        notes.extend(names.into_iter().map(|name| Note::ChargedParameter { name }));
+    }
     // Once more, because longer rollouts show what an effect is worth.
-    let Pruned { best, rests } = if is_moved { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };
+    let Pruned { best, rests } =
+        if notes.is_empty() { Pruned { best, rests } } else { pruned(contest, &nominal, best)? };
     let left = nameless(contest, &best)?;
-    Ok(Settled { nominal, best, rests, left, is_moved })
+    Ok(Settled { nominal, best, rests, left, notes })
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.

@@ -5,25 +5,33 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::fit::moved::{Moved, is_strained, moved};
 use crate::diagnose::limits::{Budget, CONVINCING, MATERIAL, TOLERABLE};
-use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
 
-/// The nominal model without the tolerance of such parameters, and the winner with them as hypotheses.
+/// Parameters that became hypotheses.
+pub(crate) struct Charged {
+    /// The nominal model without their tolerance.
+    pub(crate) nominal: Contestant,
+    /// The winner with them as hypotheses.
+    pub(crate) best: Contestant,
+    pub(crate) names: Vec<String>,
+}
+
+/// What the fit moved out of its tolerance, as hypotheses; none where nothing is, or the winner can't be fitted so.
 pub(crate) fn charge_tolerated(
     contest: &Contest<'_>,
-    nominal: Contestant,
-    best: Contestant,
-) -> Result<(Contestant, Contestant)> {
-    let charged = charged(&best);
+    nominal: &Contestant,
+    best: &Contestant,
+) -> Result<Option<Charged>> {
+    let charged = charged(best);
     if charged.is_empty() {
-        return Ok((nominal, best));
+        return Ok(None);
     }
     let mut causes = Vec::new();
     for &index in &charged {
         let parameter = &nominal.system.model().parameters[index];
         let is_its = |h: &&Hypothesis| is_error_of(h, &parameter.name);
-        let Some(hypothesis) = contest.hypotheses.iter().find(is_its) else { return Ok((nominal, best)) };
+        let Some(hypothesis) = contest.hypotheses.iter().find(is_its) else { return Ok(None) };
         // It was chosen among the parameters with a tolerance.
         let searches = Searches::of(best.free.len());
         causes.push((Entrant { hypothesis, searches }, vec![best.refined.parameters[index]]));
@@ -32,11 +40,9 @@ pub(crate) fn charge_tolerated(
     let free = nominal.free.iter().filter(|f| !charged.contains(&f.parameter)).cloned().collect();
     let (system, experiment) = (nominal.system.clone(), nominal.experiment.clone());
     let base = contest.fitter.nominal(system, experiment, free, Budget::Usual)?;
-    let Some(fit) = contest.again_with(&base, &best, &causes)? else { return Ok((nominal, best)) };
-    for &index in &charged {
-        contest.run.notes.say(Note::ChargedParameter { name: nominal.system.model().parameters[index].name.clone() });
-    }
-    Ok((base, fit))
+    let Some(fit) = contest.again_with(&base, best, &causes)? else { return Ok(None) };
+    let names = charged.iter().map(|&index| nominal.system.model().parameters[index].name.clone()).collect();
+    Ok(Some(Charged { nominal: base, best: fit, names }))
 }
 
 fn is_error_of(hypothesis: &Hypothesis, parameter: &str) -> bool {

@@ -176,7 +176,7 @@ mod tests {
         let (model, data) = drive(None, |x| 1.3 * x, 0.002, (2, 200));
         let (fitter, nominal) = fitted(&model, &data, 0.002);
         let run = Run::new(&Silent, None);
-        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
         let entrant = |id: &str, value: f64| (unsearched(find(id)), vec![value]);
         // A delay works on a control; one that is then limited in its rate is a state.

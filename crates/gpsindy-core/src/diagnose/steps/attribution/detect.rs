@@ -38,6 +38,7 @@ impl Suspected {
             outcome,
             forcing: None,
             was_asked_for_forces: false,
+            notes: Vec::new(),
         }
     }
 }

@@ -3,7 +3,6 @@
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::limits::{Budget, FINALISTS, HOLD};
-use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::attribute::attribute;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, detect};
@@ -27,38 +26,28 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
     }
     let Some(start) = unless_refused(interpolated(contest, &prepared.nominal))? else { return Ok(held) };
     let follows = contest.lead(&start, &prepared.nominal) > HOLD;
-    let (other, said) = contest.run.notes.of_attempt(|| detect(contest, start));
-    let other = other?;
+    let other = detect(contest, start)?;
     if follows && !other.detected.gap {
         // Whatever held controls would need, interpolated ones leave nothing of it.
-        contest.run.notes.say_all(said.into_iter().chain([Note::Interpolated]));
         return Ok(other);
     }
     let is_better = |fit: &Contestant| contest.lead(fit, leader) > HOLD && !is_delayed(fit);
     if !other.detected.gap || !other.first.fits.first().is_some_and(is_better) {
         return Ok(held);
     }
-    contest.run.notes.say_all(said);
     Ok(other)
 }
 
-/// The verdict under the other hold, where that is clearly the better account of the logs; `said` is what the one that was found wants
-/// said.
+/// The verdict under the other hold, where that is clearly the better account of the logs.
 ///
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
-pub(crate) fn reconsider_hold(
-    contest: &Contest<'_>,
-    prepared: &Prepared,
-    (found, said): (Judged, Vec<Note>),
-) -> Result<Judged> {
-    let notes = &contest.run.notes;
+pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
     if !is_open(contest, prepared) || !found.detected.gap {
-        notes.say_all(said);
         return Ok(found);
     }
-    if found.nominal.experiment.hold != prepared.nominal.experiment.hold {
-        return without_phantom(contest, prepared, (found, said));
+    if prepared.is_other_hold(&found) {
+        return without_phantom(contest, prepared, found);
     }
     let (held, start) = (found, &prepared.nominal);
     let is_better = |fit: &Contestant| -> Result<bool> {
@@ -76,29 +65,19 @@ pub(crate) fn reconsider_hold(
         let suspected = detect(contest, interpolated(contest, start)?)?;
         Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
     };
-    let (other, said_of_other) = notes.of_attempt(attempt);
     let is_right = |other: &Judged| !is_phantom(other, &held) && (!other.detected.gap || wins(contest, other, &held));
-    let Some(other) = other?.filter(is_right) else {
-        notes.say_all(said);
-        return Ok(held);
-    };
-    notes.say_all(said_of_other.into_iter().chain([Note::Interpolated]));
-    Ok(other)
+    let other = attempt()?.filter(is_right);
+    Ok(other.unwrap_or(held))
 }
 
 /// What was found under interpolated controls, unless it needs a delay that held ones do not.
-fn without_phantom(contest: &Contest<'_>, prepared: &Prepared, (other, said): (Judged, Vec<Note>)) -> Result<Judged> {
-    let notes = &contest.run.notes;
+fn without_phantom(contest: &Contest<'_>, prepared: &Prepared, other: Judged) -> Result<Judged> {
     if is_delayed(&other.outcome.best) && !contest.run.is_out_of_time() {
-        let attempt = || attribute(contest, detect(contest, prepared.nominal.clone())?);
-        let (held, said_of_held) = notes.of_attempt(attempt);
-        let held = held?;
+        let held = attribute(contest, detect(contest, prepared.nominal.clone())?)?;
         if is_phantom(&other, &held) || !wins(contest, &other, &held) {
-            notes.say_all(said_of_held);
             return Ok(held);
         }
     }
-    notes.say_all(said.into_iter().chain([Note::Interpolated]));
     Ok(other)
 }
 

@@ -3,21 +3,21 @@
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::limits::{Budget, PILED, STEADY};
-use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::logs::windows::{doubled, is_loud, stays_near};
 use crate::error::Result;
 
-/// The nominal model and the winner on the longest rollouts on which the winner stays near the logs.
+/// The nominal model and the winner on the longest rollouts on which the winner stays near the logs; none where these are the
+/// present ones.
 pub(crate) fn lengthen(
     contest: &Contest<'_>,
-    nominal: Contestant,
-    best: Contestant,
-) -> Result<(Contestant, Contestant)> {
+    nominal: &Contestant,
+    best: &Contestant,
+) -> Result<Option<(Contestant, Contestant)>> {
     let fitter = contest.fitter;
     let is_whole = nominal.experiment.windows.len() == nominal.experiment.logs.len();
     if is_whole || best.hypotheses.is_empty() || contest.run.is_out_of_time() {
-        return Ok((nominal, best));
+        return Ok(None);
     }
     let mut moved = best.clone();
     // From one length to the next, so that each fit starts near its end.
@@ -33,12 +33,10 @@ pub(crate) fn lengthen(
         moved = next;
     }
     if moved.experiment.windows.len() == best.experiment.windows.len() {
-        return Ok((nominal, best));
+        return Ok(None);
     }
-    let base = unless_refused(fitter.on(&nominal, &moved.experiment, Budget::Thorough))?;
-    let Some(base) = base else { return Ok((nominal, best)) };
-    contest.run.notes.say(Note::Lengthened);
-    Ok((base, moved))
+    let base = unless_refused(fitter.on(nominal, &moved.experiment, Budget::Thorough))?;
+    Ok(base.map(|base| (base, moved)))
 }
 
 #[cfg(test)]
@@ -73,7 +71,7 @@ mod tests {
         let suspects =
             Suspects { hypotheses: hypotheses.clone(), joint: Vec::new(), rivals: Vec::new(), scene, random: false };
         let contest = Contest::new(&run, fitter, suspects, 6);
-        let (_, longer) = lengthen(&contest, nominal.clone(), fit.clone()).unwrap();
+        let longer = lengthen(&contest, &nominal, &fit).unwrap().map_or_else(|| fit.clone(), |(_, longer)| longer);
         (nominal, fit, longer)
     }
 

@@ -79,7 +79,7 @@ mod tests {
         let (model, data) = drive(None, |x| 1.5 * x + 0.8 * x * x * x, 0.002, (2, 200));
         let (fitter, nominal) = fitted(&model, &data, 0.002);
         let run = Run::new(&Silent, None);
-        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default(), &run.notes).unwrap(), 6);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
         let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
         let applied = joint::apply(&both, &model, &contest.scene).unwrap();

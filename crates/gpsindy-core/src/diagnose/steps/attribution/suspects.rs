@@ -10,7 +10,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::rival::{self, Rival};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::scene_of;
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::notes::Note;
 use crate::diagnose::parts::Part;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,11 +46,11 @@ pub(crate) struct Choice<'a> {
     pub(crate) senseless: bool,
 }
 
-/// Every effect that can act in the nominal model, of those of `choice`; what makes no sense there is said in `notes`.
+/// Every effect that can act in the nominal model, of those of `choice`; and notes of those that make no sense there.
 ///
 /// # Errors
 /// No effect that can act; an effect of the user's own in a state that the model lacks.
-pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes) -> Result<Suspects> {
+pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Suspects, Vec<Note>)> {
     let model = nominal.system.model();
     let mut scene = scene_of(nominal);
     let mut all = everything(model, &scene, &nominal.experiment.columns, choice.custom)?;
@@ -72,8 +72,9 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
         h.effect().is_none() || (is_part && !is_measured)
     };
     all.retain(is_asked);
+    let mut notes = Vec::new();
     if let Some(parts) = (!choice.only.is_empty()).then(|| choice.only.iter().map(|part| part.name.clone()).collect()) {
-        notes.say(Note::OnlyParts { parts });
+        notes.push(Note::OnlyParts { parts });
     }
     let random =
         choice.only.is_empty() && is_suspect(Effect::ProcessNoise.id(), Effect::ProcessNoise.is_only_if_asked());
@@ -92,7 +93,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
     }
     for (rule, effects) in ruled_out {
         let effects = effects.into_iter().collect();
-        notes.say(match rule {
+        notes.push(match rule {
             Rule::Place(place) => Note::PlaceRuledOut { place, effects },
             Rule::Sense(needs) => Note::RuledOut { needs: needs.into(), effects },
         });
@@ -104,7 +105,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>, notes: &Notes)
     let rivals = rival::enumerate(model, &scene, model.states.len());
     // The place of a machine that moves alike everywhere acts on nothing.
     scene.clocks.retain(|name| !places.contains(&name.as_str()));
-    Ok(Suspects { hypotheses, joint, rivals, scene, random })
+    Ok((Suspects { hypotheses, joint, rivals, scene, random }, notes))
 }
 
 /// Why an effect is no suspect at a place.

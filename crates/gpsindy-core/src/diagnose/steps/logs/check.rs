@@ -3,7 +3,7 @@
 use crate::data::{Dataset, Run};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::ASTRAY;
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::notes::Note;
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
 use crate::refine::Experiment;
@@ -37,8 +37,8 @@ fn moves(model: &Model, data: &Dataset) -> bool {
     columns.is_empty() || columns.iter().any(|(_, runs)| runs.iter().any(|v| v.windows(2).any(|w| w[0] != w[1])))
 }
 
-/// Refuses logs without values or motion; says where only the held-out ones are at rest.
-pub(crate) fn logs(model: &Model, train: &Dataset, holdout: &Dataset, notes: &Notes) -> Result<()> {
+/// Refuses logs without values or motion; a note where only the held-out ones are at rest.
+pub(crate) fn logs(model: &Model, train: &Dataset, holdout: &Dataset) -> Result<Option<Note>> {
     values(model, train)?;
     values(model, holdout)?;
     if !moves(model, train) {
@@ -46,10 +46,7 @@ pub(crate) fn logs(model: &Model, train: &Dataset, holdout: &Dataset, notes: &No
             "no state moves in the logs: every value of a column is the same; record a motion, or check the sensors",
         ));
     }
-    if !moves(model, holdout) {
-        notes.say(Note::StillHoldout);
-    }
-    Ok(())
+    Ok((!moves(model, holdout)).then_some(Note::StillHoldout))
 }
 
 /// Every state must be logged, be the rate of one that is, or have a start that its equation or `initial` gives.

@@ -8,8 +8,9 @@ use crate::diagnose::fit::tolerance::tolerated;
 use crate::diagnose::limits::{
     Budget, DENSE_NOISE, DENSE_SPREAD, INTEGRATION, MOST_SAMPLES, STRETCHES, TURN, VERY_LONG, WRAPPED, WRAPPED_BELOW,
 };
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
+use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::check;
 use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
@@ -34,6 +35,15 @@ pub(crate) struct Prepared {
     pub(crate) fitter: Fitter,
     /// Whether controls may be interpolated between the samples: the user does not say, and the samples are the log's own.
     pub(crate) may_interpolate: bool,
+    /// What the user should know of the logs.
+    pub(crate) notes: Vec<Note>,
+}
+
+impl Prepared {
+    /// Whether an account has another hold of the controls than the logs were prepared with.
+    pub(crate) fn is_other_hold(&self, found: &Judged) -> bool {
+        found.nominal.experiment.hold != self.nominal.experiment.hold
+    }
 }
 
 /// Checks the logs `[train, holdout]`, finds their noise, takes outliers out, chooses windows and steps, and fits the
@@ -43,10 +53,11 @@ pub(crate) struct Prepared {
 /// Logs that nothing can be learnt from, and a model that leaves them at once.
 pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known: &Known<'_>) -> Result<Prepared> {
     let model = system.model();
-    let train = unwrapped(model, logs[0], &run.notes)?;
-    let holdout = unwrapped(model, logs[1], &Notes::default())?;
-    check::logs(model, &train, &holdout, &run.notes)?;
-    let experiment = experiment(run, system, &train, known.hold)?;
+    let (train, mut notes) = unwrapped(model, logs[0])?;
+    let (holdout, _) = unwrapped(model, logs[1])?;
+    notes.extend(check::logs(model, &train, &holdout)?);
+    let (experiment, of_experiment) = experiment(run, system, &train, known.hold)?;
+    notes.extend(of_experiment);
     let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };
     let samples: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
@@ -57,12 +68,12 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     check::nominal(&nominal)?;
     // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
     let may_interpolate = known.hold.is_none() && !is_averaged;
-    Ok(Prepared { train, holdout, nominal, fitter, may_interpolate })
+    Ok(Prepared { train, holdout, nominal, fitter, may_interpolate, notes })
 }
 
-/// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen.
-fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>) -> Result<Experiment> {
-    let notes = &run.notes;
+/// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen; and what is left of the logs.
+fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>) -> Result<(Experiment, Vec<Note>)> {
+    let mut notes = Vec::new();
     let mut experiment = Experiment { tally: run.tally.clone(), ..Experiment::new(system, data, None)? };
     check::columns(system, &experiment)?;
     // What is chosen below depends on what the control does between the samples.
@@ -72,22 +83,26 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
     let noise = experiment.noise.clone();
     let removed = remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &noise);
     if removed > 0 {
-        notes.say(Note::Outliers { count: removed });
+        notes.push(Note::Outliers { count: removed });
         experiment.noise = noise_levels(&experiment.logs, n_columns);
     }
-    experiment = decimate(experiment, notes);
+    if let Some((sparser, stride)) = decimated(&experiment) {
+        experiment = sparser;
+        notes.push(Note::Decimated { stride });
+    }
     let free = tolerated(system.model());
     let parameters = system.parameter_values();
     let start = guess_initial(system, &experiment);
     let stage = run.stage("length of rollouts", halvings(&experiment))?;
     experiment = choose_substeps(system, experiment, &parameters, &start, INTEGRATION);
     let watch = |done: usize| stage.reach(done);
-    let (experiment, cut) = choose_windows(system, experiment, (&parameters, &free), Purpose::Search, &watch)?;
-    let experiment = thin(experiment, notes);
-    if let Some(length) = cut {
-        notes.say(Note::Restarted { length });
+    let (mut experiment, cut) = choose_windows(system, experiment, (&parameters, &free), Purpose::Search, &watch)?;
+    if let Some((thinner, note)) = thinned(&experiment) {
+        experiment = thinner;
+        notes.push(note);
     }
-    Ok(experiment)
+    notes.extend(cut.map(|length| Note::Restarted { length }));
+    Ok((experiment, notes))
 }
 
 /// Mean square of the model's own error over the logged columns, in units of their noise.
@@ -98,10 +113,10 @@ fn error_of(model_error: &[(String, f64)], model: &Model, experiment: &Experimen
     sum / experiment.columns.len() as f64
 }
 
-/// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one.
-fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
+/// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one; and which they are.
+fn unwrapped(model: &Model, data: &Dataset) -> Result<(Dataset, Vec<Note>)> {
     use std::f64::consts::{PI, TAU};
-    let mut data = data.clone();
+    let (mut data, mut notes) = (data.clone(), Vec::new());
     for state in model.states.iter().filter(|s| s.unit.is_empty() || s.unit == "rad") {
         let Ok(column) = data.index_of(&state.name) else { continue };
         let values = || data.runs().iter().flat_map(|r| r.column(column).iter().copied()).filter(|v| v.is_finite());
@@ -112,17 +127,17 @@ fn unwrapped(model: &Model, data: &Dataset, notes: &Notes) -> Result<Dataset> {
         };
         if within && data.runs().iter().any(jumps) {
             data.unwrap_angle(&state.name)?;
-            notes.say(Note::Unwrapped { column: state.name.clone() });
+            notes.push(Note::Unwrapped { column: state.name.clone() });
         }
     }
-    Ok(data)
+    Ok((data, notes))
 }
 
-/// Keeps the most exciting windows, and some of every part, where the logs are longer than a contest needs.
-fn thin(experiment: Experiment, notes: &Notes) -> Experiment {
+/// The most exciting windows, and some of every part, where the logs are longer than a contest needs.
+fn thinned(experiment: &Experiment) -> Option<(Experiment, Note)> {
     let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     if total <= MOST_SAMPLES {
-        return experiment;
+        return None;
     }
     let seconds: f64 = experiment.logs.iter().map(|l| l.time[l.time.len() - 1] - l.time[0]).sum();
     let length = experiment.windows.iter().map(|w| {
@@ -130,13 +145,13 @@ fn thin(experiment: Experiment, notes: &Notes) -> Experiment {
         time[w.last] - time[w.first]
     });
     let length = length.fold(0.0, f64::max).min(seconds * MOST_SAMPLES as f64 / total as f64 / STRETCHES * 2.0);
-    let mut experiment = experiment.with_windows_of(length);
+    let mut experiment = experiment.clone().with_windows_of(length);
     let keep_every = total.div_ceil(MOST_SAMPLES);
     let count = experiment.windows.len();
     let kept = choose(&excitations(&experiment), count.div_ceil(keep_every));
     experiment.windows = kept.iter().map(|&i| experiment.windows[i]).collect();
-    notes.say(Note::Thinned { samples: total, length, windows: kept.len(), of: count });
-    experiment
+    let note = Note::Thinned { samples: total, length, windows: kept.len(), of: count };
+    Some((experiment, note))
 }
 
 /// How much controls and columns move within each window.
@@ -155,15 +170,13 @@ fn excitations(experiment: &Experiment) -> Vec<f64> {
     experiment.windows.iter().map(of).collect()
 }
 
-/// Takes every k-th sample of logs that are far denser than their motion, with the mean of the controls between.
-fn decimate(experiment: Experiment, notes: &Notes) -> Experiment {
+/// Every k-th sample of logs that are far denser than their motion, with the mean of the controls between; and k.
+fn decimated(experiment: &Experiment) -> Option<(Experiment, usize)> {
     let total: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     let wanted = total.div_ceil(MOST_SAMPLES);
     // Of very long logs whatever stride is dense saves time and memory before windows are chosen.
     let mut strides = std::iter::successors(Some(wanted), |s| (total > VERY_LONG).then_some(s / 2));
-    let Some(stride) = strides.find(|&s| s < 2 || is_dense(&experiment, s)).filter(|s| *s > 1) else {
-        return experiment;
-    };
+    let stride = strides.find(|&s| s < 2 || is_dense(experiment, s)).filter(|s| *s > 1)?;
     let logs: Vec<Log> = experiment
         .logs
         .iter()
@@ -178,8 +191,7 @@ fn decimate(experiment: Experiment, notes: &Notes) -> Experiment {
             }
         })
         .collect();
-    notes.say(Note::Decimated { stride });
-    whole_runs(Experiment { logs: logs.into(), ..experiment })
+    Some((whole_runs(Experiment { logs: logs.into(), ..experiment.clone() }), stride))
 }
 
 /// Whether every column is a straight line over `stride` samples to either side, up to noise or a hundredth of its spread.
@@ -229,7 +241,7 @@ mod tests {
         let data = Dataset::new(vec![Channel::new("x"), Channel::new("u")], vec![log]).unwrap();
         let windows = |hold| {
             let run = Run::new(&Silent, None);
-            let found = experiment(&run, &System::new(&model).unwrap(), &data, Some(hold)).unwrap();
+            let (found, _) = experiment(&run, &System::new(&model).unwrap(), &data, Some(hold)).unwrap();
             assert_eq!(found.hold, hold);
             found.windows.len()
         };

@@ -6,7 +6,7 @@ use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
 use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY};
-use crate::diagnose::notes::{Note, Notes};
+use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolution};
@@ -30,6 +30,8 @@ pub(crate) struct Verification {
     pub(crate) resting: Vec<usize>,
     /// How random forces predict the held-out errors; none where there are none, or nothing predicts them.
     pub(crate) spread: Option<Spread>,
+    /// What the user should know of the held-out rollouts.
+    pub(crate) notes: Vec<Note>,
 }
 
 impl Verification {
@@ -71,6 +73,8 @@ struct Heldout {
     experiment: Experiment,
     /// Columns that move.
     moving: Vec<usize>,
+    /// Length of the rollouts, s, where they are not whole runs.
+    cut: Option<f64>,
 }
 
 /// Squared errors of one block of a run, in units of the noise: sums and counts by column.
@@ -81,15 +85,16 @@ struct Block {
     count: Vec<f64>,
 }
 
-pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64, notes: &Notes) -> Result<Verification> {
+pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Result<Verification> {
     let (nominal, best) = (&judged.nominal, &judged.outcome.best);
     let system = &nominal.system;
-    let Heldout { experiment, moving } = held_out(best, holdout, notes)?;
+    let Heldout { experiment, moving, cut } = held_out(best, holdout)?;
+    let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
     let resting: Vec<usize> =
         (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
     if !resting.is_empty() {
         let columns = resting.iter().map(|&j| system.model().states[j].name.clone()).collect();
-        notes.say(Note::Resting { columns });
+        notes.push(Note::Resting { columns });
     }
     // Before: the model exactly as it was handed in, tolerated parameters included.
     let before = rollouts(nominal, &system.parameter_values(), &experiment);
@@ -128,11 +133,11 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64, notes
     let missed = moving.iter().map(missed).collect();
     let figures = curves::rollouts(system, &experiment, &moving, &before, changed.then_some(&after));
     let checks = curves::checks(system, &experiment, &moving, &after);
-    Ok(Verification { closure, figures, checks, missed, resting, spread })
+    Ok(Verification { closure, figures, checks, missed, resting, spread, notes })
 }
 
 /// The held-out logs, cut into rollouts that are as long as the corrected model can predict.
-fn held_out(best: &Contestant, holdout: &Dataset, notes: &Notes) -> Result<Heldout> {
+fn held_out(best: &Contestant, holdout: &Dataset) -> Result<Heldout> {
     let mut experiment = Experiment::new(&best.system, holdout, None)?;
     let known = &best.experiment;
     experiment.scale.clone_from(&known.scale);
@@ -147,6 +152,7 @@ fn held_out(best: &Contestant, holdout: &Dataset, notes: &Notes) -> Result<Heldo
     experiment.hold = known.hold;
     experiment.past = known.past;
     experiment.substeps = known.substeps;
+    let mut cut = None;
     if known.windows.len() > known.logs.len() {
         let fitted = known.longest_window();
         // The search may have looked at shorter rollouts than the corrected model can predict.
@@ -155,10 +161,10 @@ fn held_out(best: &Contestant, holdout: &Dataset, notes: &Notes) -> Result<Heldo
         let length = longest.map_or(fitted, |(_, cut)| cut.unwrap_or(f64::INFINITY).max(fitted));
         if length.is_finite() {
             experiment = experiment.with_windows_of(length);
-            notes.say(Note::HoldoutRestarted { length });
+            cut = Some(length);
         }
     }
-    Ok(Heldout { experiment, moving })
+    Ok(Heldout { experiment, moving, cut })
 }
 
 /// Whether a column moves in any log by more than one step of its sensor, or the rounding of its digits.

@@ -24,17 +24,19 @@ pub(crate) struct Found<'a> {
     pub(crate) located: Located,
 }
 
+/// A report but for its notes, the corrected model, and what the outcome adds to the notes.
 pub(crate) fn report(
     confidence: f64,
     contest: &Contest<'_>,
     found: Found<'_>,
     logs: (&Dataset, &Dataset),
     augmented: Model,
-) -> (Diagnosis, Model) {
+) -> (Diagnosis, Model, Vec<Note>) {
     let decided = Decided::of(contest, &found);
     let causes = stated(confidence, contest, &found, &decided);
-    say(contest, &found, &decided, &causes);
-    assemble(confidence, contest, found, (decided, causes), logs, augmented)
+    let notes = notes(&found, &decided, &causes);
+    let (diagnosis, augmented) = assemble(confidence, contest, found, (decided, causes), logs, augmented);
+    (diagnosis, augmented, notes)
 }
 
 /// The causes as the report states them, random forces behind what is included.
@@ -55,14 +57,14 @@ fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &D
 }
 
 /// What the notes say of the outcome.
-fn say(contest: &Contest<'_>, found: &Found<'_>, decided: &Decided, causes: &[Cause]) {
+fn notes(found: &Found<'_>, decided: &Decided, causes: &[Cause]) -> Vec<Note> {
     let Judged { nominal, detected, outcome, forcing, .. } = found.judged;
     let model = nominal.system.model();
     let random = forcing.iter().flat_map(|f| f.forces.iter().map(|told| random(model, told)));
     let coloured = forcing.iter().flat_map(|f| f.errors.iter().map(|told| coloured(model, told)));
     let nothing = (detected.gap && outcome.best.hypotheses.is_empty()).then_some(Note::NothingExplains);
     let kept = causes.iter().filter_map(disagreement).chain(astray(&found.verification)).filter(|_| decided.keep);
-    contest.run.notes.say_all(random.chain(coloured).chain(nothing).chain(kept));
+    random.chain(coloured).chain(nothing).chain(kept).collect()
 }
 
 /// What is to be said of a cause whose size differs between parts of the logs.

@@ -51,7 +51,7 @@ pub(crate) fn assemble(
             Ending::Interrupted { after } => Some(after),
             Ending::Complete => None,
         },
-        notes: contest.run.notes.all().iter().map(ToString::to_string).collect(),
+        notes: Vec::new(),
         power: None,
         work: Vec::new(),
         figures: Some(Figures {
