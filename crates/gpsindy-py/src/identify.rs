@@ -25,6 +25,7 @@ pub(crate) struct Settings {
     derivatives: Vec<(String, String)>,
     degree: usize,
     trig: bool,
+    grow: bool,
     products: bool,
     terms: Vec<String>,
     control_terms: bool,
@@ -104,6 +105,7 @@ impl Settings {
             refine: self.refine,
             window: self.window,
             consensus: self.consensus,
+            grow: self.grow,
             hold: None,
             seed: self.seed,
         })

@@ -247,6 +247,28 @@ fn a_library_that_is_too_large_gives_way_to_one_that_follows_the_logs() {
 }
 
 #[test]
+fn polynomials_that_are_too_few_get_help_unless_the_library_is_given() {
+    let folder = Folder::new();
+    // Exact motion of x' = x (1 - ln x) from x = 0.1: ln x goes to 1 as exp(-t).
+    let x = |t: f64| (1.0 - (1.0 - 0.1_f64.ln()) * (-t).exp()).exp();
+    let rows: String = (0..200).map(|i| 0.04 * f64::from(i)).map(|t| format!("{t},{}\n", x(t))).collect();
+    folder.write("growth.csv", &format!("t,x\n{rows}"));
+    let found = |options: &str| {
+        let ran = folder.run(&format!("identify growth.csv --state x {options} --json")).done();
+        let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        (terms(&result, 0), result["notes"].to_string())
+    };
+    let (grown, notes) = found("");
+    assert_eq!(grown, ["x", "x*log(x)"]);
+    assert!(notes.contains("a larger library explains the logs better, with x*log(x)"), "{notes}");
+    let (given, notes) = found("--library given");
+    assert!(given.iter().all(|term| !term.contains("log")) && !notes.contains("larger library"), "{given:?} {notes}");
+    // Terms that are named are all there are, unless more are asked for.
+    assert!(found("--term sqrt(x)").0.iter().all(|term| !term.contains("log")));
+    assert_eq!(found("--term sqrt(x) --library auto").0, ["x", "x*log(x)"]);
+}
+
+#[test]
 fn a_poor_model_says_so_first_and_ends_with_status_1() {
     let folder = Folder::new();
     // The digits of multiples of the golden ratio: nothing foretells them.

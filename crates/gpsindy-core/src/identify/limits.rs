@@ -151,6 +151,21 @@ pub(crate) const GAP: usize = 10;
 /// Rows at most in the regressions that compare delays: each is repeated for every delay. Convention.
 pub(crate) const DELAY_ROWS: usize = 3000;
 
+/// Evidence, 2 ln odds, by which the equations of a larger library must lead: Kass and Raftery 1995 call more than 10 "very strong".
+/// Convention.
+pub(crate) const GROWN: f64 = 10.0;
+
+/// Share of a column's spread above which residuals are worth a larger library: solvers are run to relative tolerances of 1e-3 to 1e-6,
+/// and simulated logs have no other noise. Convention.
+pub(crate) const WORTH_MORE: f64 = 1e-5;
+
+/// Most terms of a library that was grown: a regression over more takes longer than all the rest. Convention.
+pub(crate) const MOST_GROWN: usize = 150;
+
+/// Share of its largest value above which a variable must stay for its logarithm, root and reciprocal to be tried: nearer to 0 the
+/// smoothed path may cross it. Convention.
+pub(crate) const POSITIVE: f64 = 0.02;
+
 /// Fewest and most delays that are tried for one control; a sampling period apart in between. Convention.
 pub(crate) const DELAYS_TRIED: (usize, usize) = (4, 40);
 
@@ -176,6 +191,8 @@ pub(crate) mod consensus {
     pub(crate) const LEAD: f64 = 0.75;
     /// Difference of a state, in units of its spread, beyond which two rollouts have nothing to do with each other. Convention.
     pub(crate) const APART: f64 = 3.0;
+    /// Share of the spread within which long rollouts are good enough whatever the noise: a fit of 95 %. Convention.
+    pub(crate) const FOLLOWED: f64 = 0.05;
     /// Root mean square distance of long rollouts from the smoothed log, in units of the noise, from which equations are
     /// approximations: the systematic part is larger than the noise. Argument.
     pub(crate) const OFF: f64 = 2.0;

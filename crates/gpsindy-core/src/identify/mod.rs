@@ -8,6 +8,7 @@ mod author;
 mod equations;
 mod evidence;
 mod excerpt;
+mod grow;
 mod limits;
 mod names;
 mod notes;
@@ -30,14 +31,11 @@ use crate::data::Dataset;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::refine::Hold;
-use algorithm1::regress::{inclusion, regress};
-use algorithm1::rows::rows;
-use algorithm1::smooth::smooth;
-use algorithm1::timing::time;
+use algorithm1::Algorithm1;
+use algorithm1::regress::inclusion;
 use excerpt::excerpt;
-use prepare::prepare;
 use report::report;
-use support::scope::Scope;
+use support::scope::{Member, Scope};
 
 impl Identify {
     /// Learns the equations of `data`.
@@ -57,26 +55,45 @@ impl Identify {
 
     /// Learns from all samples.
     fn fit_all(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
-        let logs = prepare(self, data, progress)?;
-        let motion = smooth(self, &logs, progress)?;
-        let timings = time(self, &logs, &motion, progress)?;
-        let rows = rows(self, &logs, &motion, timings.best.hold, &timings.best.delay_values())?;
-        let mut regressed = regress(self, logs.frame_with(&timings.best.delays), &rows, progress)?;
-        let scope = Scope { settings: self, logs: &logs, motion: &motion, timings: &timings, rows: &rows, progress };
+        let mut ground = Algorithm1::run(self, data, progress)?;
+        let mut notes = Vec::new();
         if self.choice == Choice::Rollout {
-            scope.choose_by_rollout(&mut regressed)?;
+            let mut regressed = ground.regressed.clone();
+            Scope::new(self, &ground, progress).choose_by_rollout(&mut regressed)?;
+            ground.regressed = regressed;
         }
-        let mut notes = [motion.notes.clone(), logs.notes.clone()].concat();
-        // Search the support, lengthen, agree.
-        let refined = if self.refine { scope.refine(&regressed, &mut notes)? } else { None };
-        let found = match refined {
-            Some(found) => found,
-            None => scope.unrefined(&regressed, inclusion(self, &regressed, &rows)?)?,
+        let scope = Scope::new(self, &ground, progress);
+        if !self.refine {
+            return self.finished(&ground, None, notes, progress);
+        }
+        let found = scope.equations(&ground.regressed, &mut notes)?;
+        if self.grow
+            && found.as_ref().map_or(Ok(true), |found| scope.leaves_structure(found))?
+            && let Some(grown) = scope.grown(data, (&ground.regressed, found.as_ref()), progress)?
+        {
+            return grown.settings.finished(&grown.ground, grown.member, grown.notes, progress);
+        }
+        self.finished(&ground, found, notes, progress)
+    }
+
+    /// The result: what was found, or the regression where the refinement found nothing better.
+    fn finished(
+        &self,
+        ground: &Algorithm1,
+        found: Option<Member>,
+        mut notes: Vec<Note>,
+        progress: &dyn Progress,
+    ) -> Result<Identification> {
+        let scope = Scope::new(self, ground, progress);
+        let found = match found {
+            Some(found) => scope.weighed(found, &mut notes)?,
+            None => scope.unrefined(&ground.regressed, inclusion(self, &ground.regressed, &ground.rows)?)?,
         };
+        let mut notes = [ground.motion.notes.clone(), ground.logs.notes.clone(), notes].concat();
         if self.hold.is_none() && found.hold == Hold::Linear {
             notes.push(Note::Interpolated);
         }
-        Ok(report(found, &regressed.chosen, &motion.kernels, notes))
+        Ok(report(found, &ground.regressed.chosen, &ground.motion.kernels, notes))
     }
 }
 

@@ -56,6 +56,11 @@ pub enum Note {
         /// Why.
         reason: String,
     },
+    /// Terms of a larger library than asked for, since those asked for left more than the noise.
+    Grown {
+        /// The further terms that the equations hold.
+        terms: Vec<String>,
+    },
     /// The refinement stopped before it came to rest.
     Restless,
     /// Equations were chosen by their long rollouts and by agreement, not by the evidence alone.
@@ -110,6 +115,11 @@ impl fmt::Display for Note {
                 }
             }
             Self::NotRefined { reason } => write!(f, "no refinement by simulation: {reason}"),
+            Self::Grown { terms } => write!(
+                f,
+                "polynomials leave more than the noise; a larger library explains the logs better, with {}",
+                if terms.is_empty() { "fewer terms".into() } else { terms.join(", ") }
+            ),
             Self::Restless => f.write_str("the refinement stopped before it converged"),
             Self::Consensus { members } => write!(
                 f,

@@ -41,6 +41,7 @@ pub enum Choice {
 /// | `states`, `controls` | | columns of the log |
 /// | `derivatives` | none | (state, column) pairs: the log carries these derivatives |
 /// | `library` | degree 3 | candidate terms |
+/// | `grow` | true | whether more terms are tried where these leave more than the noise |
 /// | `constraints` | none | equations given, terms forbidden, signs |
 /// | `smoother` | Gaussian process | `None` takes the samples as they are |
 /// | `target` | weak form | what the regression compares |
@@ -52,7 +53,7 @@ pub enum Choice {
 /// | `ensemble` | 0 | above 0: inclusion probabilities, by the evidence with `refine`, by so many bootstraps without |
 /// | `refine` | true | the refinement through the integrator: coefficients and terms on the raw samples |
 /// | `window` | `None` | length of the rollouts of the refinement, s; `None`: as long as they stay on course |
-/// | `consensus` | false | where long rollouts leave the logs of a controlled motion: a vote of several sets of equations |
+/// | `consensus` | true | where long rollouts leave the logs of a controlled motion: a vote of several sets of equations |
 /// | `hold` | `None` | what controls do between samples; `None`: held, unless interpolated is the better explanation |
 /// | `seed` | 0 | of the bootstraps |
 #[derive(Debug, Clone)]
@@ -65,6 +66,10 @@ pub struct Identify {
     pub derivatives: Vec<(String, String)>,
     /// Candidate terms.
     pub library: LibrarySettings,
+    /// Whether a larger library is tried where these terms leave more than the noise: sines and cosines of every variable and their
+    /// products, `sign(v)` and `v*abs(v)` of one that changes its sign, the logarithm, the root and the reciprocal of one that stays positive.
+    /// Its equations are taken where the evidence leaves no doubt. Without effect where `refine` is off.
+    pub grow: bool,
     /// What is known beforehand.
     pub constraints: Constraints,
     /// The smoother, or none.
@@ -105,6 +110,7 @@ impl Default for Identify {
             controls: Vec::new(),
             derivatives: Vec::new(),
             library: LibrarySettings::default(),
+            grow: true,
             constraints: Constraints::default(),
             smoother: Some(Smoother::default()),
             target: Target::Weak,
@@ -116,7 +122,7 @@ impl Default for Identify {
             ensemble: 0,
             refine: true,
             window: None,
-            consensus: false,
+            consensus: true,
             hold: None,
             seed: 0,
         }

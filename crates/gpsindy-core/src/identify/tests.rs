@@ -15,7 +15,7 @@ use rand_core::SeedableRng;
 use std::sync::Arc;
 
 /// Samples of `rate(t, x)` by Runge-Kutta steps of a fiftieth of a period, with noise; `extra` columns of time behind them.
-fn log(
+pub(super) fn log(
     names: &[&str],
     initial: &[f64],
     rate: &dyn Fn(f64, &[f64]) -> Vec<f64>,

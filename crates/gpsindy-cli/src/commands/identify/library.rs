@@ -1,12 +1,16 @@
 //! Options of the candidate terms, and of what is known of the equations beforehand.
 
 use crate::failure::{Failure, Outcome};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Candidate terms")]
 pub(crate) struct LibraryOptions {
+    /// Whether more candidate terms are tried where these leave more than the noise [default: auto; given, if --trig, --products or --term
+    /// names terms]
+    #[arg(long, value_name = "LIBRARY")]
+    pub(super) library: Option<LibraryChoice>,
     /// Highest polynomial degree, 0 to 9
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = degree, allow_hyphen_values = true)]
     pub(super) degree: usize,
@@ -33,7 +37,22 @@ pub(crate) struct LibraryOptions {
     pub(super) sign: Vec<String>,
 }
 
+/// Which candidate terms there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LibraryChoice {
+    /// Also sine, cosine, sign, v*abs(v), log, sqrt and 1/v, where the evidence for them leaves no doubt
+    Auto,
+    /// Only the terms that the other options name
+    Given,
+}
+
 impl LibraryOptions {
+    /// Whether more terms may be tried.
+    pub(crate) fn may_grow(&self) -> bool {
+        let names_terms = self.trig || self.products || !self.term.is_empty();
+        self.library.map_or(!names_terms, |choice| choice == LibraryChoice::Auto)
+    }
+
     /// Candidate terms, and what is known of the equations beforehand.
     pub(crate) fn settings(&self) -> Outcome<(LibrarySettings, Constraints)> {
         let library = LibrarySettings {

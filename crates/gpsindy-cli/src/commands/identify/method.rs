@@ -61,9 +61,13 @@ pub(super) struct MethodOptions {
     /// Skip the refinement; some terms may then only compensate for errors of the smoother
     #[arg(long)]
     pub(super) no_refine: bool,
-    /// For approximate models of controlled motion: search for several models and select by agreement, in about five times the time
-    #[arg(long)]
+    /// Where the equations only approximate a controlled motion, search for several models and select by long rollouts and agreement
+    /// [default: yes]
+    #[arg(long, overrides_with = "no_consensus")]
     pub(super) consensus: bool,
+    /// Keep the equations of the best evidence even if they only approximate a controlled motion, in about a quarter of the time
+    #[arg(long)]
+    pub(super) no_consensus: bool,
     /// Exit with status 0 even if the model predicts the logs no better than the mean or a constant state
     #[arg(long)]
     pub(super) accept_poor: bool,
@@ -90,6 +94,7 @@ pub(crate) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
     };
     let mut settings = Settings { seed, hold: method.hold.into(), ..start };
     (settings.library, settings.constraints) = library.settings()?;
+    settings.grow = library.may_grow();
     refuse_time(command)?;
     settings.states = chosen_with(logs, &command.state, &unlogged(&settings.constraints, logs))
         .map_err(|failure| failure.with(UNLOGGED_VELOCITY))?;
@@ -126,7 +131,7 @@ pub(crate) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
     }
     settings.ensemble = method.ensemble;
     settings.refine = method.refine || (settings.refine && !method.no_refine);
-    settings.consensus |= method.consensus;
+    settings.consensus = method.consensus || !method.no_consensus;
     Ok(settings)
 }
 

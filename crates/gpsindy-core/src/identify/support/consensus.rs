@@ -14,7 +14,7 @@ use crate::data::{Channel, Run};
 use crate::error::{Error, Result};
 use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::equations::Equations;
-use crate::identify::limits::consensus::{APART, LEAD, LENGTH, OFF, SHARES, STRETCHES};
+use crate::identify::limits::consensus::{APART, FOLLOWED, LEAD, LENGTH, OFF, SHARES, STRETCHES};
 use crate::identify::notes::Note;
 use crate::identify::support::scope::{Member, Rollouts, Scope};
 use crate::model::System;
@@ -40,12 +40,11 @@ struct Paths {
 }
 
 impl Scope<'_> {
-    /// Whether a vote is asked for, and the equations are approximations of a controlled motion: long rollouts leave the logs by
-    /// more than the noise.
+    /// Whether the equations are approximations of a controlled motion: long rollouts leave the logs by more than the noise.
     pub(crate) fn needs_consensus(&self, found: &Member) -> Result<bool> {
         let controlled = !found.trial.equations.controls.is_empty();
-        let asked_for = self.settings.consensus && self.settings.window.is_none();
-        Ok(controlled && asked_for && Vote(self.motion).off_course(found)?)
+        let is_wanted = self.settings.consensus && self.settings.window.is_none();
+        Ok(controlled && is_wanted && Vote(self.motion).off_course(found)? && !self.is_unforeseeable(found)?)
     }
 
     /// Of `found`, the equations that rollouts of other lengths lead to, and all of them fitted to longer rollouts, those that
@@ -76,20 +75,26 @@ impl Scope<'_> {
 struct Vote<'a>(&'a Motion);
 
 impl Vote<'_> {
-    /// Whether long rollouts of `member` leave the logs by more than the noise.
+    /// Whether long rollouts of `member` leave the logs by more than the noise, and by more than a reader would see.
     fn off_course(&self, member: &Member) -> Result<bool> {
         let (spread, stretches) = (self.spreads(), self.stretches());
         let roller = Roller::new(self.0, member, &spread)?;
-        let noise = &member.trial.noise;
+        let unit: Vec<f64> = member
+            .trial
+            .noise
+            .iter()
+            .zip(&spread)
+            .map(|(noise, spread)| (OFF * noise / spread).max(FOLLOWED))
+            .collect();
         let mut squares = 0.0;
         for &stretch in &stretches {
             let log = self.log(stretch, &spread);
             squares += roller.path(stretch, &roller.excitation(stretch)?)?.map_or(f64::INFINITY, |path| {
-                let in_noise = |i: usize| (path[i] - log[i]) * spread[i % spread.len()] / noise[i % spread.len()];
-                (0..log.len()).map(|i| in_noise(i).powi(2)).sum::<f64>() / log.len() as f64
+                let off = |i: usize| (path[i] - log[i]) / unit[i % spread.len()];
+                (0..log.len()).map(|i| off(i).powi(2)).sum::<f64>() / log.len() as f64
             });
         }
-        Ok(squares > OFF.powi(2) * stretches.len() as f64)
+        Ok(squares > stretches.len() as f64)
     }
 
     /// Place of the member of the smallest `course^2 + apart^2`, its distance from the logs in long rollouts and its mean

@@ -1,17 +1,17 @@
-//! The refinement as one body: search, agree, settle, simplify, weigh.
+//! The refinement as one body: search, agree, settle, simplify; then weigh.
 
 use crate::error::Result;
 use crate::identify::algorithm1::regress::Regressed;
 use crate::identify::notes::Note;
 use crate::identify::report::Found;
 use crate::identify::support::lengthen::explodes;
-use crate::identify::support::scope::Scope;
+use crate::identify::support::scope::{Member, Scope};
 use crate::identify::support::starts::starts;
 
 impl Scope<'_> {
     /// The equations of the best evidence on the raw measurements, from what the regression chose; none where nothing is better
     /// than that, or it can't be rolled out.
-    pub(crate) fn refine(&self, regressed: &Regressed, notes: &mut Vec<Note>) -> Result<Option<Found>> {
+    pub(crate) fn equations(&self, regressed: &Regressed, notes: &mut Vec<Note>) -> Result<Option<Member>> {
         let starts = starts(regressed);
         let mut found = match self.search(&starts, self.rollouts())? {
             Ok(found) => found,
@@ -25,6 +25,11 @@ impl Scope<'_> {
         }
         let Some(mut found) = self.settle(found, regressed, notes)? else { return Ok(None) };
         found.trial = self.fitter(found.hold).simplify(found.trial, found.window, &|| self.keep_going())?;
+        Ok(Some(found))
+    }
+
+    /// What is reported of `found`: how it predicts, and how sure each of its terms is.
+    pub(crate) fn weighed(&self, mut found: Member, notes: &mut Vec<Note>) -> Result<Found> {
         if !found.trial.converged {
             notes.push(Note::Restless);
         }
@@ -33,12 +38,11 @@ impl Scope<'_> {
         if found.window < self.motion.longest_run() && explodes(&fitter, &found.trial, found.window, within)? {
             notes.push(Note::Unpredictable { within });
         }
-        let growth = fitter.amplification(&found.trial, found.window)?;
-        let fidelity = self.fidelity(&found.trial.equations, found.hold, (growth, found.window))?;
+        let fidelity = self.fidelity(&found.trial.equations, found.hold)?;
         fitter.weigh_choice(&mut found.trial, found.window)?;
         if let Some((rival, lead)) = found.rival.take() {
             found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
         }
-        Ok(Some(found.found(self.settings.ensemble > 0, fidelity)))
+        Ok(found.found(self.settings.ensemble > 0, fidelity))
     }
 }

@@ -1,6 +1,7 @@
 //! The input and the result of a refinement.
 
 use crate::error::Result;
+use crate::identify::algorithm1::Algorithm1;
 use crate::identify::algorithm1::regress::Regressed;
 use crate::identify::algorithm1::rows::Rows;
 use crate::identify::algorithm1::smooth::Motion;
@@ -25,16 +26,17 @@ pub(crate) struct Scope<'a> {
 }
 
 impl<'a> Scope<'a> {
+    pub(crate) fn new(settings: &'a Identify, done: &'a Algorithm1, progress: &'a dyn Progress) -> Self {
+        Self { settings, logs: &done.logs, motion: &done.motion, timings: &done.timings, rows: &done.rows, progress }
+    }
+
     pub(crate) fn fitter(&self, hold: Hold) -> Fitter<'a> {
         Fitter::new(self.logs, self.motion, hold)
     }
 
     /// What is reported of equations that were not refined.
     pub(crate) fn unrefined(&self, regressed: &Regressed, inclusion: Vec<Vec<f64>>) -> Result<Found> {
-        let (equations, hold, window) = (&regressed.equations, self.timings.best.hold, self.motion.shortest_window());
-        // Equations that can't be rolled out foretell nothing.
-        let growth = self.fitter(hold).amplification_of(equations, window).unwrap_or(f64::INFINITY);
-        let fidelity = self.fidelity(equations, hold, (growth, window))?;
+        let fidelity = self.fidelity(&regressed.equations, self.timings.best.hold)?;
         let nothing = || vec![0.0; regressed.equations.n_terms()];
         let errors = regressed.chosen.iter().map(|c| c.as_ref().map_or_else(nothing, |c| c.errors.clone()));
         Ok(Found {

@@ -12,21 +12,27 @@ use crate::identify::support::scope::{Member, Scope};
 use crate::identify::support::starts::starts;
 use crate::library::{Library, LibrarySettings};
 use crate::refine::Hold;
+use std::cmp::Ordering;
 
 /// Mean squared error of whole-run rollouts in units of the variance; none where one diverges.
-type Miss = Option<f64>;
+pub(crate) type Miss = Option<f64>;
 
 impl Scope<'_> {
     /// `found`, or what predicts whole runs better; none where that is the regression itself, unrefined.
     pub(crate) fn settle(&self, found: Member, regressed: &Regressed, notes: &mut Vec<Note>) -> Result<Option<Member>> {
-        let before = self.miss(&regressed.equations, self.timings.best.hold)?;
+        let miss_of = |member: &Member| self.miss_of(regressed, Some(member));
+        let before = self.miss_of(regressed, None)?;
+        let is_foreseen = before.is_some_and(|miss| miss < CLOSE);
+        if !is_foreseen && self.is_unforeseeable(&found)? {
+            return Ok(Some(found));
+        }
         let mut best = found;
-        let mut miss = self.miss_of(&best)?;
+        let mut miss = miss_of(&best)?;
         if foretold(before) && self.is_better(before, miss) {
             match self.with_terms_of(&regressed.equations)? {
-                Some(member) if !self.is_better(before, self.miss_of(&member)?) => {
+                Some(member) if !self.is_better(before, miss_of(&member)?) => {
                     notes.push(Note::TermsKept { degree: None, unrefined: false });
-                    miss = self.miss_of(&member)?;
+                    miss = miss_of(&member)?;
                     best = member;
                 }
                 _ => {
@@ -46,7 +52,7 @@ impl Scope<'_> {
         }
         for degree in 1..self.settings.library.degree {
             let Some(smaller) = self.with_degree(degree)? else { continue };
-            let own = self.miss_of(&smaller)?;
+            let own = miss_of(&smaller)?;
             if foretold(own) && self.is_better(own, miss) {
                 notes.retain(|note| !matches!(note, Note::TermsKept { .. }));
                 notes.push(Note::TermsKept { degree: Some(degree), unrefined: false });
@@ -56,33 +62,70 @@ impl Scope<'_> {
         Ok(Some(best))
     }
 
+    /// Whether rollouts leave nothing but the noise, and yet small differences outgrow the motion within a whole run: then whole
+    /// runs say nothing of equations that may well be right. What diverges is foreseen well enough.
+    pub(crate) fn is_unforeseeable(&self, found: &Member) -> Result<bool> {
+        let trial = &found.trial;
+        let mut pairs = trial.noise.iter().zip(&self.motion.noise);
+        if !pairs.all(|(left, noise)| *left <= ON_COURSE * noise) {
+            return Ok(false);
+        }
+        match self.fitter(found.hold).amplification_of(&trial.equations, self.motion.longest_run()) {
+            Ok(growth) => Ok(growth.is_finite() && growth > self.room()),
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            Err(_) => Ok(false),
+        }
+    }
+
+    /// By how much the noise may grow before it is as large as the motion, of the state where that is least; infinite without
+    /// noise.
+    fn room(&self) -> f64 {
+        let pairs = self.motion.spread.iter().zip(&self.motion.noise);
+        pairs.map(|(spread, noise)| spread / noise).filter(|room| *room > 1.0).fold(f64::INFINITY, f64::min)
+    }
+
     /// How far rollouts lie from the logs where they can be foretold: over whole runs, or for as long as the noise of their
     /// starts takes to outgrow the motion.
-    pub(crate) fn fidelity(
-        &self,
-        equations: &Equations,
-        hold: Hold,
-        (growth, window): (f64, f64),
-    ) -> Result<Option<Fidelity>> {
-        let whole = self.motion.longest_run();
-        let pairs = self.motion.spread.iter().zip(&self.motion.noise);
-        let room = pairs.map(|(spread, noise)| spread / noise).filter(|room| *room > 1.0).fold(f64::INFINITY, f64::min);
-        let length = if growth > 1.0 && room.is_finite() {
-            (window * room.ln() / growth.ln()).clamp(self.motion.shortest_window().min(whole), whole)
-        } else {
-            whole
-        };
-        let found = self.fitter(hold).distance(equations, length)?;
+    pub(crate) fn fidelity(&self, equations: &Equations, hold: Hold) -> Result<Option<Fidelity>> {
+        let fitter = self.fitter(hold);
+        let mut length = self.motion.longest_run();
+        let mut found = fitter.distance(equations, length)?;
+        // What leaves for good is no model of the runs, however well it begins.
+        if found.is_some_and(|(miss, _)| miss.is_some()) {
+            let outgrown = |length: f64| -> Result<bool> {
+                match fitter.amplification_of(equations, length) {
+                    Ok(growth) => Ok(growth > self.room()),
+                    Err(Error::Cancelled) => Err(Error::Cancelled),
+                    Err(_) => Ok(false),
+                }
+            };
+            let whole = length;
+            while length > self.motion.shortest_window() && outgrown(length)? {
+                length /= 2.0;
+            }
+            if length < whole {
+                found = fitter.distance(equations, length)?;
+            }
+        }
         Ok(found.map(|(miss, still)| Fidelity { length, error: miss.map(f64::sqrt), still: still.sqrt() }))
+    }
+
+    /// How whole-run rollouts that miss the logs by `one` compare with others: greater where they are clearly nearer.
+    pub(crate) fn compare(&self, one: Miss, other: Miss) -> Ordering {
+        self.is_better(one, other).cmp(&self.is_better(other, one))
+    }
+
+    /// By how much whole-run rollouts miss the logs: those of a member, or of the regression where there is none.
+    pub(crate) fn miss_of(&self, regressed: &Regressed, member: Option<&Member>) -> Result<Miss> {
+        match member {
+            Some(member) => self.miss(&member.trial.equations, member.hold),
+            None => self.miss(&regressed.equations, self.timings.best.hold),
+        }
     }
 
     fn miss(&self, equations: &Equations, hold: Hold) -> Result<Miss> {
         let found = self.fitter(hold).distance(equations, self.motion.longest_run())?;
         Ok(found.and_then(|(miss, _)| miss))
-    }
-
-    fn miss_of(&self, member: &Member) -> Result<Miss> {
-        self.miss(&member.trial.equations, member.hold)
     }
 
     /// Whether `one` is below `other` by more than rollouts that are on course differ; what both owe to the noise counts as

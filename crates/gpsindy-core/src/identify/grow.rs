@@ -1,0 +1,192 @@
+//! Grows the library where its terms leave more than the noise: waves, products of waves, and the functions that a positive or a
+//! signed quantity allows. The larger library must pay for its size, since every term costs more among more candidates.
+
+use crate::data::Dataset;
+use crate::error::{Error, Result};
+use crate::identify::algorithm1::Algorithm1;
+use crate::identify::algorithm1::regress::Regressed;
+use crate::identify::equations::Equations;
+use crate::identify::limits::{EXACT, GROWN, MOST_GROWN, ON_COURSE, POSITIVE, WORTH_MORE};
+use crate::identify::notes::Note;
+use crate::identify::settings::Identify;
+use crate::identify::support::scope::{Member, Scope};
+use crate::library::{Library, LibrarySettings};
+use crate::progress::Progress;
+use std::cmp::Ordering;
+
+/// What a larger library led to.
+pub(crate) struct Grown {
+    pub(crate) settings: Identify,
+    pub(crate) ground: Algorithm1,
+    /// None where the regression itself predicts whole runs best.
+    pub(crate) member: Option<Member>,
+    pub(crate) notes: Vec<Note>,
+}
+
+impl Scope<'_> {
+    /// Whether a larger library may explain the logs better: the equations leave more than the noise, or follow no whole run although
+    /// they could.
+    pub(crate) fn leaves_structure(&self, found: &Member) -> Result<bool> {
+        let is_short = found.window < self.motion.longest_run();
+        Ok(self.leaves_more(found, WORTH_MORE) || (is_short && !self.is_unforeseeable(found)?))
+    }
+
+    /// Whether some column is left with more than its noise and this share of its spread.
+    fn leaves_more(&self, found: &Member, least: f64) -> bool {
+        let columns = found.trial.noise.iter().zip(&self.motion.noise).zip(&self.motion.spread);
+        // Noise that small is the smoother's own limit, not the log's.
+        let noise = |noise: f64, spread: f64| if noise > EXACT * spread { ON_COURSE * noise } else { 0.0 };
+        let mut left = columns.map(|((left, own), spread)| *left > noise(*own, *spread).max(least * spread));
+        left.any(|left| left)
+    }
+
+    /// The equations of a larger library, where they are clearly better than `base`, or than the regression where nothing refined predicts
+    /// whole runs as well.
+    pub(crate) fn grown(
+        &self,
+        data: &Dataset,
+        base: (&Regressed, Option<&Member>),
+        progress: &dyn Progress,
+    ) -> Result<Option<Grown>> {
+        let Some(library) = larger(self.settings, self.logs.data.clone())? else { return Ok(None) };
+        let settings = Identify { library, grow: false, ..self.settings.clone() };
+        let ground = match Algorithm1::run(&settings, data, progress) {
+            Ok(ground) => ground,
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            // A term that has no value somewhere on the smoothed path.
+            Err(_) => return Ok(None),
+        };
+        let mut notes = Vec::new();
+        let scope = Scope::new(&settings, &ground, progress);
+        let member = scope.equations(&ground.regressed, &mut notes)?;
+        if !self.is_surpassed(base, &scope, (&ground.regressed, member.as_ref()))? {
+            return Ok(None);
+        }
+        let equations = member.as_ref().map_or(&ground.regressed.equations, |member| &member.trial.equations);
+        notes.push(Note::Grown { terms: beyond(equations, &self.logs.frame.library) });
+        Ok(Some(Grown { settings, ground, member, notes }))
+    }
+
+    /// Whether what another library led to predicts whole runs better than `base`; or as well, and leaves nothing, and explains the logs
+    /// better by odds that leave no doubt.
+    fn is_surpassed(
+        &self,
+        (regressed, base): (&Regressed, Option<&Member>),
+        other: &Scope<'_>,
+        (grown, member): (&Regressed, Option<&Member>),
+    ) -> Result<bool> {
+        let compared = other.compare(other.miss_of(grown, member)?, self.miss_of(regressed, base)?);
+        let (Some(base), Some(member)) = (base, member) else { return Ok(compared == Ordering::Greater) };
+        let window = base.window.min(member.window);
+        let at = |scope: &Scope<'_>, one: &Member| match one.window > window {
+            true => scope.fitter(one.hold).fit(&one.trial.equations, window, Some(&one.trial)),
+            false => Ok(one.trial.clone()),
+        };
+        let lead = match (at(self, base), at(other, member)) {
+            (Ok(own), Ok(grown)) => other.fitter(member.hold).lead(&grown, &own),
+            (Err(Error::Cancelled), _) | (_, Err(Error::Cancelled)) => return Err(Error::Cancelled),
+            _ => return Ok(false),
+        };
+        Ok(lead > GROWN
+            && match compared {
+                Ordering::Less => false,
+                Ordering::Equal => !other.leaves_more(member, EXACT),
+                Ordering::Greater => true,
+            })
+    }
+}
+
+/// Names of the terms in `own` that `library` lacks.
+fn beyond(own: &Equations, library: &Library) -> Vec<String> {
+    let names = own.library.names();
+    let mut terms: Vec<String> = own.support.iter().map(|(_, j)| names[j].to_string()).collect();
+    terms.retain(|term| library.index_of(term).is_err());
+    terms.sort();
+    terms.dedup();
+    terms
+}
+
+/// The larger library; none where nothing can be added, or it would be too large.
+fn larger(settings: &Identify, data: Dataset) -> Result<Option<LibrarySettings>> {
+    let variables: Vec<&String> = settings.states.iter().chain(&settings.controls).collect();
+    let mut extra = settings.library.extra.clone();
+    for (c, name) in variables.iter().enumerate() {
+        let values = || data.runs().iter().flat_map(|run| run.column(c).iter().copied()).filter(|v| v.is_finite());
+        let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        if low > POSITIVE * high {
+            extra.extend([
+                format!("log({name})"),
+                format!("{name}*log({name})"),
+                format!("sqrt({name})"),
+                format!("1/{name}"),
+            ]);
+        } else if low < 0.0 && high > 0.0 {
+            extra.extend([format!("sign({name})"), format!("{name}*abs({name})")]);
+        }
+    }
+    for (i, a) in variables.iter().enumerate() {
+        extra.push(format!("sin({a})*cos({a})"));
+        for b in &variables[i + 1..] {
+            let pairs = [("sin", "sin"), ("sin", "cos"), ("cos", "sin"), ("cos", "cos")];
+            extra.extend(pairs.map(|(f, g)| format!("{f}({a})*{g}({b})")));
+        }
+    }
+    let library = LibrarySettings { trig: true, extra, ..settings.library.clone() };
+    let size = Library::new(&settings.states, &settings.controls, &library)?.n_terms();
+    Ok((size <= MOST_GROWN).then_some(library))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::result::Identification;
+    use crate::identify::tests::log;
+    use crate::progress::Silent;
+
+    fn logged(names: &[&str], start: &[f64], rate: &dyn Fn(&[f64]) -> Vec<f64>, noise: f64) -> Dataset {
+        log(names, start, &|_, x| rate(x), (0.1, 200), noise, &|_| vec![], 5)
+    }
+
+    fn found(data: &Dataset, states: &[&str], grow: bool) -> Identification {
+        let states = states.iter().map(ToString::to_string).collect();
+        Identify { states, grow, ..Identify::default() }.fit(data, &Silent).unwrap()
+    }
+
+    fn terms(found: &Identification) -> Vec<Vec<String>> {
+        found.states.iter().map(|state| state.terms.clone()).collect()
+    }
+
+    fn further(found: &Identification) -> Option<&[String]> {
+        found.notes.iter().find_map(|note| match note {
+            Note::Grown { terms } => Some(&terms[..]),
+            _ => None,
+        })
+    }
+
+    #[test]
+    fn a_pendulum_gets_its_sine_unless_only_the_terms_given_count() {
+        let data = logged(&["q", "w"], &[1.9, 0.0], &|x| vec![x[1], -2.0 * x[0].sin() - 0.1 * x[1] * x[1].abs()], 0.0);
+        let grown = found(&data, &["q", "w"], true);
+        assert_eq!(terms(&grown), [vec!["w"], vec!["sin(q)", "w*abs(w)"]]);
+        assert_eq!(further(&grown).unwrap(), ["sin(q)", "w*abs(w)"]);
+        let given = found(&data, &["q", "w"], false);
+        assert!(further(&given).is_none() && terms(&given)[1].iter().all(|term| !term.contains("sin")));
+    }
+
+    #[test]
+    fn growth_on_a_scale_gets_its_logarithm() {
+        let data = logged(&["x"], &[0.3], &|x| vec![0.4 * x[0] - 0.3 * x[0] * x[0].ln()], 0.0);
+        assert_eq!(terms(&found(&data, &["x"], true)), [["x", "x*log(x)"]]);
+    }
+
+    #[test]
+    fn polynomials_that_leave_only_noise_stay() {
+        let rate = |x: &[f64]| vec![x[1], 1.5 * x[1] - 1.5 * x[0] * x[0] * x[1] - x[0]];
+        for noise in [0.0, 0.02] {
+            let data = logged(&["x", "v"], &[1.0, 0.0], &rate, noise);
+            let found = found(&data, &["x", "v"], true);
+            assert!(further(&found).is_none(), "{:?}", found.notes);
+            assert_eq!(terms(&found), [vec!["v"], vec!["x", "v", "x^2*v"]]);
+        }
+    }
+}
