@@ -5,7 +5,7 @@
 `strogatz_extended.json` is the benchmark's own file (github.com/sdascoli/odeformer, folder odeformer/odebench, MIT). It is read from
 your copy and not shipped. d'Ascoli et al., "ODEFormer: Symbolic Regression of Dynamical Systems with Transformers", arXiv 2310.05573.
 
-Every method sees the first trajectory: 150 samples over 10 s, each multiplied by 1 + noise * N(0, 1). Its equations are integrated from
+Every method sees the first trajectory: 512 samples over 10 s, each multiplied by 1 + noise * N(0, 1). Its equations are integrated from
 the true first state (reconstruction) and from the benchmark's second start, which it never saw (generalisation). A system counts
 where R2 against the true trajectory, weighted by variance over the states, is above 0.9. A method that fails, diverges or exceeds
 `--time-limit` counts as wrong.
@@ -27,6 +27,7 @@ import warnings
 from pathlib import Path
 
 METHODS = ("gpsindy", "gpsindy-trig", "pysindy", "pysindy-trig")
+EMPTY = {"equations": None, "reconstruction": None, "generalisation": None}
 
 
 def r2(predicted, true):
@@ -48,13 +49,19 @@ def learn_gpsindy(x, t, trig):
 
 
 def learn_pysindy(x, t, trig):
+    model = pysindy_model(x, t, trig)
+    return model.equations(), model.simulate
+
+
+def pysindy_model(x, t, trig):
+    """As it comes; with `trig` the library of `gpsindy-trig`, and the threshold that predicts the last quarter best."""
     import numpy as np
     import pysindy
 
     if not trig:
         model = pysindy.SINDy()
         model.fit(x, t=t)
-        return model.equations(), model.simulate
+        return model
 
     def fit(threshold, x, t):
         library = pysindy.PolynomialLibrary(degree=3) + pysindy.FourierLibrary(n_frequencies=1)
@@ -72,8 +79,7 @@ def learn_pysindy(x, t, trig):
         except Exception:
             return np.inf
 
-    best = fit(min((0.01, 0.03, 0.1, 0.3, 1.0), key=error), x, t)
-    return best.equations(), best.simulate
+    return fit(min((0.01, 0.03, 0.1, 0.3, 1.0), key=error), x, t)
 
 
 def job(system, noise, method, results):
@@ -87,7 +93,7 @@ def job(system, noise, method, results):
     generator = np.random.default_rng([system["id"], round(1000 * noise)])
     x = true * (1 + noise * generator.standard_normal(true.shape))
     learn = learn_gpsindy if method.startswith("gpsindy") else learn_pysindy
-    line = {"equations": None, "reconstruction": None, "generalisation": None}
+    line = dict(EMPTY)
     try:
         line["equations"], simulate = learn(x, t, method.endswith("trig"))
         for name, (times, truth) in (("reconstruction", seen), ("generalisation", unseen)):
@@ -100,8 +106,8 @@ def job(system, noise, method, results):
     results.put({key: None if value == float("-inf") else value for key, value in line.items()})
 
 
-def within(limit, *arguments):
-    """The job's line, or one that says that it took too long."""
+def within(limit, job, empty, *arguments):
+    """The job's line, or the empty one with a note that it took too long."""
     # The packages are loaded once, where the platform can copy a process; the time of a job is then its own.
     context = multiprocessing.get_context("forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn")
     if context.get_start_method() == "forkserver":
@@ -113,7 +119,7 @@ def within(limit, *arguments):
     try:
         line = results.get(timeout=limit)
     except Exception:
-        line = {"equations": None, "reconstruction": None, "generalisation": None, "note": f"no answer within {limit} s"}
+        line = {**empty, "note": f"no answer within {limit} s"}
     process.terminate()
     process.join()
     return {**line, "seconds": round(time.monotonic() - started, 1)}
@@ -155,7 +161,7 @@ def main():
             for method in asked.methods:
                 if (system["id"], noise, method) in done:
                     continue
-                found = within(asked.time_limit, system, noise, method)
+                found = within(asked.time_limit, job, EMPTY, system, noise, method)
                 line = {"system": system["id"], "dimension": system["dim"], "noise": noise, "method": method, **found}
                 lines.append(line)
                 with asked.out.open("a", encoding="utf-8") as stream:
