@@ -340,11 +340,12 @@ mod tests {
 
     #[test]
     fn a_model_that_misses_the_simulator_is_refused_with_a_remedy() {
-        // A library of straight lines has no cubic spring.
+        // A library of straight lines, and of nothing else, has no cubic spring.
         let simulated = logs("u - 9*x^3 - 0.3*v", 1e-4, 0..4);
         let (train, holdout) = hold_out(&logs("u - 9*x^3 - 0.3*v", 0.004, 0..4)).unwrap();
         let mut settings = paired();
         settings.identify.library.degree = 1;
+        settings.identify.grow = false;
         let refused = settings.run(&simulated, &train, &holdout, &Silent).unwrap_err().to_string();
         assert!(refused.contains("more candidate terms") && refused.lines().count() == 1, "{refused}");
     }

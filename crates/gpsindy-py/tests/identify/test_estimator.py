@@ -211,3 +211,17 @@ def test_a_velocity_that_is_not_logged_is_taken_from_its_position(runs):
     assert "`v` is not in the logs" in estimator.notes_[0]
     assert estimator.score(x[:, :1], t, u=u, kind="rollout") > 0.99
     assert estimator.predict(x, u=u).shape == x.shape
+
+
+def test_the_library_grows_where_polynomials_are_too_few_unless_it_is_given():
+    t = np.linspace(0, 8, 200)
+    x = np.exp(1 - (1 - np.log(0.1)) * np.exp(-t))
+    log = {"x": x[:, None], "t": t, "feature_names": ["x"]}
+    found = gpsindy.GPSINDy().fit(**log)
+    row = dict(zip(found.get_feature_names(), found.coef_[0]))
+    assert {name for name, value in row.items() if value != 0} == {"x", "x*log(x)"}
+    assert any("larger library" in note for note in found.notes_)
+    for given in (gpsindy.GPSINDy(library="given"), gpsindy.GPSINDy(terms=["sqrt(x)"])):
+        assert not any("log" in name for name in given.fit(**log).get_feature_names())
+    with pytest.raises(ValueError, match="library"):
+        gpsindy.GPSINDy(library="all").fit(**log)

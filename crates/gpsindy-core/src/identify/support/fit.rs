@@ -8,7 +8,7 @@ use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::algorithm1::track::Track;
 use crate::identify::equations::Equations;
 use crate::identify::evidence::{independent_share, price};
-use crate::identify::limits::{FLOOR, NEAR_CLEAN, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
+use crate::identify::limits::{FLOOR, NEAR_CLEAN, NO_WEIGHT, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
 use crate::identify::prepare::Logs;
 use crate::model::System;
 use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Window};
@@ -114,6 +114,17 @@ impl<'a> Fitter<'a> {
 
     /// Fits coefficients, delays and initial states of `equations`; `near` is a fit to start from.
     pub(crate) fn fit(&self, equations: &Equations, window: f64, near: Option<&Trial>) -> Result<Trial> {
+        self.fit_unless_beaten(equations, window, near, None)
+    }
+
+    /// The same, ended where the first noise shows already that `rival` is the better by far: another noise would not change that.
+    pub(crate) fn fit_unless_beaten(
+        &self,
+        equations: &Equations,
+        window: f64,
+        near: Option<&Trial>,
+        rival: Option<&Trial>,
+    ) -> Result<Trial> {
         let mut noise = near.map_or_else(|| self.noise.clone(), |trial| trial.noise.clone());
         let system = equations.model_with_parameters().compile()?;
         let mut experiment = self.experiment(&system, window, &noise)?;
@@ -154,9 +165,6 @@ impl<'a> Fitter<'a> {
             let settled = found.iter().zip(&noise).all(|(new, old)| (new / old - 1.0).abs() < NOISE_SETTLED);
             noise.clone_from(&found);
             experiment.noise.clone_from(&found);
-            if !(settled || round + 1 == NOISE_ROUNDS) {
-                continue;
-            }
             let share = independent_share(&refined.residuals, noise.len());
             let n: f64 = counts.iter().sum();
             let mut fitted = equations.clone();
@@ -168,23 +176,26 @@ impl<'a> Fitter<'a> {
             }
             let delay_errors = (equations.support.len()..free.len()).map(scaled).collect();
             let converged = refined.converged;
-            let windows = experiment.windows;
-            return Ok(Trial {
+            let trial = Trial {
                 equations: fitted,
                 errors,
                 inclusion: Vec::new(),
                 delay_errors,
-                windows,
-                initial,
-                noise,
+                windows: experiment.windows.clone(),
+                initial: initial.clone(),
+                noise: noise.clone(),
                 squares,
                 counts,
-                floor,
-                sizes,
+                floor: floor.clone(),
+                sizes: sizes.clone(),
                 n_values: n,
                 share,
                 converged,
-            });
+            };
+            let is_beaten = || rival.is_some_and(|rival| self.lead(&trial, rival) < -NO_WEIGHT);
+            if settled || round + 1 == NOISE_ROUNDS || is_beaten() {
+                return Ok(trial);
+            }
         }
         Err(Error::NotConverged { what: "refinement".into(), why: "the noise does not settle; give it".into() })
     }

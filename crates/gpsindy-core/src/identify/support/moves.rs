@@ -38,7 +38,7 @@ impl Fitter<'_> {
         let mut equations = best.equations.clone();
         equations.set_support(support, &solution);
         let near = Trial { initial, ..best.clone() };
-        let far = self.fit(&equations, window, Some(&near)).ok();
+        let far = self.fit_unless_beaten(&equations, window, Some(&near), Some(best)).ok();
         if linear.active.iter().any(|k| !support.contains(k)) {
             return far;
         }
@@ -51,7 +51,7 @@ impl Fitter<'_> {
         }
         let mut equations = best.equations.clone();
         equations.set_support(support, &coefficients);
-        let close = self.fit(&equations, window, Some(best)).ok();
+        let close = self.fit_unless_beaten(&equations, window, Some(best), Some(best)).ok();
         match (far, close) {
             (Some(far), Some(close)) => Some(if self.lead(&far, &close) >= 0.0 { far } else { close }),
             (far, close) => far.or(close),
