@@ -54,14 +54,14 @@ def clean(system):
 
 
 def learnt(method, x, t):
-    """Equations as text, and a function of states to derivatives."""
+    """Equations as text, a function of states to derivatives, and whether the method said anything of its result."""
     if method.startswith("gpsindy"):
         import gpsindy
 
         found = gpsindy.GPSINDy(trig=method.endswith("trig")).fit(x, t)
-        return found.equations(), found.predict
+        return found.equations(), found.predict, bool(found.notes_) or found.poor_
     model = odebench.pysindy_model(x, t, method.endswith("trig"))
-    return model.equations(), model.predict
+    return model.equations(), model.predict, False
 
 
 def job(system, snr, method, results):
@@ -80,7 +80,7 @@ def job(system, snr, method, results):
         if method == "truth":
             predict = right_side(system)
         else:
-            line["equations"], predict = learnt(method, x[:cut], times[:cut])
+            line["equations"], predict, line["noted"] = learnt(method, x[:cut], times[:cut])
         wrong = np.asarray(predict(x[cut:])) - rates[cut:]
         nmse = float((wrong**2).sum() / ((rates[cut:] ** 2).sum() + 1e-10))
         line["nmse"] = nmse if math.isfinite(nmse) else None

@@ -8,7 +8,7 @@ your copy and not shipped. d'Ascoli et al., "ODEFormer: Symbolic Regression of D
 Every method sees the first trajectory: 512 samples over 10 s, each multiplied by 1 + noise * N(0, 1). Its equations are integrated from
 the true first state (reconstruction) and from the benchmark's second start, which it never saw (generalisation). A system counts
 where R2 against the true trajectory, weighted by variance over the states, is above 0.9. A method that fails, diverges or exceeds
-`--time-limit` counts as wrong.
+`--time-limit` counts as wrong. `noted` says whether the method said anything of its result: a note, or that it is poor.
 
 Methods: `gpsindy`, as it comes; `gpsindy-trig`, with sines and cosines; `pysindy`, as it comes; `pysindy-trig`, with the same library
 as `gpsindy-trig`, smoothed differences, and the threshold that predicts the last quarter best.
@@ -45,12 +45,12 @@ def learn_gpsindy(x, t, trig):
     import gpsindy
 
     found = gpsindy.GPSINDy(trig=trig).fit(x, t)
-    return found.equations(), found.simulate
+    return found.equations(), found.simulate, bool(found.notes_) or found.poor_
 
 
 def learn_pysindy(x, t, trig):
     model = pysindy_model(x, t, trig)
-    return model.equations(), model.simulate
+    return model.equations(), model.simulate, False
 
 
 def pysindy_model(x, t, trig):
@@ -95,7 +95,7 @@ def job(system, noise, method, results):
     learn = learn_gpsindy if method.startswith("gpsindy") else learn_pysindy
     line = dict(EMPTY)
     try:
-        line["equations"], simulate = learn(x, t, method.endswith("trig"))
+        line["equations"], simulate, line["noted"] = learn(x, t, method.endswith("trig"))
         for name, (times, truth) in (("reconstruction", seen), ("generalisation", unseen)):
             try:
                 line[name] = r2(simulate(truth[0], times), truth)

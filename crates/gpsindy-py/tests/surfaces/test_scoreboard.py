@@ -1,0 +1,39 @@
+"""The scoreboard says what the results say that are kept beside its scripts."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[4]
+PUBLIC = ROOT / "benches/public"
+
+pytestmark = pytest.mark.skipif(not PUBLIC.is_dir(), reason="benches/public is not here; the repository has it")
+
+
+def test_the_page_is_drawn_from_the_results():
+    done = subprocess.run([sys.executable, PUBLIC / "page.py", "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_bad_model_counts_as_silent_only_without_a_note(monkeypatch):
+    monkeypatch.syspath_prepend(str(PUBLIC))
+    import page
+
+    line = {"equations": ["x"], "noted": False, "generalisation": -2.0, "nmse": 0.5}
+    assert page.is_worse_than_the_mean("odebench", line) and page.is_silent("odebench", line)
+    assert not page.is_silent("odebench", {**line, "noted": True})
+    assert not page.is_worse_than_the_mean("odebench", {**line, "generalisation": 0.3})
+    assert not page.is_worse_than_the_mean("mdbench", line)
+    assert page.is_worse_than_the_mean("mdbench", {**line, "nmse": None})
+
+
+@pytest.mark.parametrize("name", ["odebench", "mdbench", "dysts", "nonlinear"])
+def test_every_job_of_a_results_file_is_there_once(name):
+    lines = [json.loads(line) for line in (PUBLIC / f"results/{name}.jsonl").read_text(encoding="utf-8").splitlines()]
+    jobs = [(line["system"], line["method"], line.get("noise"), line.get("snr")) for line in lines]
+    assert lines and len(set(jobs)) == len(jobs)
