@@ -43,8 +43,15 @@ pub fn effect_page(effect: Effect, caption: &str, cases: &[GalleryCase]) -> Stri
     if !sense.is_empty() {
         row("only if", &sense.join("; "));
     }
-    let asked = if effect.is_only_if_asked() { "only if `--effects` names it" } else { "always" };
-    row("tested", asked);
+    let asked = match (effect.is_only_if_asked(), effect.stands_behind()) {
+        (false, _) => "always".to_string(),
+        (true, None) => "only if `--effects` names it".to_string(),
+        (true, Some(imitator)) => {
+            let (name, id) = (imitator.name(), imitator.id());
+            format!("if `--effects` names it, and where [{name}]({id}.md) leads the search in the same equation")
+        }
+    };
+    row("tested", &asked);
     row("in `augmented.toml`", &exported(effect));
     row("in a MuJoCo model", effect.in_mjcf().unwrap_or("a comment at the top"));
     if !effect.about().is_empty() {
@@ -89,7 +96,7 @@ pub fn effects_index() -> String {
         "# What you see in the log\n\n\
          The effects that a diagnosis tests, by their symptoms. A diagnosis tests all of them at once:\n\n\
          ```sh\ngpsindy diagnose simulator.toml run_*.csv --out diagnosis\n```\n\n\
-         The third column restricts it to one effect. An effect marked * is tested only if `--effects` names it. The last column says what the \
+         The third column restricts it to one effect. An effect marked * is tested only if `--effects` names it, or where its page says so. The last column says what the \
          corrected simulator then has: `augmented.toml`, and `augmented.xml` of a MuJoCo model where it has a field for the effect. Any other \
          effect is a comment at the top of `augmented.xml`, or in an FMU's `augmented.ssv`. z and w are the variables that an effect depends \
          on, u a control, p a term or a parameter. `cargo xtask effects` generates these pages from the catalogue.\n\n\

@@ -262,8 +262,11 @@ impl Diagnose {
         let mut prepared = prepare(&run, system, logs, &self.known())?;
         let (suspects, of_suspects) = suspects(&prepared.nominal, &self.choice())?;
         prepared.notes.extend(of_suspects);
-        let contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
-        let suspected = detect(&contest, prepared.nominal.clone())?;
+        let mut contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
+        let mut suspected = detect(&contest, prepared.nominal.clone())?;
+        if suspected.detected.gap && suspected.first.fits.first().is_some_and(|leader| contest.calls(leader)) {
+            suspected = detect(&contest, prepared.nominal.clone())?;
+        }
         let suspected = begun(&contest, &prepared, suspected)?;
         let judged = forced(&contest, attribute(&contest, suspected)?)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;

@@ -86,6 +86,11 @@ impl Effect {
         self.definition().traits.only_if_asked
     }
 
+    /// An effect that imitates it: where that one leads the search in the same equation, this one is a suspect there, too, named or not.
+    pub fn stands_behind(self) -> Option<Self> {
+        self.definition().traits.behind
+    }
+
     /// Whether it is random, so that no rollout can follow it.
     pub fn is_random(self) -> bool {
         self.acts_at(Place::Random)

@@ -96,6 +96,12 @@ impl Hypothesis {
         self.effect().is_some_and(Effect::is_only_if_asked)
     }
 
+    /// Whether it may be the truth where `other` leads: another effect that imitates it, in the same equation.
+    pub(crate) fn stands_behind(&self, other: &Self) -> bool {
+        let imitator = self.effect().and_then(Effect::stands_behind);
+        imitator.is_some() && imitator == other.effect() && self.state == other.state
+    }
+
     /// How many states it adds to a model.
     pub(crate) fn added_states(&self) -> usize {
         self.effect().map_or(0, Effect::added_states)

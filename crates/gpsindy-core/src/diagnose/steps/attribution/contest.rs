@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 pub(crate) struct Contest<'a> {
     pub(crate) run: &'a Run<'a>,
     pub(crate) hypotheses: Vec<Hypothesis>,
+    /// Those that become suspects where an effect that imitates them leads.
+    behind: Vec<Hypothesis>,
     /// Sets of hypotheses that also apply together.
     pub(crate) joint: Vec<Vec<usize>>,
     /// Functions without a name.
@@ -33,8 +35,18 @@ pub(crate) struct Contest<'a> {
 impl<'a> Contest<'a> {
     /// A contest of so many suspects together at `most`.
     pub(crate) fn new(run: &'a Run<'a>, fitter: Fitter, suspects: Suspects, most: usize) -> Self {
-        let Suspects { hypotheses, joint, rivals, scene, random } = suspects;
-        Self { run, hypotheses, joint, rivals, scene, random, most, fitter }
+        let Suspects { hypotheses, behind, joint, rivals, scene, random } = suspects;
+        Self { run, hypotheses, behind, joint, rivals, scene, random, most, fitter }
+    }
+
+    /// Makes suspects of those that the effect of `leader` imitates; whether there are any.
+    pub(crate) fn calls(&mut self, leader: &Contestant) -> bool {
+        let is_called = |h: &Hypothesis| leader.hypotheses.iter().any(|leading| h.stands_behind(leading));
+        let (called, behind) = std::mem::take(&mut self.behind).into_iter().partition::<Vec<_>, _>(is_called);
+        self.behind = behind;
+        let any = !called.is_empty();
+        self.hypotheses.extend(called);
+        any
     }
 
     /// The scene in the windows of `base`, in which the size and the pace of some effects have their ends.

@@ -68,8 +68,14 @@ mod tests {
         let fit = fitter.with(&nominal, &[unsearched(drag)], &applied, &[vec![0.5]], Budget::Thorough).unwrap();
         let fit = fitter.carried_on(fit, Budget::Thorough).unwrap();
         let run = Run::new(&Silent, None);
-        let suspects =
-            Suspects { hypotheses: hypotheses.clone(), joint: Vec::new(), rivals: Vec::new(), scene, random: false };
+        let suspects = Suspects {
+            hypotheses: hypotheses.clone(),
+            behind: Vec::new(),
+            joint: Vec::new(),
+            rivals: Vec::new(),
+            scene,
+            random: false,
+        };
         let contest = Contest::new(&run, fitter, suspects, 6);
         let longer = lengthen(&contest, &nominal, &fit).unwrap().map_or_else(|| fit.clone(), |(_, longer)| longer);
         (nominal, fit, longer)

@@ -18,6 +18,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Who takes part in a contest.
 pub(crate) struct Suspects {
     pub(crate) hypotheses: Vec<Hypothesis>,
+    /// Those that become suspects where an effect that imitates them leads.
+    pub(crate) behind: Vec<Hypothesis>,
     /// Sets of hypotheses (indices) that also apply together.
     pub(crate) joint: Vec<Vec<usize>>,
     /// Functions without a name.
@@ -61,7 +63,11 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
         };
         is_chosen && !choice.without.iter().any(|e| e == id)
     };
-    all.retain(|h| is_suspect(h.id(), h.is_only_if_asked()));
+    let waits = |h: &Hypothesis| {
+        let effect = h.effect().filter(|effect| effect.stands_behind().is_some());
+        effect.is_some() && choice.chosen.is_empty() && is_suspect(h.id(), false)
+    };
+    all.retain(|h| is_suspect(h.id(), h.is_only_if_asked()) || waits(h));
     let is_asked = |h: &Hypothesis| {
         let state = &model.states[h.state].name;
         let has = |part: &Part| part.has(model, h.place().as_deref(), &h.variables, state);
@@ -91,6 +97,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
             None => hypotheses.push(hypothesis),
         }
     }
+    let (behind, hypotheses): (Vec<_>, Vec<_>) = hypotheses.into_iter().partition(waits);
     for (rule, effects) in ruled_out {
         let effects = effects.into_iter().collect();
         notes.push(match rule {
@@ -105,7 +112,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     let rivals = rival::enumerate(model, &scene, model.states.len());
     // The place of a machine that moves alike everywhere acts on nothing.
     scene.clocks.retain(|name| !places.contains(&name.as_str()));
-    Ok((Suspects { hypotheses, joint, rivals, scene, random }, notes))
+    Ok((Suspects { hypotheses, behind, joint, rivals, scene, random }, notes))
 }
 
 /// Why an effect is no suspect at a place.
