@@ -110,10 +110,10 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("82 of 82 right", "82 of 82 are right"),
+            ("163 of 166 right", "163 of 166 are right"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
-            ("68.3 %", "68.3 %"),
+            ("69.8 %", "69.8 %"),
             ("40 named with the right size", "40 named with the right size"),
             ("1901 of 2000", "1901 of 2000"),
         ] {
