@@ -214,6 +214,15 @@ fn left(value: f64) -> String {
     }
 }
 
+/// Nothing where something failed; a request to stop stays an error.
+pub(crate) fn unless_cancelled<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        Err(_) => Ok(None),
+    }
+}
+
 impl Error {
     /// An [`Error::Settings`] with this message.
     pub fn settings(message: impl Into<String>) -> Self {

@@ -2,7 +2,7 @@
 //! signed quantity allows. The larger library must pay for its size, since every term costs more among more candidates.
 
 use crate::data::Dataset;
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::identify::algorithm1::Algorithm1;
 use crate::identify::algorithm1::regress::Regressed;
 use crate::identify::equations::Equations;
@@ -11,13 +11,12 @@ use crate::identify::notes::Note;
 use crate::identify::settings::Identify;
 use crate::identify::support::scope::{Member, Scope};
 use crate::library::{Library, LibrarySettings};
-use crate::progress::Progress;
 use std::cmp::Ordering;
 
 /// What a larger library led to.
 pub(crate) struct Grown {
     pub(crate) settings: Identify,
-    pub(crate) ground: Algorithm1,
+    pub(crate) done: Algorithm1,
     /// None where the regression itself predicts whole runs best.
     pub(crate) member: Option<Member>,
     pub(crate) notes: Vec<Note>,
@@ -42,29 +41,22 @@ impl Scope<'_> {
 
     /// The equations of a larger library, where they are clearly better than `base`, or than the regression where nothing refined predicts
     /// whole runs as well.
-    pub(crate) fn grown(
-        &self,
-        data: &Dataset,
-        base: (&Regressed, Option<&Member>),
-        progress: &dyn Progress,
-    ) -> Result<Option<Grown>> {
-        let Some(library) = larger(self.settings, self.logs.data.clone())? else { return Ok(None) };
+    pub(crate) fn grown(&self, base: (&Regressed, Option<&Member>)) -> Result<Option<Grown>> {
+        let Some(library) = larger(self.settings, &self.logs.data)? else { return Ok(None) };
         let settings = Identify { library, grow: false, ..self.settings.clone() };
-        let ground = match Algorithm1::run(&settings, data, progress) {
-            Ok(ground) => ground,
-            Err(Error::Cancelled) => return Err(Error::Cancelled),
-            // A term that has no value somewhere on the smoothed path.
-            Err(_) => return Ok(None),
-        };
+        let done = Algorithm1::with_library_of(&settings, (self.logs, self.motion), self.progress);
+        // None: a term that has no value somewhere on the smoothed path.
+        let Some(done) = unless_cancelled(done)? else { return Ok(None) };
+        let done = settings.chosen(done, self.progress)?;
         let mut notes = Vec::new();
-        let scope = Scope::new(&settings, &ground, progress);
-        let member = scope.equations(&ground.regressed, &mut notes)?;
-        if !self.is_surpassed(base, &scope, (&ground.regressed, member.as_ref()))? {
+        let scope = Scope::new(&settings, &done, self.progress);
+        let member = scope.equations(&done.regressed, &mut notes)?;
+        if !self.is_surpassed(base, &scope, (&done.regressed, member.as_ref()))? {
             return Ok(None);
         }
-        let equations = member.as_ref().map_or(&ground.regressed.equations, |member| &member.trial.equations);
+        let equations = member.as_ref().map_or(&done.regressed.equations, |member| &member.trial.equations);
         notes.push(Note::Grown { terms: beyond(equations, &self.logs.frame.library) });
-        Ok(Some(Grown { settings, ground, member, notes }))
+        Ok(Some(Grown { settings, done, member, notes }))
     }
 
     /// Whether what another library led to predicts whole runs better than `base`; or as well, and leaves nothing, and explains the logs
@@ -82,12 +74,9 @@ impl Scope<'_> {
             true => scope.fitter(one.hold).fit(&one.trial.equations, window, Some(&one.trial)),
             false => Ok(one.trial.clone()),
         };
-        let lead = match (at(self, base), at(other, member)) {
-            (Ok(own), Ok(grown)) => other.fitter(member.hold).lead(&grown, &own),
-            (Err(Error::Cancelled), _) | (_, Err(Error::Cancelled)) => return Err(Error::Cancelled),
-            _ => return Ok(false),
-        };
-        Ok(lead > GROWN
+        let fits = (unless_cancelled(at(self, base))?, unless_cancelled(at(other, member))?);
+        let (Some(own), Some(grown)) = fits else { return Ok(false) };
+        Ok(other.fitter(member.hold).lead(&grown, &own) > GROWN
             && match compared {
                 Ordering::Less => false,
                 Ordering::Equal => !other.leaves_more(member, EXACT),
@@ -107,7 +96,7 @@ fn beyond(own: &Equations, library: &Library) -> Vec<String> {
 }
 
 /// The larger library; none where nothing can be added, or it would be too large.
-fn larger(settings: &Identify, data: Dataset) -> Result<Option<LibrarySettings>> {
+fn larger(settings: &Identify, data: &Dataset) -> Result<Option<LibrarySettings>> {
     let variables: Vec<&String> = settings.states.iter().chain(&settings.controls).collect();
     let mut extra = settings.library.extra.clone();
     for (c, name) in variables.iter().enumerate() {

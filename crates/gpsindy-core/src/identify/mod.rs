@@ -55,45 +55,40 @@ impl Identify {
 
     /// Learns from all samples.
     fn fit_all(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
-        let mut ground = Algorithm1::run(self, data, progress)?;
+        let done = self.chosen(Algorithm1::run(self, data, progress)?, progress)?;
         let mut notes = Vec::new();
-        if self.choice == Choice::Rollout {
-            let mut regressed = ground.regressed.clone();
-            Scope::new(self, &ground, progress).choose_by_rollout(&mut regressed)?;
-            ground.regressed = regressed;
-        }
-        let scope = Scope::new(self, &ground, progress);
         if !self.refine {
-            return self.finished(&ground, None, notes, progress);
+            return self.finished(&done, None, notes, progress);
         }
-        let found = scope.equations(&ground.regressed, &mut notes)?;
+        let scope = Scope::new(self, &done, progress);
+        let found = scope.equations(&done.regressed, &mut notes)?;
         if self.grow
             && found.as_ref().map_or(Ok(true), |found| scope.leaves_structure(found))?
-            && let Some(grown) = scope.grown(data, (&ground.regressed, found.as_ref()), progress)?
+            && let Some(grown) = scope.grown((&done.regressed, found.as_ref()))?
         {
-            return grown.settings.finished(&grown.ground, grown.member, grown.notes, progress);
+            return grown.settings.finished(&grown.done, grown.member, grown.notes, progress);
         }
-        self.finished(&ground, found, notes, progress)
+        self.finished(&done, found, notes, progress)
     }
 
     /// The result: what was found, or the regression where the refinement found nothing better.
     fn finished(
         &self,
-        ground: &Algorithm1,
+        done: &Algorithm1,
         found: Option<Member>,
         mut notes: Vec<Note>,
         progress: &dyn Progress,
     ) -> Result<Identification> {
-        let scope = Scope::new(self, ground, progress);
+        let scope = Scope::new(self, done, progress);
         let found = match found {
             Some(found) => scope.weighed(found, &mut notes)?,
-            None => scope.unrefined(&ground.regressed, inclusion(self, &ground.regressed, &ground.rows)?)?,
+            None => scope.unrefined(&done.regressed, inclusion(self, &done.regressed, &done.rows)?)?,
         };
-        let mut notes = [ground.motion.notes.clone(), ground.logs.notes.clone(), notes].concat();
+        let mut notes = [done.motion.notes.clone(), done.logs.notes.clone(), notes].concat();
         if self.hold.is_none() && found.hold == Hold::Linear {
             notes.push(Note::Interpolated);
         }
-        Ok(report(found, &ground.regressed.chosen, &ground.motion.kernels, notes))
+        Ok(report(found, &done.regressed.chosen, &done.motion.kernels, notes))
     }
 }
 

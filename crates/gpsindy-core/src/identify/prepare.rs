@@ -12,6 +12,7 @@ use faer::Mat;
 use std::sync::Arc;
 
 /// The logs as they are learnt from.
+#[derive(Clone)]
 pub(crate) struct Logs {
     /// Training part: states, controls, then logged derivatives.
     pub(crate) data: Dataset,
@@ -35,18 +36,33 @@ pub(crate) fn prepare(settings: &Identify, logged: &Dataset, progress: &dyn Prog
     let unmeasured: Vec<usize> = (0..settings.states.len()).filter(|s| !is_measured(s)).collect();
     let measured = without(&data, &unmeasured)?;
     notes.extend(lines_of_time(&data, settings.states.len()));
+    let period = data.runs().iter().map(|run| mean_period(&run.time)).fold(f64::INFINITY, f64::min);
+    let frame = frame(settings, &data, &rates, || delays(settings, period, longest_delay))?;
+    Ok(Logs { data, measured, unmeasured, rates, frame, notes })
+}
+
+/// Equations without a term, over the library of the settings; the delays are asked for once that is known to be good.
+fn frame(
+    settings: &Identify,
+    data: &Dataset,
+    rates: &[Option<usize>],
+    delays: impl FnOnce() -> Result<Vec<DelayValue>>,
+) -> Result<Equations> {
     let (n, m) = (settings.states.len(), settings.controls.len());
     let library = Arc::new(Library::new(&settings.states, &settings.controls, &settings.library)?);
     settings.constraints.check(&settings.states, &library)?;
     let (states, controls) = (&data.channels()[..n], &data.channels()[n..n + m]);
-    let period = data.runs().iter().map(|run| mean_period(&run.time)).fold(f64::INFINITY, f64::min);
-    let delays = delays(settings, period, longest_delay)?;
-    let frame = Equations::new(states, controls, &library, &settings.constraints, delays)?;
-    let frame = Equations { derivative_given: rates.iter().map(Option::is_some).collect(), ..frame };
-    Ok(Logs { data, measured, unmeasured, rates, frame, notes })
+    let frame = Equations::new(states, controls, &library, &settings.constraints, delays()?)?;
+    Ok(Equations { derivative_given: rates.iter().map(Option::is_some).collect(), ..frame })
 }
 
 impl Logs {
+    /// The same logs for settings that differ in the library alone.
+    pub(crate) fn with_library_of(&self, settings: &Identify) -> Result<Self> {
+        let frame = frame(settings, &self.data, &self.rates, || Ok(self.frame.delays.clone()))?;
+        Ok(Self { frame, ..self.clone() })
+    }
+
     /// The frame with these delays, one a control.
     pub(crate) fn frame_with(&self, delays: &[DelayValue]) -> Equations {
         Equations { delays: delays.to_vec(), ..self.frame.clone() }

@@ -31,6 +31,21 @@ impl Algorithm1 {
     pub(crate) fn run(settings: &Identify, data: &Dataset, progress: &dyn Progress) -> Result<Self> {
         let logs = prepare(settings, data, progress)?;
         let motion = smooth(settings, &logs, progress)?;
+        Self::of(settings, logs, motion, progress)
+    }
+
+    /// The same for settings that differ in the library alone: nothing is smoothed again.
+    pub(crate) fn with_library_of(
+        settings: &Identify,
+        (logs, motion): (&Logs, &Motion),
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let logs = logs.with_library_of(settings)?;
+        let motion = motion.with_library(settings, &logs.frame.library)?;
+        Self::of(settings, logs, motion, progress)
+    }
+
+    fn of(settings: &Identify, logs: Logs, motion: Motion, progress: &dyn Progress) -> Result<Self> {
         let timings = time(settings, &logs, &motion, progress)?;
         let rows = rows(settings, &logs, &motion, timings.best.hold, &timings.best.delay_values())?;
         let regressed = regress(settings, logs.frame_with(&timings.best.delays), &rows, progress)?;

@@ -20,6 +20,7 @@ use faer::Mat;
 const MEDIAN: f64 = 0.6745;
 
 /// The logs smoothed.
+#[derive(Clone)]
 pub(crate) struct Motion {
     /// One a run.
     pub(crate) tracks: Vec<Track>,
@@ -76,6 +77,12 @@ pub(crate) fn smooth(settings: &Identify, logs: &Logs, progress: &dyn Progress) 
 }
 
 impl Motion {
+    /// The same motion with the typical sizes of the terms of another library.
+    pub(crate) fn with_library(&self, settings: &Identify, library: &Library) -> Result<Self> {
+        let (scales, _) = sizes(&self.tracks, library, &self.spread, settings.hold.unwrap_or_default())?;
+        Ok(Self { scales, ..self.clone() })
+    }
+
     /// Length in s of the shortest rollouts that distinguish an equation from its neighbours; the longest run halved some times.
     pub(crate) fn shortest_window(&self) -> f64 {
         let longest = self.longest_run();

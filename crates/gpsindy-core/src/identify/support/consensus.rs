@@ -11,7 +11,7 @@
 //! Spinelli 2003, An identification algorithm for polynomial NARX models based on simulation error minimization.
 
 use crate::data::{Channel, Run};
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::equations::Equations;
 use crate::identify::limits::consensus::{APART, FOLLOWED, LEAD, LENGTH, OFF, SHARES, STRETCHES};
@@ -196,11 +196,8 @@ impl<'a> Roller<'a> {
     fn path(&self, start: Stretch, excitation: &Excitation) -> Result<Path> {
         let mean = &self.motion.tracks[start.run].mean;
         let initial: Vec<f64> = (0..self.spread.len()).map(|s| mean[(start.first, s)]).collect();
-        match self.simulate.rollout(&self.system, excitation, &initial) {
-            Ok(rollout) => Ok(Some(in_spreads(&rollout.states, 0, start.length, self.spread))),
-            Err(Error::Cancelled) => Err(Error::Cancelled),
-            Err(_) => Ok(None),
-        }
+        let rollout = unless_cancelled(self.simulate.rollout(&self.system, excitation, &initial))?;
+        Ok(rollout.map(|rollout| in_spreads(&rollout.states, 0, start.length, self.spread)))
     }
 }
 

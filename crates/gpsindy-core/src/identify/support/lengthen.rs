@@ -1,7 +1,7 @@
 //! Lengthens the rollouts step by step: short ones first, because even a wrong equation follows the logs in them; then as long
 //! as the rollouts follow the logs, because long ones carry more information.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, unless_cancelled};
 use crate::identify::limits::{GROWTH, ON_COURSE, UNCHANGED};
 use crate::identify::support::fit::{Fitter, Trial};
 use crate::identify::support::scope::{Member, Rollouts, Scope};
@@ -82,11 +82,9 @@ impl Scope<'_> {
                 break;
             }
             window = longer;
-            near = match fitter.fit(&near.equations, window, Some(&near)) {
-                Ok(trial) => trial,
-                Err(Error::Cancelled) => return Err(Error::Cancelled),
-                Err(_) => break,
-            };
+            let trial = unless_cancelled(fitter.fit(&near.equations, window, Some(&near)))?;
+            let Some(trial) = trial else { break };
+            near = trial;
             found.push(Member { trial: near.clone(), window, hold: member.hold, rival: None });
         }
         Ok(found)

@@ -1,6 +1,6 @@
 //! The search for equations: from every start a fit, better supports, longer rollouts, and the other hold.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, unless_cancelled};
 use crate::identify::algorithm1::timing::Timing;
 use crate::identify::equations::Equations;
 use crate::identify::limits::{INTERPOLATED, LOOKS, TIE};
@@ -67,11 +67,8 @@ impl Scope<'_> {
         };
         let fitter = self.fitter(other.hold);
         let equations = Equations { delays: other.delays.clone(), ..found.trial.equations.clone() };
-        let rival = match fitter.fit(&equations, rollouts.shortest(), None) {
-            Ok(rival) => rival,
-            Err(Error::Cancelled) => return Err(Error::Cancelled),
-            Err(_) => return Ok(found),
-        };
+        let rival = unless_cancelled(fitter.fit(&equations, rollouts.shortest(), None))?;
+        let Some(rival) = rival else { return Ok(found) };
         let (rival, window) = self.lengthen(&fitter, rival, rollouts)?;
         // Longer rollouts leave more, so that only equal ones compare.
         if window != found.window {

@@ -1,7 +1,7 @@
 //! The final choice of the refinement: never equations that predict whole runs worse than the initial ones, and those of a
 //! smaller library if they predict better.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::identify::algorithm1::regress::{Regressed, regress};
 use crate::identify::equations::Equations;
 use crate::identify::limits::{CLOSE, FORETOLD, ON_COURSE};
@@ -70,11 +70,8 @@ impl Scope<'_> {
         if !pairs.all(|(left, noise)| *left <= ON_COURSE * noise) {
             return Ok(false);
         }
-        match self.fitter(found.hold).amplification_of(&trial.equations, self.motion.longest_run()) {
-            Ok(growth) => Ok(growth.is_finite() && growth > self.room()),
-            Err(Error::Cancelled) => Err(Error::Cancelled),
-            Err(_) => Ok(false),
-        }
+        let growth = self.fitter(found.hold).amplification_of(&trial.equations, self.motion.longest_run());
+        Ok(unless_cancelled(growth)?.is_some_and(|growth| growth.is_finite() && growth > self.room()))
     }
 
     /// By how much the noise may grow before it is as large as the motion, of the state where that is least; infinite without
@@ -93,11 +90,8 @@ impl Scope<'_> {
         // What leaves for good is no model of the runs, however well it begins.
         if found.is_some_and(|(miss, _)| miss.is_some()) {
             let outgrown = |length: f64| -> Result<bool> {
-                match fitter.amplification_of(equations, length) {
-                    Ok(growth) => Ok(growth > self.room()),
-                    Err(Error::Cancelled) => Err(Error::Cancelled),
-                    Err(_) => Ok(false),
-                }
+                let growth = unless_cancelled(fitter.amplification_of(equations, length))?;
+                Ok(growth.is_some_and(|growth| growth > self.room()))
             };
             let whole = length;
             while length > self.motion.shortest_window() && outgrown(length)? {
@@ -145,11 +139,8 @@ impl Scope<'_> {
     fn with_terms_of(&self, equations: &Equations) -> Result<Option<Member>> {
         let hold = self.timings.best.hold;
         let (fitter, rollouts) = (self.fitter(hold), self.rollouts());
-        let trial = match fitter.fit(equations, rollouts.shortest(), None) {
-            Ok(trial) => trial,
-            Err(Error::Cancelled) => return Err(Error::Cancelled),
-            Err(_) => return Ok(None),
-        };
+        let trial = unless_cancelled(fitter.fit(equations, rollouts.shortest(), None))?;
+        let Some(trial) = trial else { return Ok(None) };
         let (trial, window) = self.stretch(&fitter, trial, rollouts)?;
         Ok(Some(Member { trial, window, hold, rival: None }))
     }
@@ -173,4 +164,45 @@ impl Scope<'_> {
 
 fn foretold(miss: Miss) -> bool {
     miss.is_some_and(|miss| miss < FORETOLD)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::algorithm1::Algorithm1;
+    use crate::identify::settings::Identify;
+    use crate::identify::tests::log;
+    use crate::progress::Silent;
+
+    fn settings(states: &[&str]) -> Identify {
+        Identify { states: states.iter().map(ToString::to_string).collect(), ..Identify::default() }
+    }
+
+    #[test]
+    fn whole_runs_of_a_chaotic_motion_replace_no_equations_that_leave_only_noise() {
+        // Genesio and Tesi 1992; their terms, not those of straight lines that happen to end nearer.
+        let rate = |_: f64, x: &[f64]| vec![x[1], x[2], x[0] * x[0] - x[0] - 1.1 * x[1] - 0.44 * x[2]];
+        for seed in 0..3 {
+            let data = log(&["x", "y", "z"], &[-0.35, -0.34, 0.47], &rate, (0.0594, 1000), 0.004, &|_| vec![], seed);
+            let found = settings(&["x", "y", "z"]).fit(&data, &Silent).unwrap();
+            let terms: Vec<Vec<String>> = found.states.into_iter().map(|state| state.terms).collect();
+            assert_eq!(terms, [vec!["y"], vec!["z"], vec!["x", "y", "z", "x^2"]], "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn equations_that_leave_for_good_foretell_nothing_however_well_they_begin() {
+        let data = log(&["x"], &[1.0], &|_, x| vec![-x[0]], (0.1, 100), 0.0, &|_| vec![], 1);
+        let settings = settings(&["x"]);
+        let mut done = Algorithm1::run(&settings, &data, &Silent).unwrap();
+        let equations = &mut done.regressed.equations;
+        let mut coefficients = vec![0.0; equations.n_terms()];
+        // x' = 0.3 x^2 is infinite after 3.3 of the 9.9 s.
+        coefficients[equations.library.index_of("x^2").unwrap()] = 0.3;
+        equations.set(0, &coefficients);
+        let scope = Scope::new(&settings, &done, &Silent);
+        let fidelity = scope.fidelity(&done.regressed.equations, Hold::Zero).unwrap().unwrap();
+        assert_eq!((fidelity.error, fidelity.is_poor()), (None, true));
+        assert!((fidelity.length - 9.9).abs() < 1e-9, "{}", fidelity.length);
+    }
 }
