@@ -119,7 +119,7 @@ fn call(function: Function, arguments: &[Expression], name: &str) -> Result<Expr
             slope.times(da.over(corner.clone()).minus(a.times(dw).over(corner.power(number(2.0)))))
         }
         F::Breakaway => number(0.0),
-        F::Delay | F::Play | F::SampleHold => {
+        F::Delay | F::Play | F::Slew | F::SampleHold => {
             return Err(Error::model(format!("`{}` has no pointwise derivative by `{name}`", function.name())));
         }
     })

@@ -75,6 +75,7 @@ functions! {
     DeadZone "dead_zone" 2 "`dead_zone(z, width)`: 0 inside +-width, else z shifted toward 0 by width.",
     Delay "delay" 2 "`delay(control, tau)`: the control tau seconds earlier.",
     Play "play" 2 "`play(control, width)`: the control through a play of that total width.",
+    Slew "slew" 2 "`slew(control, rate)`: the control, followed no faster than that rate per second; at first it is where the control is.",
     SampleHold "sample_hold" 3 "`sample_hold(control, period, phase)`: the control as it was when last sampled: at the time `phase`, s, and every `period` seconds before and after.",
     Stick "stick" 2 "`stick(state, w)`: the state's direction of motion, `tanh(state/w)`; with w = 0 a sign that holds it at rest while its rate allows.",
     Breakaway "breakaway" 2 "`breakaway(state, r)`: `stick(state, 0)` that holds up to r times what it has in motion.",
@@ -83,7 +84,7 @@ functions! {
 impl Function {
     /// Whether its value depends on what its first argument was before.
     pub fn has_memory(self) -> bool {
-        matches!(self, Self::Delay | Self::Play | Self::SampleHold)
+        matches!(self, Self::Delay | Self::Play | Self::Slew | Self::SampleHold)
     }
 
     /// Whether it may hold its state at rest.

@@ -170,7 +170,7 @@ fn check_history(model: &Model, function: Function, arguments: &[Expression], in
     }
     let delayed_state = matches!(&arguments[0], Expression::Variable(n) if is_state(n));
     let state_inside = arguments[0].variables().iter().any(is_state);
-    if state_inside && !(in_measured && function != Function::Play && delayed_state) {
+    if state_inside && !(in_measured && matches!(function, Function::Delay | Function::SampleHold) && delayed_state) {
         return Some(format!("`{name}` works on controls (in `measured`, `delay` and `sample_hold` also on a state)"));
     }
     let mut amounts = arguments[1..].iter().flat_map(Expression::variables);

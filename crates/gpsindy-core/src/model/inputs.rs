@@ -12,6 +12,8 @@ pub enum InputKind {
     Delay,
     /// The signal through a play of total width `amount`, starting centred.
     Play,
+    /// The signal, followed no faster than `amount` per second; it starts where the signal does.
+    Slew,
     /// The signal as it was when last sampled, every `amount` seconds.
     SampleHold,
 }
@@ -21,6 +23,7 @@ impl InputKind {
     pub(super) fn of(function: Function) -> Self {
         match function {
             Function::Play => Self::Play,
+            Function::Slew => Self::Slew,
             Function::SampleHold => Self::SampleHold,
             _ => Self::Delay,
         }
@@ -38,6 +41,28 @@ pub(crate) const SHORTEST_HOLD: f64 = 0.01;
 /// A moment that rounding puts just after `t` counts as `t`.
 pub(crate) fn sampled_at(t: f64, phase: f64, period: f64) -> f64 {
     if period > 0.0 { phase + period * ((t - phase) / period + ROUNDING).floor() } else { t }
+}
+
+/// Where a signal that is followed no faster than `rate` has come after `dt` s: it was at `from` as the signal, which changes by `slope`
+/// per second, was at `signal`.
+pub(crate) fn slewed(from: f64, signal: f64, slope: f64, rate: f64, dt: f64) -> f64 {
+    let caught = caught_after(from, signal, slope, rate);
+    if dt < caught {
+        from + (signal - from).signum() * rate * dt
+    } else {
+        signal + slope * caught + slope.clamp(-rate, rate) * (dt - caught)
+    }
+}
+
+/// After how many seconds it has caught up with the signal; infinite where it never does.
+pub(crate) fn caught_after(from: f64, signal: f64, slope: f64, rate: f64) -> f64 {
+    let gap = signal - from;
+    let closing = rate - gap.signum() * slope;
+    match gap == 0.0 {
+        true => 0.0,
+        false if closing > 0.0 => gap.abs() / closing,
+        false => f64::INFINITY,
+    }
 }
 
 /// An input with a history, such as `delay(u, tau)`.
@@ -130,6 +155,9 @@ impl Extraction<'_> {
                     let entry = (kind, state, arguments[1..].to_vec());
                     return Expression::Variable(late_name(place_of(&mut self.late, entry)));
                 }
+                if let Some(other) = slewed_before(*function, arguments) {
+                    return self.extract(&other);
+                }
                 let mut parts = arguments.clone();
                 parts[0] = self.extract(&parts[0]);
                 Expression::Variable(input_name(place_of(&mut self.inputs, (kind, parts))))
@@ -153,6 +181,17 @@ impl Extraction<'_> {
             Expression::Variable(name) => self.model.state_index(name),
             _ => None,
         }
+    }
+}
+
+/// The rate limit of a delayed control as the delayed rate limit, which is the same: only that needs no jumps between samples.
+pub(super) fn slewed_before(function: Function, arguments: &[Expression]) -> Option<Expression> {
+    match (function, &arguments[0]) {
+        (Function::Slew, Expression::Call(Function::Delay, inner)) => {
+            let slewed = Expression::Call(Function::Slew, vec![inner[0].clone(), arguments[1].clone()]);
+            Some(Expression::Call(Function::Delay, vec![slewed, inner[1].clone()]))
+        }
+        _ => None,
     }
 }
 

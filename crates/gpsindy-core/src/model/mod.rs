@@ -20,7 +20,7 @@ pub use check::shows;
 pub use engine::{Rows, Steps};
 pub use export::{Export, Language};
 pub use inputs::{Input, InputKind};
-pub(crate) use inputs::{LateState, ROUNDING, SHORTEST_HOLD, sampled_at};
+pub(crate) use inputs::{LateState, ROUNDING, SHORTEST_HOLD, caught_after, sampled_at, slewed};
 pub use port::Port;
 pub(crate) use system::Follower;
 pub use system::{Dynamics, System};

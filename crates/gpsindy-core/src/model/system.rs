@@ -44,15 +44,13 @@ pub trait Dynamics: Send + Sync {
     }
 }
 
-/// A state that follows the inputs alone, such as a lagging input.
+/// A state that follows the inputs alone, such as a lagging input; its rate is a straight line in the state.
 #[derive(Debug, Clone)]
 pub(crate) struct Follower {
     /// Which state.
     pub(crate) state: usize,
     /// Its rate, as a tape of the variables of [`System::rates`].
     pub(crate) rate: Tape,
-    /// Whether the rate is a straight line in the state.
-    pub(crate) is_linear: bool,
 }
 
 /// Something computed of a system, shared among its copies.
@@ -150,13 +148,12 @@ impl System {
         let variables: Vec<String> = names.chain((0..self.inputs.len()).map(input_name)).chain(parameters).collect();
         let is_alone = |j: &usize| {
             let reads = |k: usize| k != *j && model.states[*j].equation.contains(&model.states[k].name);
-            !(0..model.states.len()).any(reads)
+            let own = &model.states[*j].name;
+            let is_linear = || rates[*j].derivative(own).is_ok_and(|slope| !slope.contains(own));
+            !(0..model.states.len()).any(reads) && is_linear()
         };
-        let follower = |state: usize| {
-            let (own, rate) = (&model.states[state].name, &rates[state]);
-            let is_linear = rate.derivative(own).is_ok_and(|slope| !slope.contains(own));
-            Ok(Follower { state, rate: Tape::new(std::slice::from_ref(rate), &variables)?, is_linear })
-        };
+        let follower =
+            |state: usize| Ok(Follower { state, rate: Tape::new(std::slice::from_ref(&rates[state]), &variables)? });
         self.followers = (first..model.states.len()).filter(is_alone).map(follower).collect::<Result<_>>()?;
         Ok(self)
     }

@@ -1,4 +1,4 @@
-//! Inputs with a history: delays, play, sample-and-hold.
+//! Inputs with a history: delays, play, rate limits, sample-and-hold.
 //!
 //! They depend on the controls alone. Of a log no more is sampled at a time than a block and what that looks back on. A late
 //! input that is held enters a step by its mean, which is smooth in the delay, and so does one that switches within a step.
@@ -7,7 +7,7 @@ mod held;
 
 use super::experiment::Log;
 use crate::data::Hold;
-use crate::model::{Input, InputKind};
+use crate::model::{Input, InputKind, caught_after, slewed};
 use held::Held;
 use std::ops::Range;
 
@@ -21,7 +21,6 @@ pub(super) type Stages<const L: usize> = [[f64; L]; 3];
 /// Every input with a history of a system, for every lane, over the part of a log that is being rolled out.
 pub(super) struct Histories<'a, const L: usize> {
     log: &'a Log,
-    hold: Hold,
     all: Vec<History<'a, L>>,
     /// The samples of the log that are kept, and those among them behind which a step finds all that it reads.
     kept: Range<usize>,
@@ -49,21 +48,30 @@ struct History<'a, const L: usize> {
     started: [f64; L],
     /// What a sample-and-hold has sampled, one a lane; empty for other inputs.
     held: Vec<Held>,
+    /// What a rate-limited signal follows at each sample, and how fast it may, one a lane; empty for other inputs.
+    followed: Vec<[f64; L]>,
+    rate: [f64; L],
+    /// What the signal does between samples: what follows a held signal at a limited rate does not hold.
+    hold: Hold,
 }
 
 impl<'a, const L: usize> Histories<'a, L> {
     /// Nothing is sampled yet. `parameters`: all of the inputs', one value a lane.
     pub(super) fn new(inputs: &'a [Input], log: &'a Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
         let first = log.controls.len();
-        let all: Vec<History<L>> =
-            inputs.iter().enumerate().map(|(i, input)| History::new(input, first + i, log, parameters)).collect();
+        let mut all: Vec<History<L>> = Vec::with_capacity(inputs.len());
+        for (i, input) in inputs.iter().enumerate() {
+            let bends = |(j, other): (usize, &History<L>)| input.tape.reads(first + j) && other.gives() == Hold::Linear;
+            let hold = if all.iter().enumerate().any(bends) { Hold::Linear } else { hold };
+            all.push(History::new(input, first + i, log, hold, parameters));
+        }
         let back = |history: &History<L>| {
             let of = |lane: usize| history.held.get(lane).map_or(history.shift[lane], Held::period);
             (0..L).map(of).fold(0.0, f64::max)
         };
         let is_ahead = all.iter().any(|history| history.shift.iter().any(|&shift| shift < 0.0));
         let back = all.iter().map(back).sum();
-        Self { log, hold, all, kept: 0..0, ready: 0..0, block: BLOCKS.0, back, is_ahead }
+        Self { log, all, kept: 0..0, ready: 0..0, block: BLOCKS.0, back, is_ahead }
     }
 
     /// How many there are.
@@ -78,7 +86,7 @@ impl<'a, const L: usize> Histories<'a, L> {
         }
         self.cover(first);
         let time = &self.log.time[self.kept.clone()];
-        self.all.iter_mut().for_each(|history| history.rewind(time, self.log.time[first], self.hold));
+        self.all.iter_mut().for_each(|history| history.rewind(time, self.log.time[first]));
     }
 
     /// Their values over a step from `a` to `b`, s, behind the sample `sample`.
@@ -90,7 +98,7 @@ impl<'a, const L: usize> Histories<'a, L> {
         self.cover(sample);
         let time = &self.log.time[self.kept.clone()];
         for (history, stages) in self.all.iter_mut().zip(into) {
-            *stages = history.step(time, sample - self.kept.start, a, b, self.hold);
+            *stages = history.step(time, sample - self.kept.start, a, b);
         }
     }
 
@@ -110,9 +118,9 @@ impl<'a, const L: usize> Histories<'a, L> {
         let whole = self.is_ahead.then_some(time.len());
         let end = if self.is_ahead { time.len() } else { (sample + 2).min(time.len()) };
         let first = look_back(sample);
-        let is_play = self.all.iter().any(|history| history.input.kind == InputKind::Play);
+        let is_play = self.all.iter().any(|history| matches!(history.input.kind, InputKind::Play | InputKind::Slew));
         if first < self.kept.start || self.kept.is_empty() || (first > self.kept.end && !is_play) {
-            // A play depends on all that came before.
+            // A play and a rate limit depend on all that came before.
             let start = if is_play { 0 } else { first };
             self.kept = start..start;
             self.all.iter_mut().for_each(|history| history.restart(time[start]));
@@ -127,7 +135,7 @@ impl<'a, const L: usize> Histories<'a, L> {
             for number in 0..self.all.len() {
                 let (earlier, rest) = self.all.split_at_mut(number);
                 rest[0].forget(gone, time[start]);
-                rest[0].extend(self.log, self.hold, &self.kept, begin, earlier);
+                rest[0].extend(self.log, &self.kept, begin, earlier);
             }
         }
         let is_whole = self.kept.end == time.len();
@@ -137,7 +145,7 @@ impl<'a, const L: usize> Histories<'a, L> {
 
 impl<'a, const L: usize> History<'a, L> {
     /// `place`: the number of registers before those of the parameters.
-    fn new(input: &'a Input, place: usize, log: &Log, parameters: &[[f64; L]]) -> Self {
+    fn new(input: &'a Input, place: usize, log: &Log, hold: Hold, parameters: &[[f64; L]]) -> Self {
         let mut registers = input.tape.registers::<L>();
         registers[place..place + parameters.len()].copy_from_slice(parameters);
         // Amounts are of parameters alone.
@@ -151,13 +159,27 @@ impl<'a, const L: usize> History<'a, L> {
             }
             _ => Vec::new(),
         };
-        let (values, integral) = (Vec::new(), Vec::new());
-        Self { input, registers, values, shift, integral, cursor: [0; L], started: [0.0; L], held }
+        let (values, integral, followed) = (Vec::new(), Vec::new(), Vec::new());
+        let rate = amount.map(f64::abs);
+        Self {
+            input,
+            registers,
+            values,
+            shift,
+            integral,
+            cursor: [0; L],
+            started: [0.0; L],
+            held,
+            followed,
+            rate,
+            hold,
+        }
     }
 
     fn restart(&mut self, begin: f64) {
         self.values.clear();
         self.integral.clear();
+        self.followed.clear();
         self.cursor = [0; L];
         self.held.iter_mut().for_each(|held| held.restart(begin));
     }
@@ -166,12 +188,14 @@ impl<'a, const L: usize> History<'a, L> {
     fn forget(&mut self, gone: usize, begin: f64) {
         self.values.drain(..gone);
         self.integral.drain(..gone);
+        self.followed.drain(..gone.min(self.followed.len()));
         self.cursor = self.cursor.map(|k| k.saturating_sub(gone));
         self.held.iter_mut().for_each(|held| held.forget(begin));
     }
 
     /// Samples the rest of `kept` from the sample `begin` on.
-    fn extend(&mut self, log: &Log, hold: Hold, kept: &Range<usize>, begin: usize, earlier: &[Self]) {
+    fn extend(&mut self, log: &Log, kept: &Range<usize>, begin: usize, earlier: &[Self]) {
+        let hold = self.hold;
         let (tape, m) = (&self.input.tape, log.controls.len());
         let time = &log.time[kept.clone()];
         for k in begin - kept.start..time.len() {
@@ -188,6 +212,13 @@ impl<'a, const L: usize> History<'a, L> {
             let value = match self.input.kind {
                 InputKind::Delay | InputKind::SampleHold => signal,
                 InputKind::Play => played(self.values.last(), &signal, &tape.output(&self.registers, 1)),
+                InputKind::Slew => {
+                    self.followed.push(signal);
+                    match k {
+                        0 => signal,
+                        _ => std::array::from_fn(|lane| self.slewed_at(time, k - 1, lane, time[k])),
+                    }
+                }
             };
             let integral = match (self.values.last(), self.integral.last()) {
                 (Some(value), Some(before)) => {
@@ -216,15 +247,56 @@ impl<'a, const L: usize> History<'a, L> {
         }
     }
 
-    fn rewind(&mut self, time: &[f64], t: f64, hold: Hold) {
+    /// What it does between samples, for an input behind this one.
+    fn gives(&self) -> Hold {
+        if self.input.kind == InputKind::Slew { Hold::Linear } else { self.hold }
+    }
+
+    /// The rate-limited signal of one lane at `t`, behind the sample `k`.
+    fn slewed_at(&self, time: &[f64], k: usize, lane: usize, t: f64) -> f64 {
+        let (signal, slope) = self.followed_by(time, k, lane);
+        slewed(self.values[k][lane], signal, slope, self.rate[lane], t - time[k])
+    }
+
+    /// The same at the start, middle and end of a step, moved so that Simpson's rule gives its mean where it bends on the way.
+    fn slewed_over(&self, time: &[f64], k: usize, lane: usize, (a, b): (f64, f64)) -> [f64; 3] {
+        let stages = [a, 0.5 * (a + b), b].map(|t| self.slewed_at(time, k, lane, t));
+        let (signal, slope) = self.followed_by(time, k, lane);
+        let corner = time[k] + caught_after(self.values[k][lane], signal, slope, self.rate[lane]);
+        if !(a < corner && corner < b) {
+            return stages;
+        }
+        let [begin, middle, end] = stages;
+        let at_corner = self.slewed_at(time, k, lane, corner);
+        let area = 0.5 * ((corner - a) * (begin + at_corner) + (b - corner) * (at_corner + end));
+        let shift = area / (b - a) - (begin + 4.0 * middle + end) / 6.0;
+        stages.map(|stage| stage + shift)
+    }
+
+    /// What a rate limit of one lane follows behind the sample `k`, and by how much that changes in a second.
+    fn followed_by(&self, time: &[f64], k: usize, lane: usize) -> (f64, f64) {
+        let signal = self.followed[k][lane];
+        let slope = match self.followed.get(k + 1) {
+            Some(next) if self.hold == Hold::Linear => (next[lane] - signal) / (time[k + 1] - time[k]),
+            _ => 0.0,
+        };
+        (signal, slope)
+    }
+
+    fn rewind(&mut self, time: &[f64], t: f64) {
         self.cursor = self.shift.map(|shift| before(time, t - shift));
-        if hold == Hold::Zero || !self.held.is_empty() {
+        if self.hold == Hold::Zero || !self.held.is_empty() {
             self.started = std::array::from_fn(|lane| self.integral_at(time, lane, t));
         }
     }
 
     #[inline(always)]
-    fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64, hold: Hold) -> Stages<L> {
+    fn step(&mut self, time: &[f64], sample: usize, a: f64, b: f64) -> Stages<L> {
+        let hold = self.hold;
+        if self.input.kind == InputKind::Slew {
+            let lanes: [[f64; 3]; L] = std::array::from_fn(|lane| self.slewed_over(time, sample, lane, (a, b)));
+            return std::array::from_fn(|stage| lanes.map(|lane| lane[stage]));
+        }
         if hold == Hold::Zero && self.input.kind == InputKind::Play {
             return [self.values[sample]; 3];
         }

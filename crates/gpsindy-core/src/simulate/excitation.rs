@@ -1,11 +1,11 @@
-//! The controls of a run between its samples, passed through the delays, plays and sample-and-holds of the model.
+//! The controls of a run between its samples, passed through the delays, plays, rate limits and sample-and-holds of the model.
 //!
 //! A held control jumps at its samples, a delayed one `tau` later; an integrator must stop there. The
 //! excitation knows these break points, and between two of them it gives smooth signals.
 
 use crate::data::{Channel, Hold, Run};
 use crate::error::{Error, Result};
-use crate::model::{InputKind, ROUNDING, SHORTEST_HOLD, System, sampled_at};
+use crate::model::{InputKind, ROUNDING, SHORTEST_HOLD, System, caught_after, sampled_at, slewed};
 use faer::{Mat, MatRef};
 
 /// A moment: the time that expressions see, and the time at which held signals are looked up.
@@ -29,14 +29,16 @@ impl Moment {
 #[derive(Debug, Clone)]
 struct History {
     kind: InputKind,
-    /// Delay (s), width of the play, or period (s).
+    /// Delay (s), width of the play, largest rate, or period (s).
     amount: f64,
     /// A moment at which a sample-and-hold samples, s.
     phase: f64,
     /// Where this input has a jump or a corner, s.
     knots: Vec<f64>,
-    /// Output of the play at each knot, coming from the left.
-    play: Vec<f64>,
+    /// Output of the play or of the rate limit at each knot, coming from the left.
+    output: Vec<f64>,
+    /// What the rate limit follows just after each knot, and by how much that changes in a second.
+    followed: Vec<[f64; 2]>,
 }
 
 /// The controls of one run as functions of time.
@@ -95,11 +97,11 @@ impl Excitation {
         Ok(excitation)
     }
 
-    /// How far back, in s, the rates depend on the controls; infinite where a play does.
+    /// How far back, in s, the rates depend on the controls; infinite where a play or a rate limit does.
     pub(super) fn memory(&self) -> f64 {
         let of = |history: &History| match history.kind {
             InputKind::Delay | InputKind::SampleHold => history.amount.max(0.0),
-            InputKind::Play => f64::INFINITY,
+            InputKind::Play | InputKind::Slew => f64::INFINITY,
         };
         // A delayed delay adds up.
         self.histories.iter().map(of).sum()
@@ -220,8 +222,14 @@ impl Excitation {
                 let moment = moment.earlier(0.0, self.time[0]);
                 let signal = self.signal(system, index, moment);
                 let passed = history.knots.partition_point(|&t| t <= moment.lookup);
-                let before = history.play[passed.max(1) - 1];
+                let before = history.output[passed.max(1) - 1];
                 play(before, signal, history.amount)
+            }
+            InputKind::Slew => {
+                let Moment { time, lookup } = moment.earlier(0.0, self.time[0]);
+                let last = history.knots.partition_point(|&t| t <= lookup).max(1) - 1;
+                let [signal, slope] = history.followed[last];
+                slewed(history.output[last], signal, slope, history.amount, (time - history.knots[last]).max(0.0))
             }
         }
     }
@@ -237,6 +245,7 @@ impl Excitation {
             let what = match input.kind {
                 InputKind::Delay => "a delay",
                 InputKind::Play => "the width of a play",
+                InputKind::Slew => "the rate of a rate limit",
                 InputKind::SampleHold => "the period or phase of a sample-and-hold",
             };
             return Err(Error::NotFinite { what: format!("{what} of model `{}`", system.model().name) });
@@ -257,7 +266,8 @@ impl Excitation {
             // The signal itself.
             amount = 0.0;
         }
-        let mut history = History { kind: input.kind, amount, phase, knots: Vec::new(), play: Vec::new() };
+        let (output, followed) = (Vec::new(), Vec::new());
+        let mut history = History { kind: input.kind, amount, phase, knots: Vec::new(), output, followed };
         match input.kind {
             InputKind::Delay => knots.iter_mut().for_each(|t| *t += amount),
             InputKind::SampleHold if amount > 0.0 => {
@@ -269,11 +279,38 @@ impl Excitation {
                 let first = self.time[0];
                 let mut output = self.signal(system, index, Moment { time: first, lookup: first });
                 for (i, &knot) in knots.iter().enumerate() {
-                    history.play.push(output);
+                    history.output.push(output);
                     if let Some(&next) = knots.get(i + 1) {
                         output = play(output, self.signal(system, index, self.moment(next, knot, next)), amount);
                     }
                 }
+            }
+            InputKind::Slew => {
+                amount = amount.abs();
+                history.amount = amount;
+                // It moves between the knots of what it follows, and bends where it has caught up.
+                self.varies = true;
+                let first = self.time[0];
+                let mut output = self.signal(system, index, Moment { time: first, lookup: first });
+                let mut bent = Vec::new();
+                for (i, &knot) in knots.iter().enumerate() {
+                    let end = knots.get(i + 1).copied().unwrap_or(self.time[self.time.len() - 1]);
+                    let at = |t: f64| self.signal(system, index, self.moment(t, knot, end.max(knot)));
+                    let signal = at(knot);
+                    let slope = if end > knot { (at(end) - signal) / (end - knot) } else { 0.0 };
+                    let mut push = |t: f64, output: f64, signal: f64| {
+                        bent.push(t);
+                        history.output.push(output);
+                        history.followed.push([signal, slope]);
+                    };
+                    push(knot, output, signal);
+                    let caught = caught_after(output, signal, slope, amount);
+                    if caught > 0.0 && knot + caught < end {
+                        push(knot + caught, signal + slope * caught, signal + slope * caught);
+                    }
+                    output = slewed(output, signal, slope, amount, end - knot);
+                }
+                knots = bent;
             }
         }
         history.knots = knots;

@@ -182,16 +182,6 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Puts the added state `follower` in the place of the control `name`, but in its own equation.
-    pub(crate) fn replace_control(&mut self, name: &str, follower: &Expression) {
-        let own = |state: &State| *follower == Expression::variable(state.name.clone());
-        let kept = self.model.states.iter().find(|s| own(s)).map(|s| s.equation.clone());
-        self.replace(name, follower);
-        if let Some(equation) = kept {
-            self.set_rate(follower, equation);
-        }
-    }
-
     /// A variable of the hypothesis.
     pub(crate) fn variable(&self, index: usize) -> Result<Expression> {
         let name = self.hypothesis.variables.get(index).ok_or_else(|| {

@@ -160,6 +160,13 @@ fn write_history(program: &Program<'_>, names: &Names, i: usize, history: &Histo
              const double sampled = phase + ({amount})*(passed + 1e-6);\n    \
              return {own}_signal_{i}({gives}record, sampled > record->time[0] ? sampled : record->time[0]);\n}}\n\n"
         ),
+        InputKind::Slew => format!(
+            "    const double rate = fabs({amount});\n    const size_t last = {own}_sample_at(record, t);\n    \
+             double output = {own}_signal_{i}({gives}record, record->time[0]);\n    for (size_t k = 0; k <= last; k++) {{\n        \
+             const double till = k < last ? record->time[k + 1] : t;\n        \
+             const double most = rate*fmax(till - record->time[k], 0.0);\n        \
+             output += fmin(fmax({own}_signal_{i}({gives}record, record->time[k]) - output, -most), most);\n    }}\n    return output;\n}}\n\n"
+        ),
         InputKind::Play => format!(
             "    const double half = 0.5*fmax({amount}, 0.0);\n    const size_t last = {own}_sample_at(record, t);\n    \
              double output = {own}_signal_{i}({gives}record, record->time[0]);\n    for (size_t k = 1; k <= last; k++) {{\n        \

@@ -93,6 +93,13 @@ fn write_history(program: &Program<'_>, index: usize, history: &History) -> Resu
              passed = floor((t - phase)/({amount}) + 1e-6)\n    \
              return signal_{i}(record, max(phase + ({amount})*(passed + 1e-6), record.time[1]))\nend\n\n"
         ),
+        InputKind::Slew => format!(
+            "    rate = abs({amount})\n    output = signal_{i}(record, record.time[1])\n    \
+             last = sample_at(record, t)\n    for k in 1:last\n        \
+             till = k < last ? record.time[k + 1] : t\n        \
+             most = rate*max(till - record.time[k], 0.0)\n        \
+             output += clamp(signal_{i}(record, record.time[k]) - output, -most, most)\n    end\n    return output\nend\n\n"
+        ),
         InputKind::Play => format!(
             "    half = 0.5*max({amount}, 0.0)\n    output = signal_{i}(record, record.time[1])\n    \
              for k in 2:sample_at(record, t)\n        pushed = signal_{i}(record, record.time[k])\n        \

@@ -103,6 +103,9 @@ impl Latex {
                 let (period, phase) = (self.at(&arguments[1], 1)?, self.at(&arguments[2], 1)?);
                 format!("\\operatorname{{hold}}_{{{period},\\,{phase}}}\\left({first}\\right)")
             }
+            Function::Slew => {
+                format!("\\operatorname{{slew}}_{{{}}}\\left({first}\\right)", self.at(&arguments[1], 1)?)
+            }
             Function::Play => {
                 format!("\\operatorname{{play}}_{{{}}}\\left({first}\\right)", self.at(&arguments[1], 1)?)
             }

@@ -4,8 +4,9 @@ use super::dialect::{Dialect, number};
 use super::names::{is_reserved, title};
 use super::program::Program;
 use crate::error::{Error, Result};
-use crate::expression::Function;
-use crate::model::Model;
+use crate::expression::{Expression, Function};
+use crate::model::{InputKind, Model, State};
+use std::collections::BTreeMap;
 
 fn call(function: Function, arguments: &[String]) -> String {
     match (function, arguments) {
@@ -39,8 +40,9 @@ fn own_title(program: &Program<'_>) -> String {
 }
 
 pub(super) fn write(model: &Model) -> Result<String> {
+    let (model, followers) = &with_followers(model);
     let program = Program::new(model)?;
-    if program.plays() {
+    if program.has(InputKind::Play) {
         return Err(Error::NotExportable {
             what: "`play(...)`".into(),
             why: "Modelica has no play; export to python, c, rust or julia, or replace it in the model".into(),
@@ -60,7 +62,7 @@ pub(super) fn write(model: &Model) -> Result<String> {
         text += &format!("  input Real {}{};\n", name(&c.name), attributes(&[unit_attribute(&c.unit)]));
     }
     for (s, initial) in model.states.iter().zip(program.initial()) {
-        let start = Some(format!("start={}, fixed=true", number(initial)));
+        let start = (!followers.contains_key(&s.name)).then(|| format!("start={}, fixed=true", number(initial)));
         text += &format!("  Real {}{};\n", name(&s.name), attributes(&[unit_attribute(&s.unit), start]));
     }
     let measured: Vec<_> = model.states.iter().filter_map(|s| Some((s, s.measured.as_ref()?))).collect();
@@ -68,6 +70,12 @@ pub(super) fn write(model: &Model) -> Result<String> {
         let what = format!("\"what the log's column {} reads\"", s.name);
         text +=
             &format!("  output Real {}_measured{} {what};\n", name(&s.name), attributes(&[unit_attribute(&s.unit)]));
+    }
+    if !followers.is_empty() {
+        text += "initial equation\n";
+        for (follower, signal) in followers {
+            text += &format!("  {} = {};\n", name(follower), dialect.write(signal)?);
+        }
     }
     text += "equation\n";
     for s in &model.states {
@@ -77,6 +85,42 @@ pub(super) fn write(model: &Model) -> Result<String> {
         text += &format!("  {}_measured = {};\n", name(&s.name), dialect.write(expression)?);
     }
     Ok(text + &format!("end {title};\n"))
+}
+
+/// How closely a rate-limited signal is followed, s: that of `SlewRateLimiter` in Modelica's standard library.
+const CLOSELY: f64 = 1e-3;
+
+/// The model with a state in the place of every rate limit, and the signal that each of these states follows and starts at.
+fn with_followers(model: &Model) -> (Model, BTreeMap<String, Expression>) {
+    let (mut model, mut followers) = (model.clone(), BTreeMap::new());
+    let next = |model: &Model| {
+        let mut found = None;
+        let all = model.states.iter().flat_map(|s| std::iter::once(&s.equation).chain(&s.measured));
+        all.for_each(|e| {
+            e.visit(&mut |part| {
+                if let Expression::Call(Function::Slew, arguments) = part {
+                    found = Some((part.clone(), arguments.clone()));
+                }
+            });
+        });
+        found
+    };
+    // The last that a visit meets has none within.
+    while let Some((call, arguments)) = next(&model) {
+        let name = model.free_name("slew");
+        let own = Expression::variable(name.clone());
+        let instead = |part: Expression| if part == call { own.clone() } else { part };
+        for state in &mut model.states {
+            state.equation = state.equation.map(&instead);
+            state.measured = state.measured.as_ref().map(|measured| measured.map(&instead));
+        }
+        let [signal, rate] = [arguments[0].clone(), arguments[1].clone()];
+        let behind = signal.clone().minus(own).over(Expression::Number(CLOSELY));
+        let follows = Expression::Call(Function::Clamp, vec![behind, rate.clone().negated(), rate]);
+        model.states.push(State::new(name.clone(), follows));
+        followers.insert(name, signal);
+    }
+    (model, followers)
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ pub(super) struct History {
     pub(super) kind: InputKind,
     /// A function of controls, parameters and earlier entries.
     pub(super) signal: Expression,
-    /// The delay in s, the width of the play or the period in s.
+    /// The delay in s, the width of the play, the largest rate or the period in s.
     pub(super) amount: Expression,
     /// A moment at which a sample-and-hold samples, s.
     pub(super) phase: Expression,
@@ -104,11 +104,11 @@ impl<'a> Program<'a> {
 
     fn extract_history(&mut self, function: Function, arguments: &[Expression]) -> Result<Expression> {
         let (signal, amount) = (&arguments[0], &arguments[1]);
-        if function == Function::Play {
+        if matches!(function, Function::Play | Function::Slew) {
             if let Expression::Call(Function::Delay, inner) = signal {
                 // The play of a delayed control is the delayed play: only that needs no samples in between.
-                let played = Expression::Call(Function::Play, vec![inner[0].clone(), amount.clone()]);
-                return self.extract_history(Function::Delay, &[played, inner[1].clone()]);
+                let inside = Expression::Call(function, vec![inner[0].clone(), amount.clone()]);
+                return self.extract_history(Function::Delay, &[inside, inner[1].clone()]);
             }
             let mut delayed = false;
             let is_late =
@@ -116,8 +116,11 @@ impl<'a> Program<'a> {
             signal.visit(&mut |part| delayed |= is_late(part));
             if delayed {
                 return Err(Error::NotExportable {
-                    what: format!("`play({signal}, {amount})`"),
-                    why: "its signal is delayed or held in part; delay or hold the play instead".into(),
+                    what: format!("`{}({signal}, {amount})`", function.name()),
+                    why: format!(
+                        "its signal is delayed or held in part; delay or hold the {} instead",
+                        function.name()
+                    ),
                 });
             }
         }
@@ -190,9 +193,9 @@ impl<'a> Program<'a> {
         found
     }
 
-    /// Whether there is a play.
-    pub(super) fn plays(&self) -> bool {
-        self.history.iter().any(|h| h.kind == InputKind::Play)
+    /// Whether there is an input of this kind.
+    pub(super) fn has(&self, kind: InputKind) -> bool {
+        self.history.iter().any(|h| h.kind == kind)
     }
 
     /// The initial state, zero where the model says nothing.
@@ -225,6 +228,7 @@ impl<'a> Program<'a> {
             let meaning = match h.kind {
                 InputKind::Delay => "as it was that many seconds earlier; before the record its first sample",
                 InputKind::Play => "through a play of that total width, centred at the first sample",
+                InputKind::Slew => "followed no faster than that rate per second, from the first sample on",
                 InputKind::SampleHold => {
                     "as it was when last sampled; the numbers are the period and a time at which it is sampled, in s"
                 }

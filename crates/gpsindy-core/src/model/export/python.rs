@@ -110,6 +110,12 @@ fn write_history(program: &Program<'_>, i: usize, history: &History) -> Result<S
              passed = math.floor((t - phase)/({amount}) + 1e-6)\n    \
              return signal_{i}(time, record, max(phase + ({amount})*(passed + 1e-6), time[0]))\n\n\n"
         ),
+        InputKind::Slew => format!(
+            "    rate = abs({amount})\n    output = signal_{i}(time, record, time[0])\n    \
+             last = sample_at(time, t)\n    for k in range(last + 1):\n        \
+             most = rate*max((time[k + 1] if k < last else t) - time[k], 0.0)\n        \
+             output += min(max(signal_{i}(time, record, time[k]) - output, -most), most)\n    return output\n\n\n"
+        ),
         InputKind::Play => format!(
             "    half = 0.5*max({amount}, 0.0)\n    output = signal_{i}(time, record, time[0])\n    \
              for k in range(1, sample_at(time, t) + 1):\n        pushed = signal_{i}(time, record, time[k])\n        \

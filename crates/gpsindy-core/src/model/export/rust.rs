@@ -110,6 +110,13 @@ fn write_history(program: &Program<'_>, i: usize, history: &History) -> Result<S
              let passed = ((t - phase)/({amount}) + 1e-6).floor();\n    \
              signal_{i}(record, f64::max(phase + ({amount})*(passed + 1e-6), record.time[0]))\n}}\n\n"
         ),
+        InputKind::Slew => format!(
+            "    let rate = f64::abs({amount});\n    let mut output = signal_{i}(record, record.time[0]);\n    \
+             let last = sample_at(record, t);\n    for k in 0..=last {{\n        \
+             let till = if k < last {{ record.time[k + 1] }} else {{ t }};\n        \
+             let most = rate*f64::max(till - record.time[k], 0.0);\n        \
+             output += (signal_{i}(record, record.time[k]) - output).max(-most).min(most);\n    }}\n    output\n}}\n\n"
+        ),
         InputKind::Play => format!(
             "    let half = 0.5*f64::max({amount}, 0.0);\n    let mut output = signal_{i}(record, record.time[0]);\n    \
              for k in 1..=sample_at(record, t) {{\n        let pushed = signal_{i}(record, record.time[k]);\n        \

@@ -5,7 +5,7 @@ use super::names::{line_comment, python_string};
 use super::program::Program;
 use crate::error::Result;
 use crate::expression::{Expression, Function};
-use crate::model::Model;
+use crate::model::{InputKind, Model};
 
 fn call(function: Function, arguments: &[String]) -> String {
     match (function, arguments) {
@@ -49,15 +49,18 @@ pub(super) fn write(model: &Model) -> Result<String> {
         let names: Vec<String> = entries.iter().map(|(entry, _)| name(entry)).collect();
         text += &format!("{list}_list = [{}]\n", names.join(", "));
     }
-    let has_play = program.plays();
     if !program.history.is_empty() || !program.late.is_empty() {
         text += "\n\ndef delay(signal, tau):\n    \"\"\"The signal tau seconds earlier: its symbols become functions of t - tau.\"\"\"\n    \
             earlier = signal.subs(t, t - tau)\n    \
             return earlier.subs([(s, sp.Function(s.name)(t - tau)) for s in states_list + controls_list])\n\n\n";
     }
-    if has_play {
+    if program.has(InputKind::Play) {
         text += "# A play has no closed form: play(signal, width) stays a function without a definition.\n\
             play = sp.Function(\"play\")\n";
+    }
+    if program.has(InputKind::Slew) {
+        text += "# Nor has a rate limit: slew(signal, rate) stays a function without a definition.\n\
+            slew = sp.Function(\"slew\")\n";
     }
     let values: Vec<String> =
         model.parameters.iter().map(|p| format!("{}: {}", name(&p.name), number(p.value))).collect();

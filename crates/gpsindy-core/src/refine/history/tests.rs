@@ -14,6 +14,36 @@ fn a_play_drags_its_output_along_once_the_gap_is_used_up() {
     assert_eq!(played(Some(&[0.5]), &[-0.2], &[1.0]), [0.3]);
 }
 
+#[test]
+fn a_rate_limit_ramps_to_a_held_signal_and_waits_there() {
+    let (system, log) = (system("slew(u, 2)"), log(vec![0.0, 1.0, 2.0, 3.0, 4.0], vec![0.0, 3.0, 3.0, 2.5, 2.5]));
+    let mut slewed = Histories::<1>::new(system.inputs(), &log, Hold::Zero, &[]);
+    slewed.rewind(0);
+    let mut step = |sample: usize| {
+        let mut stages = [[[f64::NAN]; 3]];
+        slewed.step(sample, log.time[sample], log.time[sample + 1], &mut stages);
+        stages[0].concat()
+    };
+    assert_eq!([step(0), step(1)].concat(), [0.0, 0.0, 0.0, 0.0, 1.0, 2.0]);
+    // Halfway it has caught up: 2.5 in the first half on average, then 3; later a quarter of the way, 2.75 and then 2.5.
+    for (sample, mean) in [(2, 2.75), (3, 2.5625)] {
+        let [begin, middle, end] = step(sample)[..] else { unreachable!() };
+        assert!(((begin + 4.0 * middle + end) / 6.0 - mean).abs() < 1e-12, "{mean}");
+    }
+}
+
+#[test]
+fn what_is_behind_a_rate_limit_sees_its_ramps() {
+    let (system, log) = (system("slew(delay(u, 0.5), 2)"), log(vec![0.0, 1.0, 2.0, 3.0], vec![0.0, 0.0, 4.0, 4.0]));
+    let mut late = Histories::<1>::new(system.inputs(), &log, Hold::Zero, &[]);
+    late.rewind(2);
+    let mut stages = [[[f64::NAN]; 3]; 2];
+    late.step(2, 2.0, 3.0, &mut stages);
+    // The ramp from 0 at 2 s begins half a second later, and its corner is on the way.
+    let [begin, middle, end] = stages[1].map(|[value]| value);
+    assert!(begin.abs() < 1e-12 && middle.abs() < 1e-12 && (end - 1.0).abs() < 1e-12, "{:?}", stages[1]);
+}
+
 fn system(rate: &str) -> System {
     Model {
         states: vec![State::new("x", Expression::parse(rate).unwrap())],
@@ -57,6 +87,9 @@ fn a_part_of_a_long_log_gives_what_the_whole_gives() {
         "sample_hold(u, 0.33, 0.1)",
         "delay(play(u, 0.4), 0.137)",
         "play(delay(u, 2.5), 0.4)",
+        "slew(u, 0.3)",
+        "slew(delay(u, 2.5), 0.3)",
+        "play(slew(u, 0.3), 0.1)",
         "sample_hold(delay(u, 0.3), 0.07, 0.01)",
         "delay(sample_hold(u, 0.7, 0), 0.3)",
     ] {

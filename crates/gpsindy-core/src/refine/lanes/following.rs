@@ -13,9 +13,7 @@ pub(super) struct Followed<const L: usize> {
 impl<const L: usize> Lanes<'_, L> {
     /// Puts the states that follow the inputs alone into `x`, as they are at the sample `first` after all that came before it.
     ///
-    /// They are settled at the log's first sample, or as the model has it; then exact for a constant input over a step where the
-    /// rate is a straight line in the state; else in short steps of one such line each, from the control that leaves the
-    /// state most at rest.
+    /// They are settled at the log's first sample, or as the model has it; then exact for a constant input over a step.
     pub(super) fn follow(&mut self, first: usize, x: &mut [[f64; L]]) {
         let followers = self.system.followers();
         if first == 0 || followers.is_empty() {
@@ -59,7 +57,7 @@ impl<const L: usize> Lanes<'_, L> {
     /// The state at the sample behind `sample`; `now`: at `sample`, where it is not the log's first.
     fn followed_by(
         &self,
-        Follower { state, rate: tape, is_linear }: &Follower,
+        Follower { state, rate: tape }: &Follower,
         registers: &mut [[f64; L]],
         sample: usize,
         inputs: impl Iterator<Item = [f64; L]>,
@@ -80,11 +78,6 @@ impl<const L: usize> Lanes<'_, L> {
             tape.evaluate(registers);
             tape.output(registers, 0)
         };
-        if !is_linear {
-            let starts = self.log.controls.iter().map(|control| control[0]);
-            let now = now.copied().unwrap_or_else(|| [most_at_rest(starts, |value| rate([value; L])[0]); L]);
-            return crept(now, b - a, rate);
-        }
         let (at_zero, at_one) = (rate([0.0; L]), rate([1.0; L]));
         let settled: [f64; L] = std::array::from_fn(|lane| at_zero[lane] / (at_zero[lane] - at_one[lane]));
         let model = self.system.model();
@@ -95,28 +88,4 @@ impl<const L: usize> Lanes<'_, L> {
             settled[lane] + kept * (now[lane] - settled[lane])
         })
     }
-}
-
-/// Of several values the one with the slowest rate.
-fn most_at_rest(values: impl Iterator<Item = f64>, mut rate: impl FnMut(f64) -> f64) -> f64 {
-    let rated = values.map(|value| (rate(value).abs(), value));
-    rated.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, value)| value)
-}
-
-/// A state after `time`, in short steps each of which is exact for the straight line through its rate.
-fn crept<const L: usize>(start: [f64; L], time: f64, mut rate: impl FnMut([f64; L]) -> [f64; L]) -> [f64; L] {
-    /// Enough for a state that stops where its rate turns from a constant to a decay.
-    const STEPS: usize = 8;
-    let h = time / STEPS as f64;
-    (0..STEPS).fold(start, |now, _| {
-        let here = rate(now);
-        // As far as an Euler step would go, so that the line sees where the rate ends.
-        let ahead = rate(std::array::from_fn(|lane| now[lane] + h * here[lane]));
-        std::array::from_fn(|lane| {
-            let moved = h * here[lane];
-            let slope = if moved == 0.0 { 0.0 } else { (ahead[lane] - here[lane]) / moved };
-            let grown = if (slope * h).abs() < 1e-9 { 1.0 } else { (slope * h).exp_m1() / (slope * h) };
-            now[lane] + grown * moved
-        })
-    })
 }

@@ -52,6 +52,46 @@ fn a_delay_shows_the_past_and_the_first_sample_before_it() {
 }
 
 #[test]
+fn a_rate_limit_follows_no_faster_and_bends_where_it_has_caught_up() {
+    let system = system("slew(u, 2) - x");
+    let held = excitation(&system, &[0.0, 3.0, 3.0, 2.5, -9.0], Hold::Zero);
+    let seen: Vec<f64> = [0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.1, 3.25, 4.0].map(|t| input(&system, &held, t)).into();
+    for (found, expected) in seen.iter().zip([0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 2.8, 2.5, 2.5]) {
+        assert!((found - expected).abs() < 1e-6, "{seen:?}");
+    }
+    assert_eq!(held.breaks(), [0.0, 1.0, 2.5, 3.0, 3.25, 4.0]);
+    // It meets a ramp on the way: 0 + 2 t against 5 - 3 t from the first second on.
+    let linear = excitation(&system, &[0.0, 5.0, 2.0, 2.0], Hold::Linear);
+    let seen: Vec<f64> = [0.5, 1.0, 1.4, 1.6, 1.9, 2.0, 3.0].map(|t| input(&system, &linear, t)).into();
+    for (found, expected) in seen.iter().zip([1.0, 2.0, 2.8, 3.2, 2.6, 2.4, 2.0]) {
+        assert!((found - expected).abs() < 1e-6, "{seen:?}");
+    }
+}
+
+/// The closed form against steps too short to matter.
+#[test]
+fn a_rate_limit_follows_a_line_as_short_steps_do() {
+    for (from, signal, slope, rate) in [
+        (0.0, 1.0, 0.5, 2.0),
+        (0.0, 1.0, 3.0, 2.0),
+        (1.0, 0.0, 3.0, 0.7),
+        (1.0, 0.0, -0.2, 0.7),
+        (0.3, 0.3, -5.0, 1.0),
+        (0.0, 1.0, -4.0, 0.5),
+    ] {
+        let (steps, dt) = (100_000, 1.7);
+        let step = dt / f64::from(steps);
+        let mut output: f64 = from;
+        for k in 1..=steps {
+            let target = signal + slope * step * f64::from(k);
+            output += (target - output).clamp(-rate * step, rate * step);
+        }
+        let found = slewed(from, signal, slope, rate, dt);
+        assert!((found - output).abs() < 1e-3, "{from} {signal} {slope} {rate}: {found} for {output}");
+    }
+}
+
+#[test]
 fn a_play_starts_centred_and_follows_only_when_pushed() {
     let system = system("play(u, 2)");
     let u = [0.0, 0.5, 3.0, 2.5, 1.0, -4.0, -4.0];

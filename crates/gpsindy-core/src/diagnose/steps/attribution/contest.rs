@@ -191,8 +191,8 @@ mod tests {
         let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
         let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
         let entrant = |id: &str, value: f64| (unsearched(find(id)), vec![value]);
-        // A delay works on a control; one that is then limited in its rate is a state.
-        let both = [entrant("input_delay", 0.02), entrant("input_rate_limit", 5.0)];
+        // A delay works on a control; one that lags is a state.
+        let both = [entrant("input_delay", 0.02), entrant("input_lag", 0.05)];
         assert!(contest.again_with(&nominal, &nominal, &both).unwrap().is_none());
         for one in &both {
             assert!(contest.again_with(&nominal, &nominal, std::slice::from_ref(one)).unwrap().is_some());

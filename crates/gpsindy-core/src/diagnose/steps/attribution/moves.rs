@@ -11,14 +11,15 @@ use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::linear::gains::Gain;
 use crate::diagnose::handed::{Handed, Member};
 use crate::diagnose::limits::{
-    Budget, CONVINCING, FINALISTS, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, OF_PLACE, PROMISING, RACED,
-    SHORTLIST, STARTS, SUBSTITUTE, SWAPPED, TOGETHER,
+    Budget, CONVINCING, FINALISTS, HELD_BACK, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, OF_PLACE, PROMISING,
+    RACED, SHORTLIST, STARTS, SUBSTITUTE, SWAPPED, TOGETHER,
 };
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
 use crate::parallel::each;
+use std::collections::BTreeMap;
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
 struct Move<'a> {
@@ -59,7 +60,7 @@ pub(crate) fn moves(
     let fits = each(in_turn, moves, first)?.into_iter().flatten();
     // What can't be followed to the end of the logs is no account of them.
     let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
-    let fits = raced(contest, base, fits)?;
+    let fits = raced(contest, base, fits, &promises)?;
     contest.run.handed.add(fits.iter().filter_map(|fit| handed(base, fit, &promises)));
     if contest.run.is_out_of_time() {
         return Ok(fits);
@@ -115,15 +116,38 @@ fn made(
     contest.with_values(nominal, base, &entrants, &values, Budget::Glance)
 }
 
+/// Places of the fits that promised most, of each number of effects, among those whose first step fell short of it: where a straight
+/// line holds but the size is far off, as at a rate limit, it is the step that misled.
+fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesis>, f64)]) -> Vec<usize> {
+    let found = fits.iter().enumerate().filter_map(|(place, fit)| Some((place, handed(base, fit, promises)?)));
+    let mut short: Vec<(usize, Handed)> = found.filter(|(_, h)| h.achieved < SUBSTITUTE * h.promised).collect();
+    short.sort_by(|a, b| b.1.promised.total_cmp(&a.1.promised));
+    let mut taken = BTreeMap::<usize, usize>::new();
+    short.retain(|(_, handed)| {
+        let count = taken.entry(handed.members.len()).or_default();
+        *count += 1;
+        *count <= HELD_BACK
+    });
+    short.into_iter().map(|(place, _)| place).collect()
+}
+
 /// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.
-fn raced(contest: &Contest<'_>, base: &Contestant, fits: Vec<Contestant>) -> Result<Vec<Contestant>> {
+fn raced(
+    contest: &Contest<'_>,
+    base: &Contestant,
+    fits: Vec<Contestant>,
+    promises: &[(Vec<&Hypothesis>, f64)],
+) -> Result<Vec<Contestant>> {
     let in_turn = base.fits_in_turn();
     let fitter = contest.fitter;
     let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
         true => fitter.carried_on(fit, Budget::Rough),
         false => Ok(fit),
     };
-    let mut fits = each(in_turn, leading(contest, fits, (RACED, RACED)), rough)?;
+    let held_back = held_back(base, &fits, promises);
+    let mut runners = leading(contest, fits, (RACED, RACED));
+    held_back.into_iter().for_each(|place| runners[place].1 = true);
+    let mut fits = each(in_turn, runners, rough)?;
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
     let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));

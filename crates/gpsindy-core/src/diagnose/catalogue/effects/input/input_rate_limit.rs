@@ -7,16 +7,15 @@ use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
-use crate::diagnose::catalogue::writer::{Writer, keep, number};
+use crate::diagnose::catalogue::writer::{Writer, keep};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
-use crate::model::State;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "input rate limit",
     meaning: "The actuator cannot change faster than a limit.",
     family: Family::InputDynamic,
-    form: "u becomes a state that follows u no faster than r",
+    form: "u becomes slew(u, r)",
     symbols: &["u"],
     parameters: "r: largest rate",
     signature: "large steps become ramps, small steps pass",
@@ -27,7 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
         (Effect::InputDelay, "steps of two sizes: at a rate limit the larger one takes longer"),
         (Effect::InputSaturation, experiment::AMPLITUDES),
     ],
-    traits: Traits { added_states: 1, is_a_limit: true, ..Traits::PLAIN },
+    traits: Traits { is_a_limit: true, ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
@@ -48,23 +47,13 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let unit = if drive.unit.is_empty() { String::new() } else { format!("{}/s", drive.unit) };
     let fastest = range / period;
     let r = writer.add("r", fastest, 0.1 * fastest, (1e-4 * fastest, 2.0 * fastest), &unit);
-    let slow = writer.add_state(&format!("{}_slew", drive.name), None);
-    // Within half a sample of the command it comes in as a lag.
-    let behind = drive.u.minus(slow.clone()).over(number(0.5 * period));
-    writer.set_rate(&slow, Expression::Call(Function::Clamp, vec![behind, r.clone().negated(), r]));
-    writer.replace_control(&drive.name, &slow);
+    writer.replace(&drive.name, &Expression::Call(Function::Slew, vec![drive.u, r]));
     Ok([0.7, 0.4, 0.2, 0.1, 0.05, 0.02, 0.008, 0.003].map(|part| keep(&[part * fastest])).into())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let (control, unit) = (planting.name(0), planting.control_unit());
     let (stroke, period) = (planting.excursion(0).map_or(0.0, Excursion::range), planting.scene.period);
-    let follower = planting.model.free_name(&format!("{control}_slews"));
-    let own = Expression::variable(follower.clone());
-    planting.replace(&control, &own);
-    let symbols = [("u", Expression::variable(control)), ("x", own), ("late", Expression::Number(0.2 * period))];
-    let rate = planting.written("r*tanh((u - x)/(r*late))", "r", &symbols)?;
-    planting.model.states.push(State::new(follower, rate));
+    planting.drive("slew(u, r)", "r")?;
     let fastest = stroke / period;
-    Ok(Some(Size::limit("r", format!("{unit}/s"), 1.2 * fastest, (0.6 * fastest, 1.199 * fastest))))
+    Ok(Some(Size::limit("r", format!("{}/s", planting.control_unit()), 1.2 * fastest, (0.6 * fastest, 1.199 * fastest))))
 }
