@@ -163,7 +163,7 @@ impl<'a> Subject<'a> {
     ) -> Result<Self> {
         let excitation = Excitation::of_run(system, run, data.channels(), settings.simulate.hold)?;
         let reader = StateReader::new(system, run, data.channels(), &excitation)?;
-        let lateness = latest(system);
+        let lateness = latest(system, (run.time[0], run.time[run.n_samples() - 1]));
         Ok(Self { system, simulate: &settings.simulate, run, logged, excitation, reader, lateness })
     }
 

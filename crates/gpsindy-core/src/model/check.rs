@@ -174,11 +174,23 @@ fn check_history(model: &Model, function: Function, arguments: &[Expression], in
         return Some(format!("`{name}` works on controls (in `measured`, `delay` and `sample_hold` also on a state)"));
     }
     let mut amounts = arguments[1..].iter().flat_map(Expression::variables);
-    if amounts.any(|n| is_state(&n) || is_control(&n)) || arguments[1..].iter().any(reads_time) {
+    let may_grow = delayed_state && function == Function::Delay;
+    if amounts.any(|n| is_state(&n) || is_control(&n)) || (!may_grow && arguments[1..].iter().any(reads_time)) {
         let which = if arguments.len() > 2 { "other arguments" } else { "second argument" };
         return Some(format!("the {which} of `{name}` must be made of numbers and parameters"));
     }
+    if may_grow && !grows_steadily(&arguments[1]) {
+        return Some(format!("the delay of `{name}` may grow with `t` only as a straight line does"));
+    }
     None
+}
+
+/// Whether an expression is a straight line in time.
+fn grows_steadily(expression: &Expression) -> bool {
+    const TIME: &str = "t";
+    let named = |part: Expression| if part == Expression::Time { Expression::variable(TIME) } else { part };
+    let slope = expression.map(&named).derivative(TIME);
+    slope.is_ok_and(|slope| !slope.contains(TIME))
 }
 
 fn reads_time(expression: &Expression) -> bool {

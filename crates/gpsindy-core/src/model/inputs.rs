@@ -82,26 +82,39 @@ pub(crate) struct LateState {
     pub(crate) state: usize,
     /// [`InputKind::Delay`] or [`InputKind::SampleHold`].
     pub(super) kind: InputKind,
-    /// The delay, or period and phase, in s, of the parameters.
+    /// The delay, or period and phase, in s, of the parameters and, of a delay, the time.
     pub(crate) amounts: Tape,
 }
 
 impl LateState {
-    /// The delay, or period and phase, s, in every lane of parameters.
+    /// The delay at time 0, s, and by how much it grows in a second, or period and phase, s; in every lane of parameters.
     pub(crate) fn amounts<const L: usize>(&self, parameters: &[[f64; L]]) -> [[f64; 2]; L] {
         let mut registers = self.amounts.registers::<L>();
         registers[..parameters.len()].copy_from_slice(parameters);
-        self.amounts.evaluate(&mut registers);
-        let last = self.amounts.n_outputs() - 1;
-        let (amount, phase) = (self.amounts.output(&registers, 0), self.amounts.output(&registers, last));
-        std::array::from_fn(|lane| [amount[lane], phase[lane]])
+        let mut at = |time: f64| {
+            registers[self.amounts.n_variables()] = [time; L];
+            self.amounts.evaluate(&mut registers);
+            let last = self.amounts.n_outputs() - 1;
+            [self.amounts.output(&registers, 0), self.amounts.output(&registers, last)]
+        };
+        let ([now, phase], [later, _]) = (at(0.0), at(1.0));
+        let is_held = self.kind == InputKind::SampleHold;
+        std::array::from_fn(|lane| [now[lane], if is_held { phase[lane] } else { later[lane] - now[lane] }])
+    }
+
+    /// How late a reading is at most between two times, s.
+    pub(crate) fn lateness(&self, amounts: [f64; 2], (first, last): (f64, f64)) -> f64 {
+        match self.kind {
+            InputKind::SampleHold => amounts[0],
+            _ => (first - self.moment(first, amounts)).max(last - self.moment(last, amounts)),
+        }
     }
 
     /// The moment that a reading at `t` is of, s.
     pub(crate) fn moment(&self, t: f64, amounts: [f64; 2]) -> f64 {
         match self.kind {
             InputKind::SampleHold => sampled_at(t, amounts[1], amounts[0]),
-            _ => t - amounts[0],
+            _ => t - (amounts[0] + amounts[1] * t),
         }
     }
 }

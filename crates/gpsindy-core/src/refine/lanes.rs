@@ -51,7 +51,7 @@ pub(crate) struct Lanes<'a, const L: usize> {
     hold: Hold,
     past: Past,
     histories: Histories<'a, L>,
-    /// How late each state is read: the delay, or the period and phase, s.
+    /// How late each state is read, as [`LateState::amounts`](crate::model::LateState::amounts) has it.
     late: Vec<[[f64; 2]; L]>,
     rates: Vec<[f64; L]>,
     outputs: Vec<[f64; L]>,

@@ -38,7 +38,7 @@ impl Simulate {
         let quiet = Excitation::new(system, &time[..1], Mat::<f64>::zeros(1, m).as_ref(), Hold::Zero)?;
         let first = self.rollout_range(system, &quiet, initial, 0..1)?;
         // How far back what happens next depends on states and on controls, s.
-        let late = latest(system);
+        let late = latest(system, (time[0], time[r - 1]));
         let memory = quiet.memory();
         (0..n).for_each(|j| reading[j] = first.outputs[(0, j)]);
         (0..n).for_each(|j| outputs[(0, j)] = reading[j]);

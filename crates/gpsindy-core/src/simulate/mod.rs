@@ -137,7 +137,8 @@ impl Simulate {
         let amounts = late_amounts(system);
         let (start, last) = (time[0], time[time.len() - 1]);
         // A negative delay looks ahead, beyond the last sample.
-        let end = amounts.iter().fold(last, |end, [late, _]| end.max(last - late));
+        let seen = amounts.iter().zip(system.late_states()).map(|(amounts, late)| late.moment(last, *amounts));
+        let end = seen.fold(last, f64::max);
 
         let mut states = Mat::zeros(time.len(), n);
         for j in 0..n {
@@ -214,19 +215,16 @@ impl Simulate {
     }
 }
 
-/// How late `measured` reads each of the late states, s: the delay, or the period and phase.
+/// What [`LateState::amounts`] says of each of the late states.
 fn late_amounts(system: &System) -> Vec<[f64; 2]> {
-    let parameters = system.parameter_values();
-    let of = |late: &LateState| {
-        let outputs = late.amounts.evaluate_once(&parameters, 0.0);
-        [outputs[0], outputs.get(1).copied().unwrap_or(0.0)]
-    };
-    system.late_states().iter().map(of).collect()
+    let parameters: Vec<[f64; 1]> = system.parameter_values().into_iter().map(|value| [value]).collect();
+    system.late_states().iter().map(|late: &LateState| late.amounts(&parameters)[0]).collect()
 }
 
-/// How late `measured` reads any state at most, s.
-pub(crate) fn latest(system: &System) -> f64 {
-    late_amounts(system).into_iter().map(|[late, _]| late).fold(0.0, f64::max)
+/// How late `measured` reads any state at most between two times, s.
+pub(crate) fn latest(system: &System, span: (f64, f64)) -> f64 {
+    let all = late_amounts(system).into_iter().zip(system.late_states());
+    all.map(|(amounts, late)| late.lateness(amounts, span)).fold(0.0, f64::max)
 }
 
 /// State `j` at time `t` (s) out of the steps made; before the first the initial value.

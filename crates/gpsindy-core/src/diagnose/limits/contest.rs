@@ -23,7 +23,7 @@ pub(crate) const SUBSTITUTE: f64 = 0.5;
 /// How many fits of a round, by score and by squares, go on after their first step. Convention.
 pub(crate) const RACED: usize = 7;
 
-/// How many fits of a round, of each number of effects, go on after a first step that fell short of a large promise. Convention.
+/// How many fits with one more effect go on after a first step that fell short of a large promise. Convention.
 pub(crate) const HELD_BACK: usize = 2;
 
 /// How many contestants of a round are fitted to the end at least. Data: see [`SWAPPED`].

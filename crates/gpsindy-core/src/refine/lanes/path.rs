@@ -32,7 +32,7 @@ const MOST: usize = 1 << 25;
 pub(crate) struct Path {
     n: usize,
     windows: Vec<Arc<Along>>,
-    /// How late each late state is read: the delay, or the period and phase, s.
+    /// How late each late state is read, as [`LateState::amounts`](crate::model::LateState::amounts) has it.
     late: Vec<[f64; 2]>,
 }
 

@@ -19,7 +19,6 @@ use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
 use crate::parallel::each;
-use std::collections::BTreeMap;
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
 struct Move<'a> {
@@ -116,19 +115,18 @@ fn made(
     contest.with_values(nominal, base, &entrants, &values, Budget::Glance)
 }
 
-/// Places of the fits that promised most, of each number of effects, among those whose first step fell short of it: where a straight
-/// line holds but the size is far off, as at a rate limit, it is the step that misled.
+/// Places of the fits with one more effect that promised most, of those whose first step fell short of it and which promised more than
+/// any step achieved: where a straight line holds but the size is far off, as at a rate limit, it is the step that misled.
 fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesis>, f64)]) -> Vec<usize> {
     let found = fits.iter().enumerate().filter_map(|(place, fit)| Some((place, handed(base, fit, promises)?)));
-    let mut short: Vec<(usize, Handed)> = found.filter(|(_, h)| h.achieved < SUBSTITUTE * h.promised).collect();
-    short.sort_by(|a, b| b.1.promised.total_cmp(&a.1.promised));
-    let mut taken = BTreeMap::<usize, usize>::new();
-    short.retain(|(_, handed)| {
-        let count = taken.entry(handed.members.len()).or_default();
-        *count += 1;
-        *count <= HELD_BACK
+    let mut found: Vec<(usize, Handed)> = found.collect();
+    let most = found.iter().map(|(_, h)| h.achieved).fold(0.0, f64::max);
+    found.retain(|(_, h)| {
+        let is_one_more = h.members.len() == base.hypotheses.len() + 1;
+        is_one_more && h.achieved < SUBSTITUTE * h.promised && h.promised > most
     });
-    short.into_iter().map(|(place, _)| place).collect()
+    found.sort_by(|a, b| b.1.promised.total_cmp(&a.1.promised));
+    found.into_iter().take(HELD_BACK).map(|(place, _)| place).collect()
 }
 
 /// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.

@@ -2,13 +2,16 @@
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::example::{self, Drive, Example};
-use crate::diagnose::catalogue::hypothesis::{Combine, Start};
+use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
-use crate::diagnose::catalogue::writer::Writer;
+use crate::diagnose::catalogue::writer::{Writer, keep};
 use crate::error::Result;
-use crate::expression::Expression;
+use crate::expression::{Expression, Function};
+
+/// Largest relative error of a rate that is still a clock's.
+const LARGEST: f64 = 0.2;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "clock",
@@ -27,41 +30,36 @@ pub(super) static DEFINITION: Definition = Definition {
         ),
         (Effect::SensorFilter, "a run ten times as long"),
     ],
-    traits: Traits { only_if_asked: true, ..Traits::PLAIN },
+    traits: Traits { only_if_asked: true, reads_the_past: true, behind: Some(Effect::SensorDelay), ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "delay(x, 0.5)"),
     in_mjcf: None,
-    about: "The state at the other time is approximated by its value plus its rate times the difference, which holds for differences that are short compared with the motion. It is tested only on request: an offset of half a sample absorbs the timing errors of any other effect.",
+    about: "It is tested on request and where a sensor delay leads: an offset of half a sample absorbs the timing errors of any other effect. Time is that of the log's stamps. A clock that is fast shows what is still to come, which beyond the last sample of a rollout is the tangent of the motion.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
-    let state = &writer.model.states[writer.hypothesis.state];
-    let (name, rate) = (state.name.clone(), state.equation.clone());
+    let name = writer.model.states[writer.hypothesis.state].name.clone();
     let (period, span) = (writer.scene.period, writer.span().2);
-    let e = writer.add("e", 0.0, period / span, (-0.2, 0.2), "");
+    let e = writer.add("e", 0.0, period / span, (-LARGEST, LARGEST), "");
     let longest = 0.1 * writer.scene.duration;
     let tau = writer.add("tau", 0.0, period, (-longest, longest), "s");
-    let ahead = e.times(Expression::Time).plus(tau);
-    let seen = Expression::variable(name.clone()).plus(ahead.times(rate));
+    let late = e.times(Expression::Time).plus(tau).negated();
+    let seen = Expression::Call(Function::Delay, vec![Expression::variable(name.clone()), late]);
     writer.read_as(writer.reads().substitute(&name, &seen));
-    Ok(vec![Start {
-        columns: vec![vec![1e-2 * period / span, 0.0], vec![0.0, 1e-2 * period]],
-        combine: Combine::Amplitude,
-        amplitudes: vec![(0, 0.0), (1, 0.0)],
-    }])
+    // From half a sample at the end of the logs on.
+    let sizes = std::iter::successors(Some(0.5 * period / span), |e| Some(2.0 * e)).take_while(|&e| e <= 0.5 * LARGEST);
+    Ok(sizes.flat_map(|e| [keep(&[-e, 0.0]), keep(&[e, 0.0])]).collect())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let state = &planting.model.states[planting.hypothesis.state];
-    let (name, reads) = (state.name.clone(), state.measured.clone());
-    let symbols = [("x", Expression::variable(name.clone())), ("rate", state.equation.clone())];
-    let seen = planting.written("x + e*t*rate", "e", &symbols)?;
-    let measured = reads.map_or(seen.clone(), |reads| reads.substitute(&name, &seen));
+    let own = Expression::variable(state.name.clone());
+    let reads = state.measured.clone().unwrap_or_else(|| own.clone());
+    let seen = planting.written("delay(x, -e*t)", "e", &[("x", own)])?;
+    let measured = reads.substitute(&state.name, &seen);
     planting.model.states[planting.hypothesis.state].measured = Some(measured);
     let (period, span) = (planting.scene.period, planting.span());
-    let size =
-        Size::within("e", String::new(), (period / span, 0.2), "beyond that no straight line describes the clock");
-    Ok(Some(size))
+    Ok(Some(Size::within("e", String::new(), (period / span, LARGEST), "a clock that is further off is no clock")))
 }
