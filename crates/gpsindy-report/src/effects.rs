@@ -45,10 +45,10 @@ pub fn effect_page(effect: Effect, caption: &str, cases: &[GalleryCase]) -> Stri
     }
     let asked = match (effect.is_only_if_asked(), effect.stands_behind()) {
         (false, _) => "always".to_string(),
-        (true, None) => "only if `--effects` names it".to_string(),
-        (true, Some(imitator)) => {
-            let (name, id) = (imitator.name(), imitator.id());
-            format!("if `--effects` names it, and where [{name}]({id}.md) leads the search in the same equation")
+        (true, []) => "only if `--effects` names it".to_string(),
+        (true, imitators) => {
+            let linked: Vec<String> = imitators.iter().map(|i| format!("[{}]({}.md)", i.name(), i.id())).collect();
+            format!("if `--effects` names it, and where {} leads the search in the same place", linked.join(" or "))
         }
     };
     row("tested", &asked);

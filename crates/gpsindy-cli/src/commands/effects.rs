@@ -61,7 +61,7 @@ fn entry(effect: Effect) -> serde_json::Value {
         "places": effect.places(),
         "sense": effect.sense(),
         "suspect": if effect.is_only_if_asked() { "asked" } else { "always" },
-        "suspect_behind": effect.stands_behind().map(|imitator| imitator.id()),
+        "suspect_behind": effect.stands_behind().iter().map(|imitator| imitator.id()).collect::<Vec<_>>(),
         "twins": twins,
         "about": effect.about(),
     })

@@ -234,6 +234,7 @@ mod tests {
             ("-k*x + u", None),
             ("delay(u, k) - x", Some("delay(x, 0.1) + k")),
             ("play(clamp(u, -k, k), 0.1)", None),
+            ("slew(2*u, k) - x", Some("delay(x, k - 0.02*t)")),
             ("sample_hold(u*k, 0.1, -0.02)", Some("sample_hold(x, k, 0)")),
         ] {
             model(equation, measured).check().unwrap();
@@ -263,6 +264,8 @@ mod tests {
             ("-q*x", None, "name `q` is unknown in the equation of state `x`; known: x, u, k"),
             ("delay(x, 0.1)", None, "works on controls"),
             ("delay(u, x)", None, "numbers and parameters"),
+            ("u", Some("delay(x, 0.1*t^2)"), "the delay of `delay` may grow with `t` only as a straight line does"),
+            ("slew(x, 1)", None, "`slew` works on controls"),
             ("delay(u, 0.1*t)", None, "the second argument of `delay` must be made of numbers and parameters"),
             (
                 "sample_hold(u, 0.1, u)",

@@ -30,8 +30,8 @@ pub(crate) struct Traits {
     pub(crate) is_a_limit: bool,
     /// Is a suspect only where it is asked for by its id: it costs more false names or time than it is worth unasked.
     pub(crate) only_if_asked: bool,
-    /// An effect that imitates it; where that one leads in the same equation, this one is a suspect there, asked for or not.
-    pub(crate) behind: Option<Effect>,
+    /// Effects that imitate it; where one of them leads in the same equation, this one is a suspect there, asked for or not.
+    pub(crate) behind: &'static [Effect],
 }
 
 impl Traits {
@@ -45,7 +45,7 @@ impl Traits {
         has_no_single_size: false,
         is_a_limit: false,
         only_if_asked: false,
-        behind: None,
+        behind: &[],
     };
 }
 

@@ -86,8 +86,8 @@ impl Effect {
         self.definition().traits.only_if_asked
     }
 
-    /// An effect that imitates it: where that one leads the search in the same equation, this one is a suspect there, too, named or not.
-    pub fn stands_behind(self) -> Option<Self> {
+    /// Effects that imitate it: where one of them leads the search in the same equation, this one is a suspect there, too, named or not.
+    pub fn stands_behind(self) -> &'static [Self] {
         self.definition().traits.behind
     }
 

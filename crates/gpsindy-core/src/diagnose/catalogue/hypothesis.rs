@@ -96,10 +96,10 @@ impl Hypothesis {
         self.effect().is_some_and(Effect::is_only_if_asked)
     }
 
-    /// Whether it may be the truth where `other` leads: another effect that imitates it, in the same equation.
+    /// Whether it may be the truth where `other` leads: an effect that imitates it, in the same equation.
     pub(crate) fn stands_behind(&self, other: &Self) -> bool {
-        let imitator = self.effect().and_then(Effect::stands_behind);
-        imitator.is_some() && imitator == other.effect() && self.state == other.state
+        let imitators = self.effect().map_or(&[][..], Effect::stands_behind);
+        other.effect().is_some_and(|effect| imitators.contains(&effect)) && self.state == other.state
     }
 
     /// How many states it adds to a model.

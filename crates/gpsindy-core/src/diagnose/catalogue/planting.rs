@@ -89,6 +89,11 @@ impl Size {
         Self::within("c", unit, (0.02 * scale, 300.0 * scale), "")
     }
 
+    /// The same below zero.
+    pub(crate) fn downward(self) -> Self {
+        Self { sense: -1.0, ..self }
+    }
+
     /// The same under another symbol of the form.
     pub(crate) fn called(self, symbol: &'static str) -> Self {
         Self { symbol, ..self }

@@ -48,6 +48,14 @@ pub(super) fn write(model: &Model) -> Result<String> {
             why: "Modelica has no play; export to python, c, rust or julia, or replace it in the model".into(),
         });
     }
+    for expression in model.states.iter().filter_map(|s| s.measured.as_ref()) {
+        if has_growing_delay(expression) {
+            return Err(Error::NotExportable {
+                what: format!("`{expression}`"),
+                why: "Modelica's delay needs to know the largest; export to python, c, rust or julia".into(),
+            });
+        }
+    }
     let name = |name: &str| program.identifier(name);
     let dialect =
         Dialect { name: &name, call, power: |a, b| format!("{a}^{b}"), number, pi: "3.141592653589793", time: "time" };
@@ -85,6 +93,16 @@ pub(super) fn write(model: &Model) -> Result<String> {
         text += &format!("  {}_measured = {};\n", name(&s.name), dialect.write(expression)?);
     }
     Ok(text + &format!("end {title};\n"))
+}
+
+fn has_growing_delay(expression: &Expression) -> bool {
+    let mut found = false;
+    expression.visit(&mut |part| {
+        if let Expression::Call(Function::Delay, arguments) = part {
+            arguments[1].visit(&mut |amount| found |= *amount == Expression::Time);
+        }
+    });
+    found
 }
 
 /// How closely a rate-limited signal is followed, s: that of `SlewRateLimiter` in Modelica's standard library.

@@ -67,6 +67,32 @@ fn a_late_sensor_sees_the_start_or_the_tangent_before_a_log_and_the_tangent_with
     is(reading(Past::Still, 5, 2.0), [1.5, 1.7, 1.9, 2.1, 2.3]);
 }
 
+/// Of a motion of constant acceleration, at times of its own.
+#[test]
+fn a_slow_clock_shows_the_state_at_its_own_time_in_a_rollout_and_in_a_simulation() {
+    let state = |name: &str, rate: &str| State::new(name, Expression::parse(rate).unwrap());
+    let measured = Some(Expression::parse("delay(x, 0.1 - e*t)").unwrap());
+    let model = Model {
+        states: vec![State { measured, ..state("x", "v") }, state("v", "2")],
+        parameters: vec![Parameter::new("e", -0.25)],
+        ..Model::default()
+    };
+    let system = System::new(&model).unwrap();
+    let time: Vec<f64> = (0..30).map(|i| 0.1 * f64::from(i)).collect();
+    let log = Log { name: "fall".into(), time: time.clone(), controls: Vec::new(), measured: Vec::new() };
+    let mut lanes = Lanes::<2>::new(&system, &log, (Hold::Zero, Past::Still), &[[-0.25, 0.0]]);
+    let mut rolled = vec![[f64::NAN; 2]; time.len()];
+    lanes.roll((0, time.len() - 1), &[[0.0; 2], [0.0; 2]], &[0], 1, |i, _, v| rolled[i] = v);
+    let excitation =
+        crate::simulate::Excitation::new(&system, &time, faer::Mat::zeros(time.len(), 0).as_ref(), Hold::Zero).unwrap();
+    let simulated = crate::simulate::Simulate::default().rollout(&system, &excitation, &[0.0, 0.0]).unwrap();
+    for (i, t) in time.iter().enumerate() {
+        let [slow, right] = [0.75 * t - 0.1, t - 0.1].map(|seen| seen.max(0.0).powi(2));
+        assert!((rolled[i][0] - slow).abs() < 1e-9 && (rolled[i][1] - right).abs() < 1e-9, "{t}: {:?}", rolled[i]);
+        assert!((simulated.outputs[(i, 0)] - slow).abs() < 1e-6, "{t}: {}", simulated.outputs[(i, 0)]);
+    }
+}
+
 #[test]
 fn sampled_and_held_inputs_and_sensors_are_those_of_the_simulator() {
     let held = State {

@@ -64,7 +64,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
         is_chosen && !choice.without.iter().any(|e| e == id)
     };
     let waits = |h: &Hypothesis| {
-        let effect = h.effect().filter(|effect| effect.stands_behind().is_some());
+        let effect = h.effect().filter(|effect| !effect.stands_behind().is_empty());
         effect.is_some() && choice.chosen.is_empty() && is_suspect(h.id(), false)
     };
     all.retain(|h| is_suspect(h.id(), h.is_only_if_asked()) || waits(h));

@@ -30,13 +30,13 @@ pub(super) static DEFINITION: Definition = Definition {
         ),
         (Effect::SensorFilter, "a run ten times as long"),
     ],
-    traits: Traits { only_if_asked: true, reads_the_past: true, behind: Some(Effect::SensorDelay), ..Traits::PLAIN },
+    traits: Traits { only_if_asked: true, reads_the_past: true, behind: &[Effect::SensorDelay, Effect::SensorFilter], ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "delay(x, 0.5)"),
     in_mjcf: None,
-    about: "It is tested on request and where a sensor delay leads: an offset of half a sample absorbs the timing errors of any other effect. Time is that of the log's stamps. A clock that is fast shows what is still to come, which beyond the last sample of a rollout is the tangent of the motion.",
+    about: "It is tested on request and where a delay or a filter of the same column leads: an offset of half a sample absorbs the timing errors of any other effect. Time is that of the log's stamps. A slow clock is exact. A fast one shows what is still to come; its fits take the tangent of the motion there, which holds for differences that are short compared with the motion.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -61,5 +61,7 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let measured = reads.substitute(&state.name, &seen);
     planting.model.states[planting.hypothesis.state].measured = Some(measured);
     let (period, span) = (planting.scene.period, planting.span());
-    Ok(Some(Size::within("e", String::new(), (period / span, LARGEST), "a clock that is further off is no clock")))
+    // Slow, so that what it shows has happened.
+    let end = "a clock that is further off is no clock";
+    Ok(Some(Size::within("e", String::new(), (period / span, LARGEST), end).downward()))
 }

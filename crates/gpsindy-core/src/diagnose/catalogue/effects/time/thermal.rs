@@ -27,7 +27,7 @@ pub(super) static DEFINITION: Definition = Definition {
         added_states: 1,
         has_many_places: true,
         only_if_asked: true,
-        behind: Some(Effect::Drift),
+        behind: &[Effect::Drift],
         ..Traits::PLAIN
     },
     write,
