@@ -55,5 +55,10 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let (stroke, period) = (planting.excursion(0).map_or(0.0, Excursion::range), planting.scene.period);
     planting.drive("slew(u, r)", "r")?;
     let fastest = stroke / period;
-    Ok(Some(Size::limit("r", format!("{}/s", planting.control_unit()), 1.2 * fastest, (0.6 * fastest, 1.199 * fastest))))
+    Ok(Some(Size::limit(
+        "r",
+        format!("{}/s", planting.control_unit()),
+        1.2 * fastest,
+        (0.6 * fastest, 1.199 * fastest),
+    )))
 }

@@ -30,7 +30,12 @@ pub(super) static DEFINITION: Definition = Definition {
         ),
         (Effect::SensorFilter, "a run ten times as long"),
     ],
-    traits: Traits { only_if_asked: true, reads_the_past: true, behind: &[Effect::SensorDelay, Effect::SensorFilter], ..Traits::PLAIN },
+    traits: Traits {
+        only_if_asked: true,
+        reads_the_past: true,
+        behind: &[Effect::SensorDelay, Effect::SensorFilter],
+        ..Traits::PLAIN
+    },
     write,
     plant,
     reported: as_fitted,
