@@ -33,6 +33,8 @@ import time
 import warnings
 from pathlib import Path
 
+from jobs import carried_on
+
 METHODS = ("gpsindy", "pysindy", "pysindy-esindy")
 NAMES = "xyzwvs"
 # Samples in a period of the system, and periods of the transient.
@@ -256,21 +258,18 @@ def main():
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", RAYON_NUM_THREADS="1")
     all_systems = [system for system in systems() if not asked.systems or system["name"] in asked.systems]
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(line) for line in asked.out.read_text().splitlines()] if asked.out.exists() else []
-    key = ("system", "noise", "samples", "seed", "method")
-    done = {tuple(line[part] for part in key) for line in lines}
-    for noise in asked.noise:
-        for samples in asked.samples:
-            for system in all_systems:
-                for method in asked.methods:
-                    about = dict(zip(key, (system["name"], noise, samples, asked.seed, method)))
-                    if tuple(about.values()) in done:
-                        continue
-                    settings = {"noise": noise, "samples": samples, "seed": asked.seed}
-                    line = {**about, **within(asked.time_limit, system, settings, method)}
-                    lines.append(line)
-                    with asked.out.open("a", encoding="utf-8") as stream:
-                        stream.write(json.dumps(line) + "\n")
+    jobs = (
+        ({"system": system["name"], "noise": noise, "samples": samples, "seed": asked.seed, "method": method}, system)
+        for noise in asked.noise
+        for samples in asked.samples
+        for system in all_systems
+        for method in asked.methods
+    )
+
+    def run(about, system):
+        return within(asked.time_limit, system, {part: about[part] for part in ("noise", "samples", "seed")}, about["method"])
+
+    lines = carried_on(asked.out, jobs, run)
     chosen = {system["name"] for system in all_systems}
     print(table([line for line in lines if line["system"] in chosen and line["seed"] == asked.seed], asked.methods))
 

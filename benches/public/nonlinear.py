@@ -30,6 +30,8 @@ import tempfile
 import warnings
 from pathlib import Path
 
+from jobs import carried_on
+
 METHODS = ("gpsindy", "pysindy")
 # Files, the position, every so many samples, degree of the library, further terms, factor and unit of the error.
 SYSTEMS = {
@@ -185,16 +187,9 @@ def main():
     warnings.simplefilter("ignore")
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", RAYON_NUM_THREADS="1")
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(line) for line in asked.out.read_text().splitlines()] if asked.out.exists() else []
-    done = {(line["system"], line["method"]) for line in lines}
-    for system in asked.systems or [name for name in SYSTEMS if (asked.data / name).is_dir()]:
-        for method in asked.methods:
-            if (system, method) in done:
-                continue
-            line = {"system": system, "method": method, **job(asked.data / system, system, method)}
-            lines.append(line)
-            with asked.out.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(line) + "\n")
+    systems = asked.systems or [name for name in SYSTEMS if (asked.data / name).is_dir()]
+    jobs = (({"system": system, "method": method},) for system in systems for method in asked.methods)
+    lines = carried_on(asked.out, jobs, lambda about: job(asked.data / about["system"], **about))
     print(table(lines))
 
 

@@ -26,6 +26,8 @@ import time
 import warnings
 from pathlib import Path
 
+from jobs import carried_on
+
 METHODS = ("gpsindy", "gpsindy-trig", "pysindy", "pysindy-trig")
 EMPTY = {"equations": None, "reconstruction": None, "generalisation": None}
 
@@ -154,18 +156,18 @@ def main():
     if asked.systems:
         systems = [system for system in systems if system["id"] in asked.systems]
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(line) for line in asked.out.read_text().splitlines()] if asked.out.exists() else []
-    done = {(line["system"], line["noise"], line["method"]) for line in lines}
-    for noise in asked.noise:
-        for system in systems:
-            for method in asked.methods:
-                if (system["id"], noise, method) in done:
-                    continue
-                found = within(asked.time_limit, job, EMPTY, system, noise, method)
-                line = {"system": system["id"], "dimension": system["dim"], "noise": noise, "method": method, **found}
-                lines.append(line)
-                with asked.out.open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps(line) + "\n")
+    jobs = (
+        ({"system": system["id"], "noise": noise, "method": method}, system)
+        for noise in asked.noise
+        for system in systems
+        for method in asked.methods
+    )
+
+    def run(about, system):
+        found = within(asked.time_limit, job, EMPTY, system, about["noise"], about["method"])
+        return {"dimension": system["dim"], **found}
+
+    lines = carried_on(asked.out, jobs, run)
     chosen = {system["id"] for system in systems}
     print(table([line for line in lines if line["system"] in chosen and line["method"] in asked.methods]))
 

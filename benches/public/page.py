@@ -9,12 +9,12 @@ replaced by the table of NAME; with `--check` nothing is written, and the status
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import sys
 from pathlib import Path
 
 import dysts_systems
+import jobs
 import mdbench
 import nonlinear
 import odebench
@@ -23,8 +23,8 @@ RESULTS = Path(__file__).with_name("results")
 PAGE = Path(__file__).parents[2] / "docs/scoreboard.md"
 
 
-def lines_of(name):
-    return [json.loads(line) for line in (RESULTS / f"{name}.jsonl").read_text(encoding="utf-8").splitlines()]
+def results_of(name):
+    return jobs.lines_of(RESULTS / f"{name}.jsonl")
 
 
 def is_worse_than_the_mean(set_name, line):
@@ -47,19 +47,19 @@ def is_silent(set_name, line):
 def silent():
     rows = ["| set | runs | worse than the mean | of these, without a word |", "| --- | --- | --- | --- |"]
     for name in ("odebench", "mdbench", "nonlinear"):
-        own = [line for line in lines_of(name) if line["method"] == "gpsindy"]
+        own = [line for line in results_of(name) if line["method"] == "gpsindy"]
         bad = [line for line in own if is_worse_than_the_mean(name, line)]
         rows.append(f"| {name} | {len(own)} | {len(bad)} | {sum(is_silent(name, line) for line in bad)} |")
     return "\n".join(rows)
 
 
 def tables():
-    dysts = lines_of("dysts")
+    dysts = results_of("dysts")
     return {
-        "odebench": odebench.table(lines_of("odebench")),
-        "mdbench": mdbench.table(lines_of("mdbench")),
+        "odebench": odebench.table(results_of("odebench")),
+        "mdbench": mdbench.table(results_of("mdbench")),
         "dysts": dysts_systems.table(dysts, [m for m in dysts_systems.METHODS if any(m == line["method"] for line in dysts)]),
-        "nonlinear": nonlinear.table(lines_of("nonlinear")),
+        "nonlinear": nonlinear.table(results_of("nonlinear")),
         "silent": silent(),
     }
 

@@ -37,3 +37,25 @@ def test_every_job_of_a_results_file_is_there_once(name):
     lines = [json.loads(line) for line in (PUBLIC / f"results/{name}.jsonl").read_text(encoding="utf-8").splitlines()]
     jobs = [(line["system"], line["method"], line.get("noise"), line.get("snr")) for line in lines]
     assert lines and len(set(jobs)) == len(jobs)
+
+
+def test_an_interrupted_run_goes_on_where_it_was(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(PUBLIC))
+    import jobs
+
+    ran = []
+
+    def run(about, factor):
+        if about["system"] == 2 and not ran[1:]:
+            ran.append("interrupted")
+            raise KeyboardInterrupt
+        ran.append(about["system"])
+        return {"value": factor * about["system"]}
+
+    wanted = [({"system": system, "method": "m"}, 10) for system in (1, 2, 3)]
+    with pytest.raises(KeyboardInterrupt):
+        jobs.carried_on(tmp_path / "out.jsonl", wanted, run)
+    lines = jobs.carried_on(tmp_path / "out.jsonl", wanted, run)
+    assert ran == [1, "interrupted", 2, 3]
+    assert [line["value"] for line in lines] == [10, 20, 30]
+    assert jobs.lines_of(tmp_path / "out.jsonl") == lines
