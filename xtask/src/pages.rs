@@ -110,7 +110,7 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("163 of 166 right", "163 of 166 are right"),
+            ("51 of 56 right", "51 of 56 are right"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
             ("69.8 %", "69.8 %"),

@@ -95,7 +95,7 @@ pub struct Identify {
     pub window: Option<f64>,
     /// Whether, where the equations are only an approximation of a controlled motion, rollouts of four more lengths look for
     /// equations, and those are taken that stay nearest to the logs in long rollouts and agree best with the others. It takes
-    /// about five times as long; without effect where `window` is given.
+    /// about four times as long; without effect where `window` is given.
     pub consensus: bool,
     /// What controls do between samples; `None`: what explains the logs better.
     pub hold: Option<Hold>,
