@@ -50,7 +50,7 @@ pub(crate) fn slewed(from: f64, signal: f64, slope: f64, rate: f64, dt: f64) -> 
     if dt < caught {
         from + (signal - from).signum() * rate * dt
     } else {
-        signal + slope * caught + slope.clamp(-rate, rate) * (dt - caught)
+        signal + slope * caught + slope.max(-rate).min(rate) * (dt - caught)
     }
 }
 
