@@ -24,7 +24,6 @@ import warnings
 from pathlib import Path
 
 import odebench
-from jobs import carried_on
 
 METHODS = ("gpsindy", "gpsindy-trig", "pysindy", "pysindy-trig", "truth")
 # Length in s, samples, and the share that is learnt from, as in their data_loader.py.
@@ -118,21 +117,7 @@ def main():
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", RAYON_NUM_THREADS="1")
     systems = [s for s in json.loads(asked.data.read_text(encoding="utf-8")) if not asked.systems or s["id"] in asked.systems]
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    jobs = (
-        ({"system": system["id"], "snr": snr, "method": method}, system)
-        for snr in asked.snr
-        for system in systems
-        for method in asked.methods
-    )
-
-    def run(about, system):
-        empty = {"equations": None, "nmse": None}
-        found = odebench.within(asked.time_limit, job, empty, system, about["snr"], about["method"])
-        return {"dimension": system["dim"], **found}
-
-    lines = carried_on(asked.out, jobs, run)
-    chosen = {system["id"] for system in systems}
-    print(table([line for line in lines if line["system"] in chosen and line["method"] in asked.methods]))
+    print(table(odebench.lines_at("snr", systems, asked, job, {"equations": None, "nmse": None})))
 
 
 if __name__ == "__main__":

@@ -141,6 +141,24 @@ def table(lines):
     return "\n".join(rows)
 
 
+def lines_at(level, systems, asked, job, empty):
+    """The lines of `systems` at every asked `level` of noise by every asked method; those that `asked.out` lacks are run first."""
+    jobs = (
+        ({"system": system["id"], level: value, "method": method}, system)
+        for value in getattr(asked, level)
+        for system in systems
+        for method in asked.methods
+    )
+
+    def run(about, system):
+        found = within(asked.time_limit, job, empty, system, about[level], about["method"])
+        return {"dimension": system["dim"], **found}
+
+    lines = carried_on(asked.out, jobs, run)
+    chosen = {system["id"] for system in systems}
+    return [line for line in lines if line["system"] in chosen and line["method"] in asked.methods]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="the benchmark's strogatz_extended.json")
@@ -156,20 +174,7 @@ def main():
     if asked.systems:
         systems = [system for system in systems if system["id"] in asked.systems]
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    jobs = (
-        ({"system": system["id"], "noise": noise, "method": method}, system)
-        for noise in asked.noise
-        for system in systems
-        for method in asked.methods
-    )
-
-    def run(about, system):
-        found = within(asked.time_limit, job, EMPTY, system, about["noise"], about["method"])
-        return {"dimension": system["dim"], **found}
-
-    lines = carried_on(asked.out, jobs, run)
-    chosen = {system["id"] for system in systems}
-    print(table([line for line in lines if line["system"] in chosen and line["method"] in asked.methods]))
+    print(table(lines_at("noise", systems, asked, job, EMPTY)))
 
 
 if __name__ == "__main__":

@@ -193,7 +193,7 @@ fn grows_steadily(expression: &Expression) -> bool {
     slope.is_ok_and(|slope| !slope.contains(TIME))
 }
 
-fn reads_time(expression: &Expression) -> bool {
+pub(super) fn reads_time(expression: &Expression) -> bool {
     let mut found = false;
     expression.visit(&mut |part| found |= *part == Expression::Time);
     found

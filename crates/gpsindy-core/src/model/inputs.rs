@@ -168,8 +168,8 @@ impl Extraction<'_> {
                     let entry = (kind, state, arguments[1..].to_vec());
                     return Expression::Variable(late_name(place_of(&mut self.late, entry)));
                 }
-                if let Some(other) = slewed_before(*function, arguments) {
-                    return self.extract(&other);
+                if let (Function::Slew, Some(delayed)) = (*function, delayed_last(*function, arguments)) {
+                    return self.extract(&delayed);
                 }
                 let mut parts = arguments.clone();
                 parts[0] = self.extract(&parts[0]);
@@ -197,12 +197,13 @@ impl Extraction<'_> {
     }
 }
 
-/// The rate limit of a delayed control as the delayed rate limit, which is the same: only that needs no jumps between samples.
-pub(super) fn slewed_before(function: Function, arguments: &[Expression]) -> Option<Expression> {
+/// The play or the rate limit of a delayed control as the delayed one of the control, which is the same: only that needs no samples in
+/// between.
+pub(super) fn delayed_last(function: Function, arguments: &[Expression]) -> Option<Expression> {
     match (function, &arguments[0]) {
-        (Function::Slew, Expression::Call(Function::Delay, inner)) => {
-            let slewed = Expression::Call(Function::Slew, vec![inner[0].clone(), arguments[1].clone()]);
-            Some(Expression::Call(Function::Delay, vec![slewed, inner[1].clone()]))
+        (Function::Play | Function::Slew, Expression::Call(Function::Delay, inner)) => {
+            let first = Expression::Call(function, vec![inner[0].clone(), arguments[1].clone()]);
+            Some(Expression::Call(Function::Delay, vec![first, inner[1].clone()]))
         }
         _ => None,
     }

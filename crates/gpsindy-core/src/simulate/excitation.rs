@@ -286,36 +286,40 @@ impl Excitation {
                 }
             }
             InputKind::Slew => {
-                amount = amount.abs();
-                history.amount = amount;
-                // It moves between the knots of what it follows, and bends where it has caught up.
+                // It moves between the knots of what it follows.
                 self.varies = true;
-                let first = self.time[0];
-                let mut output = self.signal(system, index, Moment { time: first, lookup: first });
-                let mut bent = Vec::new();
-                for (i, &knot) in knots.iter().enumerate() {
-                    let end = knots.get(i + 1).copied().unwrap_or(self.time[self.time.len() - 1]);
-                    let at = |t: f64| self.signal(system, index, self.moment(t, knot, end.max(knot)));
-                    let signal = at(knot);
-                    let slope = if end > knot { (at(end) - signal) / (end - knot) } else { 0.0 };
-                    let mut push = |t: f64, output: f64, signal: f64| {
-                        bent.push(t);
-                        history.output.push(output);
-                        history.followed.push([signal, slope]);
-                    };
-                    push(knot, output, signal);
-                    let caught = caught_after(output, signal, slope, amount);
-                    if caught > 0.0 && knot + caught < end {
-                        push(knot + caught, signal + slope * caught, signal + slope * caught);
-                    }
-                    output = slewed(output, signal, slope, amount, end - knot);
-                }
-                knots = bent;
+                history.amount = amount.abs();
+                knots = self.follow(system, index, &knots, &mut history);
             }
         }
         history.knots = knots;
         self.histories.push(history);
         Ok(())
+    }
+
+    /// Takes a rate limit along the `knots` of what it follows; the result has those where it has caught up, too.
+    fn follow(&self, system: &System, index: usize, knots: &[f64], history: &mut History) -> Vec<f64> {
+        let (first, last) = (self.time[0], self.time[self.time.len() - 1]);
+        let mut output = self.signal(system, index, Moment { time: first, lookup: first });
+        let mut bent = Vec::new();
+        for (i, &knot) in knots.iter().enumerate() {
+            let end = knots.get(i + 1).copied().unwrap_or(last);
+            let at = |t: f64| self.signal(system, index, self.moment(t, knot, end.max(knot)));
+            let signal = at(knot);
+            let slope = if end > knot { (at(end) - signal) / (end - knot) } else { 0.0 };
+            let mut push = |t: f64, output: f64, signal: f64| {
+                bent.push(t);
+                history.output.push(output);
+                history.followed.push([signal, slope]);
+            };
+            push(knot, output, signal);
+            let caught = caught_after(output, signal, slope, history.amount);
+            if caught > 0.0 && knot + caught < end {
+                push(knot + caught, signal + slope * caught, signal + slope * caught);
+            }
+            output = slewed(output, signal, slope, history.amount, end - knot);
+        }
+        bent
     }
 
     /// Samples at which control `j` jumps or bends.

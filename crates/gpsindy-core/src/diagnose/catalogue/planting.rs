@@ -191,6 +191,16 @@ impl Planting<'_> {
         Ok(())
     }
 
+    /// The column reads as it does now, of a form of the size and the state `x` in the state's place.
+    pub(crate) fn see_as(&mut self, form: &str, symbol: &str) -> Result<()> {
+        let state = &self.model.states[self.hypothesis.state];
+        let own = Expression::variable(state.name.clone());
+        let reads = state.measured.clone().unwrap_or_else(|| own.clone());
+        let measured = reads.substitute(&state.name, &self.written(form, symbol, &[("x", own)])?);
+        self.model.states[self.hypothesis.state].measured = Some(measured);
+        Ok(())
+    }
+
     /// Name of a variable of the hypothesis.
     pub(crate) fn name(&self, index: usize) -> String {
         self.hypothesis.variables.get(index).cloned().unwrap_or_default()

@@ -5,6 +5,7 @@ use super::names::{is_reserved, title};
 use super::program::Program;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function};
+use crate::model::check::reads_time;
 use crate::model::{InputKind, Model, State};
 use std::collections::BTreeMap;
 
@@ -99,7 +100,7 @@ fn has_growing_delay(expression: &Expression) -> bool {
     let mut found = false;
     expression.visit(&mut |part| {
         if let Expression::Call(Function::Delay, arguments) = part {
-            arguments[1].visit(&mut |amount| found |= *amount == Expression::Time);
+            found |= reads_time(&arguments[1]);
         }
     });
     found

@@ -1,5 +1,6 @@
 //! The parts of a model that every program needs: rates, outputs, and inputs with a history.
 
+use super::super::inputs::delayed_last;
 use super::super::{InputKind, Model};
 use super::dialect::no_equations;
 use super::names::identifiers;
@@ -104,12 +105,10 @@ impl<'a> Program<'a> {
 
     fn extract_history(&mut self, function: Function, arguments: &[Expression]) -> Result<Expression> {
         let (signal, amount) = (&arguments[0], &arguments[1]);
+        if let Some(delayed) = delayed_last(function, arguments) {
+            return self.extract(&delayed);
+        }
         if matches!(function, Function::Play | Function::Slew) {
-            if let Expression::Call(Function::Delay, inner) = signal {
-                // The play of a delayed control is the delayed play: only that needs no samples in between.
-                let inside = Expression::Call(function, vec![inner[0].clone(), amount.clone()]);
-                return self.extract_history(Function::Delay, &[inside, inner[1].clone()]);
-            }
             let mut delayed = false;
             let is_late =
                 |part: &Expression| matches!(part, Expression::Call(Function::Delay | Function::SampleHold, _));

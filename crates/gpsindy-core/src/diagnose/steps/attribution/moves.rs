@@ -73,11 +73,21 @@ fn members<'c>(contest: &'c Contest<'_>, base: &'c Contestant, m: &Move<'_>) -> 
     kept.chain(m.members.iter().map(|&h| &contest.hypotheses[h])).collect()
 }
 
-/// What a fit of one of the moves came to, of the `promises` of all.
-fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f64)]) -> Option<Handed> {
+/// By how much the sum of squares was to fall, by the largest of the `promises` for the effects of a fit.
+fn promised(fit: &Contestant, promises: &[(Vec<&Hypothesis>, f64)]) -> Option<f64> {
     let is_it =
         |set: &Vec<&Hypothesis>| set.len() == fit.hypotheses.len() && set.iter().all(|h| fit.hypotheses.contains(h));
-    let promised = promises.iter().filter(|(set, _)| is_it(set)).map(|(_, promised)| *promised).reduce(f64::max)?;
+    promises.iter().filter(|(set, _)| is_it(set)).map(|(_, promised)| *promised).reduce(f64::max)
+}
+
+/// By how much it fell.
+fn achieved(base: &Contestant, fit: &Contestant) -> f64 {
+    base.evidence.squares() - fit.evidence.squares()
+}
+
+/// What a fit of one of the moves came to, of the `promises` of all.
+fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f64)]) -> Option<Handed> {
+    let promised = promised(fit, promises)?;
     let newest = fit.hypotheses.iter().rfind(|h| !base.hypotheses.contains(h))?;
     let states = &base.system.model().states;
     let member = |h: &Hypothesis| Member {
@@ -89,7 +99,7 @@ fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f6
         members: fit.hypotheses.iter().map(member).collect(),
         family: format!("{:?}", newest.family()),
         promised,
-        achieved: base.evidence.squares() - fit.evidence.squares(),
+        achieved: achieved(base, fit),
         at_rest: fit.refined.converged,
     })
 }
@@ -118,14 +128,15 @@ fn made(
 /// Places of the fits with one more effect that promised most, of those whose first step fell short of it and which promised more than
 /// any step achieved: where a straight line holds but the size is far off, as at a rate limit, it is the step that misled.
 fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesis>, f64)]) -> Vec<usize> {
-    let found = fits.iter().enumerate().filter_map(|(place, fit)| Some((place, handed(base, fit, promises)?)));
-    let mut found: Vec<(usize, Handed)> = found.collect();
-    let most = found.iter().map(|(_, h)| h.achieved).fold(0.0, f64::max);
-    found.retain(|(_, h)| {
-        let is_one_more = h.members.len() == base.hypotheses.len() + 1;
-        is_one_more && h.achieved < SUBSTITUTE * h.promised && h.promised > most
-    });
-    found.sort_by(|a, b| b.1.promised.total_cmp(&a.1.promised));
+    let most = fits.iter().map(|fit| achieved(base, fit)).fold(0.0, f64::max);
+    let short = |(place, fit): (usize, &Contestant)| {
+        let promised = promised(fit, promises)?;
+        let is_one_more = fit.hypotheses.len() == base.hypotheses.len() + 1;
+        let is_short = achieved(base, fit) < SUBSTITUTE * promised && promised > most;
+        (is_one_more && is_short).then_some((place, promised))
+    };
+    let mut found: Vec<(usize, f64)> = fits.iter().enumerate().filter_map(short).collect();
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
     found.into_iter().take(HELD_BACK).map(|(place, _)| place).collect()
 }
 

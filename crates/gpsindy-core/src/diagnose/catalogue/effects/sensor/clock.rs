@@ -59,12 +59,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let state = &planting.model.states[planting.hypothesis.state];
-    let own = Expression::variable(state.name.clone());
-    let reads = state.measured.clone().unwrap_or_else(|| own.clone());
-    let seen = planting.written("delay(x, -e*t)", "e", &[("x", own)])?;
-    let measured = reads.substitute(&state.name, &seen);
-    planting.model.states[planting.hypothesis.state].measured = Some(measured);
+    planting.see_as("delay(x, -e*t)", "e")?;
     let (period, span) = (planting.scene.period, planting.span());
     // Slow, so that what it shows has happened.
     let end = "a clock that is further off is no clock";

@@ -39,11 +39,6 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let state = &planting.model.states[planting.hypothesis.state];
-    let own = Expression::variable(state.name.clone());
-    let reads = state.measured.clone().unwrap_or_else(|| own.clone());
-    let late = planting.written("delay(x, tau)", "tau", &[("x", own)])?;
-    let measured = reads.substitute(&state.name, &late);
-    planting.model.states[planting.hypothesis.state].measured = Some(measured);
+    planting.see_as("delay(x, tau)", "tau")?;
     Ok(Some(planting.late()))
 }

@@ -42,11 +42,6 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let state = &planting.model.states[planting.hypothesis.state];
-    let own = Expression::variable(state.name.clone());
-    let reads = state.measured.clone().unwrap_or_else(|| own.clone());
-    let held = planting.written("sample_hold(x, T, 0)", "T", &[("x", own)])?;
-    let measured = reads.substitute(&state.name, &held);
-    planting.model.states[planting.hypothesis.state].measured = Some(measured);
+    planting.see_as("sample_hold(x, T, 0)", "T")?;
     Ok(Some(planting.late().called("T")))
 }
