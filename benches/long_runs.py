@@ -105,9 +105,9 @@ def main() -> None:
                 most = max(most, measured(name, rows, [found.program, *commands[name]], folder))
             report = root / f"diagnosis_{rows}" / "report.json"
             if "diagnose" in found.only and report.exists():
-                told = json.loads(report.read_text())
-                causes = [f"{c['effect']} in {c['state']}" for c in told["causes"] if c["included"]]
-                print(f"  {rows}: {told['verdict']}, {', '.join(causes)}", flush=True)
+                stated = json.loads(report.read_text())
+                causes = [f"{c['effect']} in {c['state']}" for c in stated["causes"] if c["included"]]
+                print(f"  {rows}: {stated['verdict']}, {', '.join(causes)}", flush=True)
     print("load average", " ".join(f"{value:.1f}" for value in os.getloadavg()))
     if most > MOST:
         sys.exit(f"above {MOST:.0f} MB")

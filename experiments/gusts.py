@@ -81,7 +81,7 @@ def case(seed):
 
 
 def main(first, last):
-    right, inside, told = 0, 0, 0
+    right, inside, stated = 0, 0, 0
     for seed in range(first, last):
         model, logs, row, deviation, time = case(seed)
         found = gpsindy.diagnose(model, logs[:-1], holdout=logs[-1:])
@@ -93,12 +93,12 @@ def main(first, last):
             sizes = {p["name"]: p for p in named[0].parameters}
             for name, truth in (("rms", deviation), ("tau", time)):
                 size = sizes[name]
-                told += 1
+                stated += 1
                 value, low, high = (size[key] for key in ("value", "low", "high"))
                 inside += low <= truth <= high
                 words += f", {name} {value:.3g} ({low:.3g} to {high:.3g}), true {truth:.3g}"
         print(words, flush=True)
-    print(f"{right} of {last - first} right; {inside} of {told} sizes within their intervals")
+    print(f"{right} of {last - first} right; {inside} of {stated} sizes within their intervals")
 
 
 if __name__ == "__main__":

@@ -85,13 +85,13 @@ def save(path: pathlib.Path, topics: dict[str, tuple[np.ndarray, dict[str, np.nd
 def estimated(path: pathlib.Path, topic: str, read: list[str]) -> tuple[float, float, float]:
     """The offset and its interval, s."""
     places = {name: f"{own}.{name}" for own in ("/state", topic) for name in TOPICS[own] if name in read}
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as stated:
         warnings.simplefilter("always")
         gpsindy.read_log(path, map=places, controls=["u"] if "u" in read else None, offset={topic: "auto"})
-    for warning in told:
+    for warning in stated:
         if found := TOLD.search(str(warning.message)):
             return tuple(float(number) for number in found.groups())
-    raise ValueError("no offset was told")
+    raise ValueError("no offset was stated")
 
 
 def main() -> None:

@@ -153,8 +153,8 @@ def main(first, last):
         explained += found.verdict == "explained"
         words = f"{seed} {model.name}: {found.verdict}, {'right' if is_placed else 'WRONG'}; true c {slides:.4g}, s {holds:.4g}"
         for cause in found.included:
-            told = ", ".join(f"{p['name']} {p['value']:.4g} ({p['low']} to {p['high']})" for p in cause.parameters)
-            words += f"; {cause.effect} {cause.place or cause.state} {cause.probability:.2f}: {told}"
+            stated = ", ".join(f"{p['name']} {p['value']:.4g} ({p['low']} to {p['high']})" for p in cause.parameters)
+            words += f"; {cause.effect} {cause.place or cause.state} {cause.probability:.2f}: {stated}"
             level = cause.parameters[0]
             if is_placed and level["low"] is not None:
                 inside += level["low"] <= slides <= level["high"]

@@ -53,6 +53,20 @@ ROBOT = """<mujoco model="robot">
 </mujoco>
 """
 
+LEG = """<mujoco model="leg">
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="shank">
+      <joint name="knee" axis="0 1 0" damping="0.1" armature="0.01"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.25" size="0.015" mass="0.3"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="knee_drive" joint="knee" ctrlrange="-30 30"/>
+  </actuator>
+</mujoco>
+"""
+
 FLEET = """model = "simulator.toml"
 
 [[unit]]
@@ -101,12 +115,43 @@ def arm(seed):
     return {"t": PERIOD * np.arange(SAMPLES), "q": np.array(q) + 1e-3 * random.standard_normal(SAMPLES), "u": u}
 
 
+def leg(seed):
+    """Log of a knee under the loop of its driver, kp 40 and kd 1; the machine has dry friction."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(LEG)
+    model.dof_frictionloss[0] = 0.2
+    random, data = np.random.default_rng(seed), mujoco.MjData(model)
+    wanted, q = commands(random, 0.5), []
+    for command in wanted:
+        q.append(data.qpos[0])
+        for _ in range(10):
+            data.ctrl[0] = 40.0 * (command - data.qpos[0]) - 1.0 * data.qvel[0]
+            mujoco.mj_step(model, data)
+    return {"t": PERIOD * np.arange(SAMPLES), "knee": np.array(q) + 1e-4 * random.standard_normal(SAMPLES), "knee_drive": wanted}
+
+
+def swing(seed):
+    """Log of the pendulum of the FMU; the machine has a damping of 0.35 N m s."""
+    random, t = np.random.default_rng(seed), PERIOD * np.arange(SAMPLES)
+    u = sum(random.uniform(1, 3) * np.sin(2 * np.pi * f * t + random.uniform(0, 6)) for f in (0.3, 0.7, 1.1))
+    th, w, rows, h = 0.0, 0.0, [], PERIOD / STEPS
+    for torque in u:
+        rows.append(th)
+        for _ in range(STEPS):
+            w += h * ((torque - 0.35 * w) / 0.8 - 9.81 * np.sin(th))
+            th += h * w
+    return {"t": t, "th": np.array(rows) + 1e-3 * random.standard_normal(SAMPLES), "u": u}
+
+
 def main():
     folder = pathlib.Path(sys.argv[1])
-    for name, text in {"simulator.toml": SIMULATOR, "robot.xml": ROBOT, "fleet.toml": FLEET}.items():
+    texts = {"simulator.toml": SIMULATOR, "robot.xml": ROBOT, "leg.xml": LEG, "fleet.toml": FLEET}
+    for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     logs = {f"run_{k}": cart(k, 0.3) for k in (1, 2, 3)} | {f"check_{k}": cart(10 + k, 0.3) for k in (1, 2)}
     logs |= {f"sim_{k}": cart(20 + k, 0.0) for k in (1, 2)} | {f"arm_{k}": arm(k) for k in (1, 2, 3)}
+    logs |= {f"swing_{k}": swing(k) for k in (1, 2, 3)} | {f"leg_{k}": leg(k) for k in (1, 2, 3)}
     for name, log in logs.items():
         np.savetxt(folder / f"{name}.csv", np.column_stack(list(log.values())), "%.6f", ",", header=",".join(log), comments="")
     build = pathlib.Path("data/pendulum_fmu/build.py").resolve()

@@ -35,6 +35,7 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
     let folder = page.parent().unwrap_or(page);
     let mut text = with_outputs(&read(page)?, &ran.printed);
     let left = LEFT.map(|(data, page)| (ran.folder.join(data), ran.folder.join(page)));
+    let committed = result_of(&text).map(str::to_string);
     if let Some((at, (data, whole))) = left.iter().enumerate().find(|(_, (data, _))| data.exists()) {
         copy(data, &folder.join(format!("reports/{name}.json")))?;
         let (report, drawn, of_fleet) = (read(data)?, read(whole)?, at > 0);
@@ -50,6 +51,13 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
         }
         if !of_fleet {
             text = with_result(&text, &result(&report)?);
+        }
+        // A site that is built has the results of the tree that it is built from.
+        if html && result_of(&text) != committed.as_deref() {
+            let (old, new) = (committed.unwrap_or_default(), result_of(&text).unwrap_or_default());
+            return Err(format!(
+                "docs/gallery/{name}.md states\n{old}\nand the run gives\n{new}\nrun `cargo xtask gallery {name}`"
+            ));
         }
         if html {
             copy(whole, &folder.join(format!("reports/{name}.html")))?;

@@ -127,19 +127,27 @@ fn listed(help: &str) -> Vec<&str> {
     names.filter(|name| *name != "help").collect()
 }
 
-/// `llms.txt`: the pages with their first sentences.
+/// `llms.txt`: the pages with their first sentences, below that of the README.
 fn overview(pages: &Path) -> Result<String, String> {
-    let mut text = String::from(
-        "# gpsindy\n\n> Equations from sparse, noisy logs, and a diagnosis of where a simulator is wrong.\n\n",
-    );
+    let about = first_sentence(&read(&root().join("README.md"))?);
+    let mut text = format!("# gpsindy\n\n> {about}\n\n");
     for page in files(pages, "md")? {
         let content = read(&page)?;
         let title = content.lines().find_map(|l| l.strip_prefix("# ")).unwrap_or("");
-        let first = content.lines().find(|l| l.starts_with(|c: char| c.is_alphabetic())).unwrap_or("");
+        let first = first_sentence(&content);
         let path = page.strip_prefix(pages).unwrap_or(&page).to_string_lossy().replace('\\', "/");
         let _ = writeln!(text, "- [{title}]({path}): {first}");
     }
     Ok(text)
+}
+
+/// The first sentence of the first paragraph of a page, in one line.
+fn first_sentence(page: &str) -> String {
+    let prose = page.split("\n\n").find(|part| part.starts_with(|c: char| c.is_alphabetic())).unwrap_or_default();
+    let line = prose.split_whitespace().collect::<Vec<_>>().join(" ");
+    let end = line.match_indices(['.', '?', ':']).map(|(at, _)| at + 1);
+    let end = end.into_iter().find(|&at| line[at..].is_empty() || line[at..].starts_with(' '));
+    line[..end.unwrap_or(line.len())].to_string()
 }
 
 /// Every link of a page to a file of the site must lead to one, and to a heading of it where it names one.
@@ -181,16 +189,24 @@ mod tests {
     }
 
     #[test]
-    fn a_link_without_a_target_is_told() {
+    fn the_first_sentence_of_a_page_is_whole() {
+        let page = "# Logs\n\n![a picture](a.svg)\n\nA log is a\ntable of 1.5 MB. It has rows.\n";
+        assert_eq!(first_sentence(page), "A log is a table of 1.5 MB.");
+        assert_eq!(first_sentence("# Logs\n\nNo stop"), "No stop");
+        assert_eq!(first_sentence("# Logs\n"), "");
+    }
+
+    #[test]
+    fn a_link_without_a_target_is_stated() {
         let public = root().join("target/site-test");
         write(&public.join("index.html"), "<a href=\"other/#there\"></a><h1 id=\"here\"></h1>").unwrap();
         write(&public.join("other/index.html"), "<h1 id=\"there\"></h1><a href=\"../#here\"></a>").unwrap();
         check_links(&public).unwrap();
         write(&public.join("other/index.html"), "<a href=\"../#gone\"></a><img src=\"none.svg\">").unwrap();
-        let told = check_links(&public).unwrap_err();
+        let stated = check_links(&public).unwrap_err();
         assert!(
-            told.contains("index.html: other/#there") && told.contains("../#gone") && told.contains("none.svg"),
-            "{told}"
+            stated.contains("index.html: other/#there") && stated.contains("../#gone") && stated.contains("none.svg"),
+            "{stated}"
         );
         std::fs::remove_dir_all(&public).unwrap();
     }

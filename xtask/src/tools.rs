@@ -94,8 +94,8 @@ mod tests {
 
     #[test]
     fn a_tool_that_is_missing_is_told_with_its_remedy() {
-        let told = needs("cargo", &["no-such-tool"], "cargo install no-such-tool").unwrap_err();
-        assert_eq!(told, "`cargo no-such-tool` does not run; get it with `cargo install no-such-tool`");
+        let stated = needs("cargo", &["no-such-tool"], "cargo install no-such-tool").unwrap_err();
+        assert_eq!(stated, "`cargo no-such-tool` does not run; get it with `cargo install no-such-tool`");
         needs("cargo", &["--version"], "").unwrap();
     }
 

@@ -16,7 +16,7 @@ pub(crate) enum Failure {
     /// The work is done except for some of its parts: status 4.
     Partly(String),
     /// Another program failed and said why: silent, its status.
-    Told(u8),
+    Exited(u8),
     /// Nobody reads the output any more: silent, status 0.
     ClosedPipe,
 }
@@ -34,7 +34,7 @@ impl Failure {
         match self {
             Self::Input(message) => Self::Input(message + remedy),
             Self::Work(message) => Self::Work(message + remedy),
-            Self::Verdict(_) | Self::Partly(_) | Self::Told(_) | Self::ClosedPipe => self,
+            Self::Verdict(_) | Self::Partly(_) | Self::Exited(_) | Self::ClosedPipe => self,
         }
     }
 
@@ -44,7 +44,7 @@ impl Failure {
             Self::Work(_) => 1,
             Self::Verdict(_) => 3,
             Self::Partly(_) => 4,
-            Self::Told(status) => *status,
+            Self::Exited(status) => *status,
             Self::ClosedPipe => 0,
         }
     }
@@ -59,7 +59,7 @@ impl fmt::Display for Failure {
                 let line = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
                 write!(f, "{}", shortened(line))
             }
-            Self::Told(status) => write!(f, "a program ended with status {status}"),
+            Self::Exited(status) => write!(f, "a program ended with status {status}"),
             Self::ClosedPipe => write!(f, "the output was closed"),
         }
     }

@@ -46,7 +46,7 @@ pub fn run(line: impl IntoIterator<Item = OsString>, engines: &dyn Engines) -> u
     match commands::run(&arguments, &session) {
         // Whoever read the output has seen enough.
         Ok(()) | Err(Failure::ClosedPipe) => 0,
-        Err(Failure::Told(status)) => status,
+        Err(Failure::Exited(status)) => status,
         Err(failure) => {
             screen.error(&failure.to_string());
             failure.status()
@@ -65,11 +65,11 @@ fn refuse(error: &clap::Error) -> u8 {
         _ => {
             let text = error.render().to_string();
             let lines = text.lines().map(str::trim);
-            let told: Vec<&str> = lines
+            let stated: Vec<&str> = lines
                 .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
                 .filter(|line| !line.is_empty())
                 .collect();
-            let message = told.join(" ").replace(" tip: ", "; ");
+            let message = stated.join(" ").replace(" tip: ", "; ");
             Screen::plain().error(&format!("{}; see --help", message.trim_start_matches("error: ")));
             2
         }

@@ -209,9 +209,9 @@ mod tests {
     #[test]
     fn lines_of_progress_come_from_time_to_time() {
         let mut lines = Lines::default();
-        let told: Vec<Option<String>> =
+        let stated: Vec<Option<String>> =
             [3.0, 12.0, 15.0, 23.0].into_iter().map(|now| lines.due("suspects: fitting", 4, 40, now)).collect();
         let line = |seconds: u32| Some(format!("{seconds} s: suspects: fitting, 4 of 40"));
-        assert_eq!(told, [None, line(12), None, line(23)]);
+        assert_eq!(stated, [None, line(12), None, line(23)]);
     }
 }

@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn clocks_that_differ_and_runs_without_partner_are_told() {
+    fn clocks_that_differ_and_runs_without_partner_are_stated() {
         let simulated = logs(SIMULATOR, 0.0, 0..2);
         let names = ["u"];
         let own = |run: usize| (&simulated, &simulated.runs()[run]);

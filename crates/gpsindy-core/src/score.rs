@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn the_callers_mistakes_are_told() {
+    fn the_callers_mistakes_are_stated() {
         let system = model("u").compile().unwrap();
         let settings = Scoring { window: Some(0.0), ..Scoring::default() };
         assert!(score(&system, &data(5, |t| t), &settings, &Silent).unwrap_err().to_string().contains("window"));

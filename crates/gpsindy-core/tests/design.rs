@@ -213,8 +213,8 @@ fn the_separation_that_is_told_is_the_one_that_shows() {
     let squares = |i: usize| (0..2).map(|j| ((one[(i, j)] - other[(i, j)]) / NOISE[j]).powi(2)).sum::<f64>();
     let plain = 0.5 * (0..SAMPLES).map(squares).sum::<f64>();
     // A start that is free takes up a part of it: some percent over ten seconds of a damped cart.
-    let told = signal.pairs[0].nats;
-    assert!(told <= plain * 1.001 && told > 0.8 * plain, "{told} of {plain}");
+    let stated = signal.pairs[0].nats;
+    assert!(stated <= plain * 1.001 && stated > 0.8 * plain, "{stated} of {plain}");
     assert!(signal.pairs[0].seconds.is_some_and(|s| s < 10.0));
 }
 
@@ -234,7 +234,7 @@ fn states_stay_within_their_bounds() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_signal_and_wrong_settings_are_told() {
+fn the_same_seed_gives_the_same_signal_and_wrong_settings_are_stated() {
     let short = Design { duration: 2.0, ..limits() };
     assert_eq!(short.run(&open(), None, &Silent).unwrap(), short.run(&open(), None, &Silent).unwrap());
     for (wrong, words) in [
@@ -243,8 +243,8 @@ fn the_same_seed_gives_the_same_signal_and_wrong_settings_are_told() {
         (Design { bounds: vec![("z".into(), 0.0, 1.0)], ..limits() }, "`z`"),
         (Design { bounds: vec![("x".into(), 1.0, 2.0)], ..limits() }, "within its bounds"),
     ] {
-        let told = wrong.run(&open(), None, &Silent).unwrap_err().to_string();
-        assert!(told.contains(words), "{told}");
+        let stated = wrong.run(&open(), None, &Silent).unwrap_err().to_string();
+        assert!(stated.contains(words), "{stated}");
     }
     let nothing = Open { pairs: Vec::new(), ..open() };
     assert!(matches!(limits().run(&nothing, None, &Silent), Err(Error::Settings { .. })));

@@ -259,7 +259,7 @@ fn a_sensor_is_taken_back_to_the_state() {
 }
 
 #[test]
-fn wrong_sizes_and_settings_are_told() {
+fn wrong_sizes_and_settings_are_stated() {
     let system = model(&[("x", "u")], &["u"]).compile().unwrap();
     let excitation = drive(&system, &grid(5, 1.0), Hold::Zero, |t| t);
     let run =

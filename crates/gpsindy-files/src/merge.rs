@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_control_that_begins_late_is_told() {
+    fn a_control_that_begins_late_is_stated() {
         let topics =
             [topic("q", 0, &[0.0, 1.0, 2.0], &[1.0, 2.0, 3.0]), topic("/u", 1, &[1.5, 1.6, 1.7], &[4.0, 5.0, 6.0])];
         let (_, notes) = merge("log", topics.to_vec(), Roles { held: &[false, true], hold: Hold::Zero }).unwrap();

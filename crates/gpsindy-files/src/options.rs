@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn a_name_or_unit_that_hides_something_is_refused() {
         let one = |name: &str, other: &str| vec![(name.to_string(), other.to_string())];
-        let told = |options: LogOptions| options.check("a.csv", true).unwrap_err().to_string();
+        let stated = |options: LogOptions| options.check("a.csv", true).unwrap_err().to_string();
         for hidden in ['\u{feff}', '\u{ad}'] {
             let (name, code) = (format!("v{hidden}x"), u32::from(hidden));
             let wanted = |place: &str| {
@@ -138,10 +138,10 @@ mod tests {
                     "a.csv: {place}: character 2 of a name or unit is U+{code:04X}, which does not show; write it without"
                 )
             };
-            assert_eq!(told(LogOptions { rename: one("v", &name), ..LogOptions::default() }), wanted("--rename"));
-            assert_eq!(told(LogOptions { map: one(&name, "v"), ..LogOptions::default() }), wanted("--map"));
-            assert_eq!(told(LogOptions { unit: one(&name, "m"), ..LogOptions::default() }), wanted("[unit]"));
-            assert_eq!(told(LogOptions { unit: one("v", &name), ..LogOptions::default() }), wanted("[unit]"));
+            assert_eq!(stated(LogOptions { rename: one("v", &name), ..LogOptions::default() }), wanted("--rename"));
+            assert_eq!(stated(LogOptions { map: one(&name, "v"), ..LogOptions::default() }), wanted("--map"));
+            assert_eq!(stated(LogOptions { unit: one(&name, "m"), ..LogOptions::default() }), wanted("[unit]"));
+            assert_eq!(stated(LogOptions { unit: one("v", &name), ..LogOptions::default() }), wanted("[unit]"));
         }
         // What is looked for in a log may be as the log has it.
         let there = LogOptions { rename: one("v\u{ad}", "v"), map: one("w", "/a.w\u{ad}"), ..LogOptions::default() };
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(found("q_*", "*_joint"), "q_hip [rad]=hip_joint, q_knee [rad]=knee_joint");
         assert_eq!(found("qd_*", "*_joint_vel"), "qd_knee=knee_joint_vel");
         assert_eq!(found("state[*.pos]", "*"), "state[arm.pos]=arm");
-        // What fits nothing is told as a column that is not there; a name without a star gets one column only.
+        // What fits nothing is an error like that of a missing column; a name without a star gets one column only.
         assert_eq!(found("x_*", "*"), "x_*=*");
         assert_eq!(found("q_*", "hip"), "q_*=hip");
         assert_eq!(found("q_hip", "*"), "q_hip=*");

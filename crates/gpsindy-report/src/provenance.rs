@@ -65,11 +65,11 @@ fn rate_unit(time_unit: &str) -> String {
 
 /// Date, version and command in a line.
 pub(crate) fn line(provenance: &Provenance) -> Markup {
-    let told: Vec<&str> =
+    let stated: Vec<&str> =
         [&provenance.date, &provenance.version].into_iter().map(String::as_str).filter(|s| !s.is_empty()).collect();
     html! {
-        @if !told.is_empty() || !provenance.command.is_empty() {
-            p { (told.join(", ")) @if !provenance.command.is_empty() { @if !told.is_empty() { ": " } code { (provenance.command) } } }
+        @if !stated.is_empty() || !provenance.command.is_empty() {
+            p { (stated.join(", ")) @if !provenance.command.is_empty() { @if !stated.is_empty() { ": " } code { (provenance.command) } } }
         }
     }
 }

@@ -151,10 +151,10 @@ pub(crate) fn between_sentence(between: &BetweenRuns) -> String {
 pub(crate) fn parameter_meaning(cause: &Cause, parameter: &Parameter) -> String {
     let name = parameter.name.as_str();
     let is_shown = cause.form.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
-    let told = Effect::from_id(&cause.effect).filter(|_| !is_shown).and_then(|effect| {
+    let stated = Effect::from_id(&cause.effect).filter(|_| !is_shown).and_then(|effect| {
         effect.parameters().split(", ").find_map(|one| one.split_once(": ").filter(|(own, _)| *own == name))
     });
-    let Some((_, meaning)) = told else { return String::new() };
+    let Some((_, meaning)) = stated else { return String::new() };
     // A value of zero may have a meaning of its own.
     let (usual, at_zero) = meaning.split_once("; 0 where it ").unwrap_or((meaning, meaning));
     format!(" ({})", if parameter.value == 0.0 { at_zero } else { usual })
@@ -372,8 +372,8 @@ mod tests {
             "gap": {"detected": false, "p_value": 1, "by_state": [], "by_region": [], "by_window": []}, "causes": [], "excluded": [],
             "unexplained": {"probability": 0, "share": 0, "depends_on": []}, "interrupted": 120, "notes": [],
             "closure": {"metric": "rollout_rmse", "before": 80.2, "floor_source": "sensor noise", "by_state": []}}"#;
-        let told = verdict_sentence(&serde_json::from_str(json).unwrap());
-        assert!(told.starts_with("The search ended before") && told.contains("80.2 times the noise"), "{told}");
+        let stated = verdict_sentence(&serde_json::from_str(json).unwrap());
+        assert!(stated.starts_with("The search ended before") && stated.contains("80.2 times the noise"), "{stated}");
     }
 
     #[test]

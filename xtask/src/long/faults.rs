@@ -346,8 +346,8 @@ fn complaint(output: &Output) -> String {
 
 /// Whether a failure was reported in one line and with a status of its own.
 fn one_line(output: &Output) -> bool {
-    let told = String::from_utf8_lossy(&output.stderr);
-    output.status.code() == Some(1) && told.starts_with("error: ") && told.lines().count() == 1
+    let stated = String::from_utf8_lossy(&output.stderr);
+    output.status.code() == Some(1) && stated.starts_with("error: ") && stated.lines().count() == 1
 }
 
 fn names(folder: &Path) -> Vec<String> {

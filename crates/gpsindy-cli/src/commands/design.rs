@@ -7,7 +7,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::{aligned, short};
 use clap::Args;
-use gpsindy_core::diagnose::{Candidate, Design as Settings, Designed, Open, Parting};
+use gpsindy_core::diagnose::{Candidate, Design as Settings, Designed, Open, Separation};
 use gpsindy_core::{Channel, Model};
 use gpsindy_files::{Table, read_model};
 use serde_json::json;
@@ -22,7 +22,8 @@ pub(crate) const OPEN: &str = "open.json";
 /// Maximises the worst-case separation over all pairs of explanations, within the limits; each model may adjust its parameters within what the
 /// logs allow (T-optimal design). Tries multisines, chirps, steps and free forms, and refines the best. Reports the expected separation of each
 /// pair in nats (log odds), and the time after which the right one of the pair reaches 95 %. The folder must be that of a diagnosis of equations
-/// (it holds open.json); for a MuJoCo model or an FMU use `diagnosis.design` in Python.
+/// (it holds open.json); for a MuJoCo model or an FMU use `diagnosis.design` in Python. A diagnosis with fewer than two explanations has no
+/// pair to distinguish: name the models, or diagnose with more effects.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy design diagnosis --limit u=-2:2 --rate-limit u=20 --duration 10 --out next.csv\n         \
@@ -136,7 +137,7 @@ fn of_diagnosis(folder: &Path) -> Outcome<Open> {
     let text = std::fs::read_to_string(&path).map_err(|e| {
         if e.kind() == ErrorKind::NotFound && folder.join("augmented.toml").is_file() {
             return Failure::input(format!(
-                "{}: the diagnosis has fewer than two explanations of the logs, so no pair is to be told apart; name models instead, or diagnose with more effects",
+                "{}: the diagnosis has fewer than two explanations of the logs, so there is nothing to distinguish; name models instead, or diagnose with more effects",
                 folder.display()
             ));
         }
@@ -201,7 +202,7 @@ fn csv(designed: &Designed, model: &Model) -> Table {
 
 /// The separation of each pair.
 fn words(designed: &Designed) -> String {
-    let row = |p: &Parting| {
+    let row = |p: &Separation| {
         let after = p.seconds.map_or("not within the run".to_string(), |s| format!("{} s", short(s)));
         vec![format!("{} or {}", p.one, p.other), format!("{} nats", short(p.nats)), after]
     };

@@ -85,11 +85,11 @@ pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
 
 /// The flaws of a log that are not allowed, in one line each.
 fn flaws_of(found: &Inspection, allowed: &[String]) -> Vec<String> {
-    let told = found.findings.iter().filter(|flaw| !allowed.contains(&flaw.kind)).map(|flaw| {
+    let stated = found.findings.iter().filter(|flaw| !allowed.contains(&flaw.kind)).map(|flaw| {
         let parts = [flaw.topic.as_str(), flaw.column.as_deref().unwrap_or_default()];
         let place: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         let place = if place.is_empty() { "stamps".into() } else { place.join(".") };
         format!("{}: {place}: {}", found.file, flaw.text)
     });
-    told.collect()
+    stated.collect()
 }

@@ -36,7 +36,7 @@ pub(crate) fn run(command: &Mcp, line: &[OsString]) -> Outcome {
     match status.code().and_then(|code| u8::try_from(code).ok()) {
         Some(0) => Ok(()),
         // It has said why.
-        Some(code) => Err(Failure::Told(code)),
+        Some(code) => Err(Failure::Exited(code)),
         None => Err(Failure::Work(format!("{SERVER} ended with {status}"))),
     }
 }

@@ -76,7 +76,7 @@ fn what_is_missing_or_wrong_is_one_line() {
 }
 
 #[test]
-fn what_a_diagnosis_leaves_open_is_parted_by_the_run_that_it_asks_for() {
+fn the_run_that_a_diagnosis_asks_for_decides_what_it_leaves_open() {
     let folder = models();
     // Of so slow a motion the drag might as well be a friction.
     let nominal =
@@ -114,6 +114,6 @@ fn what_a_diagnosis_leaves_open_is_parted_by_the_run_that_it_asks_for() {
     let effects = "--effects quadratic_drag --hold zero --out alone";
     folder.run(&format!("diagnose nominal.toml run_0.csv run_1.csv run_2.csv {effects}")).done();
     let ran = folder.run("design alone --limit u=-2:2 --duration 1 --rate 20").ended(2);
-    let told = "error: alone: the diagnosis has fewer than two explanations of the logs, so no pair is to be told apart; name models instead, or diagnose with more effects\n";
-    assert_eq!(ran.stderr, told);
+    let stated = "error: alone: the diagnosis has fewer than two explanations of the logs, so no pair is to be distinguished; name models instead, or diagnose with more effects\n";
+    assert_eq!(ran.stderr, stated);
 }

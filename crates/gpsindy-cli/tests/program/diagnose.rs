@@ -231,7 +231,7 @@ fn confidence_moves_intervals_and_nothing_else() {
         ));
         serde_json::from_str(&ran.done().stdout).unwrap()
     };
-    let told = |report: &serde_json::Value| {
+    let stated = |report: &serde_json::Value| {
         let causes = report["causes"].as_array().unwrap().iter();
         let causes: Vec<String> =
             causes.map(|c| format!("{} {} {} {}", c["effect"], c["state"], c["included"], c["probability"])).collect();
@@ -248,7 +248,7 @@ fn confidence_moves_intervals_and_nothing_else() {
     };
     let all: Vec<serde_json::Value> = ["0.6", "0.9", "0.95", "0.99"].map(report).into();
     for pair in all.windows(2) {
-        assert_eq!(told(&pair[0]), told(&pair[1]));
+        assert_eq!(stated(&pair[0]), stated(&pair[1]));
         assert!(width(&pair[0]) < width(&pair[1]), "{} {}", width(&pair[0]), width(&pair[1]));
     }
 }

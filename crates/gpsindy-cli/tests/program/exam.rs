@@ -61,15 +61,15 @@ fn reports_of_another_tool_are_scored() {
     let folder = suite();
     std::fs::create_dir_all(folder.path().join("other/case_1")).unwrap();
     folder.write("other/case_1/report.json", "{\"verdict\": \"no_gap\"}");
-    let told = folder.run("exam suite --reports other --out card --quiet").done().stdout;
-    assert!(told.contains("diagnoses: other"), "{told}");
+    let stated = folder.run("exam suite --reports other --out card --quiet").done().stdout;
+    assert!(stated.contains("diagnoses: other"), "{stated}");
     let card: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(folder.path().join("card/scorecard.json")).unwrap()).unwrap();
     assert_eq!(card["cases"][0]["verdict"], "no_gap", "{card}");
     assert!(!folder.path().join("card/case_1").exists());
     folder.write("other/case_1/report.json", "{\"verdict\": \"perhaps\"}");
-    let told = folder.run("exam suite --reports other --out card");
-    assert!(told.refused().contains("other/case_1/report.json: "), "{told:?}");
+    let stated = folder.run("exam suite --reports other --out card");
+    assert!(stated.refused().contains("other/case_1/report.json: "), "{stated:?}");
     assert!(
         folder
             .run("exam suite --reports nowhere --out card")
@@ -92,8 +92,8 @@ fn an_effect_that_is_left_out_is_not_called_explained_by_another() {
     let answer = "schema = \"gpsindy.suite/1\"\n[[case]]\nid = \"case_1\"\nin_catalogue = true\n\
                   [[case.effects]]\neffect = \"bias\"\nstate = \"x\"\n";
     folder.write("suite/answers.toml", answer);
-    let told = folder.run("exam suite --leave-out --effects bias,cubic_stiffness,drift --quiet").done().stdout;
-    assert!(told.contains("effect left out of the catalogue: explained"), "{told}");
+    let stated = folder.run("exam suite --leave-out --effects bias,cubic_stiffness,drift --quiet").done().stdout;
+    assert!(stated.contains("effect left out of the catalogue: explained"), "{stated}");
     let card: serde_json::Value = serde_json::from_str(&folder.read("exam/scorecard.json")).unwrap();
     assert_eq!(card["cases"][0]["verdict"], "explained", "{card}");
     let left = &card["left_out"];

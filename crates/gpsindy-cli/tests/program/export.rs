@@ -65,8 +65,8 @@ fn a_sum_of_20000_terms_is_one_line_and_no_overflow() {
     folder.write("long.toml", &model(20_000)).write("longest.toml", &model(1000));
     for arguments in ["export long.toml --to sympy", "simulate long.toml --duration 0.1"] {
         let ran = folder.run(arguments);
-        let told = ran.refused();
-        assert!(told.contains("more than 1000 operations on each other") && told.len() < 600, "{told}");
+        let stated = ran.refused();
+        assert!(stated.contains("more than 1000 operations on each other") && stated.len() < 600, "{stated}");
     }
     for language in ["latex", "sympy", "python", "c", "rust", "julia", "modelica"] {
         folder.run(&format!("export longest.toml --to {language}")).done();

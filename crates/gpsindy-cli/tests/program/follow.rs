@@ -27,14 +27,14 @@ fn standard_input_is_followed_and_the_last_line_is_the_model_of_all() {
             &lotka_volterra(),
         )
         .done();
-    let told = lines(&ran.stdout);
-    let samples: Vec<u64> = told.iter().map(|line| line["samples"].as_u64().unwrap()).collect();
+    let stated = lines(&ran.stdout);
+    let samples: Vec<u64> = stated.iter().map(|line| line["samples"].as_u64().unwrap()).collect();
     assert_eq!(samples, [100, 200, 300, 301]);
     assert_eq!(
-        told.iter().map(|line| line["final"].as_bool().unwrap()).collect::<Vec<_>>(),
+        stated.iter().map(|line| line["final"].as_bool().unwrap()).collect::<Vec<_>>(),
         [false, false, false, true]
     );
-    let last = told.last().unwrap();
+    let last = stated.last().unwrap();
     assert_eq!(
         (terms(last, 0), terms(last, 1)),
         (vec!["x1".into(), "x1*x2".into()], vec!["x2".into(), "x1*x2".into()])
@@ -114,8 +114,8 @@ fn runs_of_a_file_follow_each_other() {
     arguments.extend(["--fix", "phi' = omega"]);
     folder.write("log.csv", &text);
     let ran = folder.run_list(&arguments).done();
-    let told = lines(&ran.stdout);
-    let last = told.last().unwrap();
+    let stated = lines(&ran.stdout);
+    let last = stated.last().unwrap();
     assert_eq!(terms(last, 1), ["omega", "u", "sin(phi)", "sign(omega)"]);
     assert_eq!(last["model"]["state"][0]["equation"], "omega");
 }

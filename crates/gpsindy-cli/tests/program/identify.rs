@@ -226,13 +226,17 @@ fn a_column_that_counts_the_years_becomes_no_state() {
 }
 
 #[test]
-fn rollouts_that_follow_little_of_the_logs_are_told() {
+fn rollouts_that_follow_little_of_the_logs_are_stated() {
     let folder = Folder::new();
-    let told = |degree: u32| {
+    let stated = |degree: u32| {
         folder.run(&format!("identify {} --state hare,lynx --degree {degree}", data("hare_lynx.csv"))).done().stderr
     };
-    assert!(told(3).contains("warning: rollouts miss 80 % of the logs' variance; try a lower --degree"), "{}", told(3));
-    assert!(!told(2).contains("warning: rollouts miss"), "{}", told(2));
+    assert!(
+        stated(3).contains("warning: rollouts miss 80 % of the logs' variance; try a lower --degree"),
+        "{}",
+        stated(3)
+    );
+    assert!(!stated(2).contains("warning: rollouts miss"), "{}", stated(2));
 }
 
 #[test]

@@ -78,8 +78,8 @@ mod unix {
         }
         let shell = format!("'{}' smooth - --state v --out run_1.csv < run_1.csv", env!("CARGO_BIN_EXE_gpsindy"));
         let ran = Command::new("sh").args(["-c", &shell]).current_dir(folder.path()).output().unwrap();
-        let told = String::from_utf8(ran.stderr).unwrap();
-        assert_eq!(told, "error: --out: run_1.csv is an input; name another file\n");
+        let stated = String::from_utf8(ran.stderr).unwrap();
+        assert_eq!(stated, "error: --out: run_1.csv is an input; name another file\n");
         assert_eq!(folder.read("run_1.csv"), coast(1.5, 0.3));
     }
 
@@ -125,8 +125,8 @@ mod unix {
             env!("CARGO_BIN_EXE_gpsindy")
         );
         let ran = Command::new("bash").args(["-c", &shell]).current_dir(folder.path()).output().unwrap();
-        let told = String::from_utf8(ran.stderr).unwrap();
-        assert_eq!(told, "error: report/report.html: cannot be written: File too large\n");
+        let stated = String::from_utf8(ran.stderr).unwrap();
+        assert_eq!(stated, "error: report/report.html: cannot be written: File too large\n");
         assert_eq!(ran.status.code(), Some(1));
         assert_eq!(read(), before);
         assert_eq!(std::fs::read_dir(folder.path().join("report")).unwrap().count(), names, "a part was left");

@@ -132,6 +132,6 @@ fn a_log_without_a_value_is_no_fault_of_the_model() {
         .write("m.toml", "schema = \"gpsindy.model/1\"\nname = \"m\"\n[[state]]\nname = \"v\"\nequation = \"-v\"\n")
         .write("log.csv", &format!("t,v\n{rows}"));
     let ran = folder.run("score m.toml --data log.csv").ended(2);
-    let told = "error: m.toml: the logs hold no value of a state of the model, which would be compared; log one, or score on other logs\n";
-    assert_eq!(ran.stderr, told);
+    let stated = "error: m.toml: the logs hold no value of a state of the model, which would be compared; log one, or score on other logs\n";
+    assert_eq!(ran.stderr, stated);
 }

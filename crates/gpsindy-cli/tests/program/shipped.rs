@@ -38,12 +38,12 @@ fn the_offset_of_a_clock_is_estimated_where_asked() {
     }
     let score = "score pendulum.toml --data pendulum.mcap --map-file pendulum_map.toml";
     let ran = folder.run(&format!("{score} --offset /joint_commands=auto")).done();
-    let told = ran.stderr.lines().find(|line| line.contains("were added to the stamps of `/joint_commands`"));
-    let told = told.unwrap_or_else(|| panic!("{ran:?}"));
+    let stated = ran.stderr.lines().find(|line| line.contains("were added to the stamps of `/joint_commands`"));
+    let stated = stated.unwrap_or_else(|| panic!("{ran:?}"));
     // Both topics have one clock: the estimate is near 0 and its interval holds it.
-    let numbers: Vec<f64> = told.split([' ', '(', ')']).filter_map(|word| word.parse().ok()).collect();
-    let [seconds, low, high, ..] = numbers[..] else { panic!("{told}") };
-    assert!(seconds.abs() < 5e-3 && low <= 0.0 && 0.0 <= high, "{told}");
+    let numbers: Vec<f64> = stated.split([' ', '(', ')']).filter_map(|word| word.parse().ok()).collect();
+    let [seconds, low, high, ..] = numbers[..] else { panic!("{stated}") };
+    assert!(seconds.abs() < 5e-3 && low <= 0.0 && 0.0 <= high, "{stated}");
     let refused = folder.run(&format!("{score} --offset /joint_command=auto"));
     assert!(refused.refused().contains("did you mean `/joint_commands`"), "{refused:?}");
     let refused = folder.run(&format!("{score} --offset /joint_commands=soon"));

@@ -19,14 +19,14 @@ fn listens(child: &Child, signal: i32) -> bool {
 
 #[test]
 fn ctrl_c_ends_a_command_with_a_word_and_leaves_the_old_file() {
-    let told = stopped_by(SIGINT);
-    assert_eq!(told, "error: stopped by Ctrl-C; no file was left half-written\n");
+    let stated = stopped_by(SIGINT);
+    assert_eq!(stated, "error: stopped by Ctrl-C; no file was left half-written\n");
 }
 
 #[test]
 fn so_does_a_request_of_the_system() {
-    let told = stopped_by(SIGTERM);
-    assert_eq!(told, "error: stopped by the system or another program (SIGTERM); no file was left half-written\n");
+    let stated = stopped_by(SIGTERM);
+    assert_eq!(stated, "error: stopped by the system or another program (SIGTERM); no file was left half-written\n");
 }
 
 /// What a command says that a signal ends.
@@ -47,12 +47,12 @@ fn stopped_by(signal: i32) -> String {
     }
     let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
     assert!(sent.success());
-    let mut told = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut told).unwrap();
+    let mut stated = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut stated).unwrap();
     assert_eq!(child.wait().unwrap().signal(), Some(signal));
     assert_eq!((folder.names(), folder.read("out.csv")), (vec!["out.csv".into()], "old".into()));
     drop(open);
-    told
+    stated
 }
 
 /// Logs of an oscillator that the model does not explain at once: a drag, a spring that hardens, and two tones that no column carries.
@@ -92,18 +92,18 @@ fn the_first_ctrl_c_ends_a_diagnosis_with_the_best_so_far() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut told = BufReader::new(child.stderr.take().unwrap());
+    let mut stated = BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
     // The logs are read, and the search begins.
     while !line.starts_with("columns ignored: ") {
         line.clear();
-        assert!(told.read_line(&mut line).unwrap() > 0, "no note about the columns");
+        assert!(stated.read_line(&mut line).unwrap() > 0, "no note about the columns");
     }
     std::thread::sleep(std::time::Duration::from_millis(300));
     let sent = Command::new("kill").args(["-2", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     let mut rest = String::new();
-    told.read_to_string(&mut rest).unwrap();
+    stated.read_to_string(&mut rest).unwrap();
     assert!(rest.contains("stopping with the best so far"), "{rest}");
     assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
     let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();

@@ -60,8 +60,8 @@ fn a_wrong_usage_is_one_line_and_status_2() {
 fn every_exit_status_is_in_the_help() {
     let top = Folder::new().run("--help").done().stdout;
     let words = top.split_whitespace().collect::<Vec<_>>().join(" ");
-    let told = "Exit status: 0 success, 1 the computation failed, 2 bad input or usage, 3 a verdict that --fail-if names, 4 some units of a fleet failed.";
-    assert!(words.ends_with(told), "{top}");
+    let stated = "Exit status: 0 success, 1 the computation failed, 2 bad input or usage, 3 a verdict that --fail-if names, 4 some units of a fleet failed.";
+    assert!(words.ends_with(stated), "{top}");
 }
 
 #[test]
@@ -126,10 +126,10 @@ fn the_server_is_looked_for_beside_the_program_and_then_on_the_path() {
     assert_eq!(run("gpsindy".into()), (Some(0), "path logs\n".into()));
     let mut alone = Command::new(env!("CARGO_BIN_EXE_gpsindy"));
     let output = alone.arg("mcp").env("PATH", folder.path()).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
+    let stated = String::from_utf8(output.stderr).unwrap();
     assert!(
-        told.starts_with("error: the program gpsindy-mcp was not found; install it") && told.lines().count() == 1,
-        "{told}"
+        stated.starts_with("error: the program gpsindy-mcp was not found; install it") && stated.lines().count() == 1,
+        "{stated}"
     );
 }
 

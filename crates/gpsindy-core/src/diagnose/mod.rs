@@ -29,7 +29,7 @@ pub use catalogue::example::{Drive, Example};
 pub use catalogue::list::Effect;
 pub use catalogue::place::Family;
 pub use design::open::{Candidate, Open};
-pub use design::settings::{Design, Designed, Parting};
+pub use design::settings::{Design, Designed, Separation};
 pub use handed::{Handed, Member};
 pub use notes::Note;
 pub use parts::{Part, PartKind};

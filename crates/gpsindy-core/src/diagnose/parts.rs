@@ -114,8 +114,8 @@ pub(crate) mod tests {
     fn a_part_that_is_not_there_is_an_error_with_the_names_of_its_kind() {
         let parts = [joint("hip"), joint("knee")];
         assert_eq!(Part::find(&parts, PartKind::Joint, "knee").unwrap().name, "knee");
-        let told = Part::find(&parts, PartKind::Joint, "kne").unwrap_err().to_string();
-        assert!(told.contains("joint `kne`") && told.contains("knee"), "{told}");
+        let stated = Part::find(&parts, PartKind::Joint, "kne").unwrap_err().to_string();
+        assert!(stated.contains("joint `kne`") && stated.contains("knee"), "{stated}");
         assert!(Part::find(&parts, PartKind::Actuator, "knee").is_err());
     }
 }

@@ -74,7 +74,7 @@ mod tests {
     use crate::data::Channel;
 
     #[test]
-    fn of_a_long_run_the_windows_that_move_are_kept_and_the_rest_is_told() {
+    fn of_a_long_run_the_windows_that_move_are_kept_and_the_rest_is_stated() {
         let n = 4 * MOST_SAMPLES;
         // The last tenth moves.
         let value = |i: usize, _: usize| if i >= n - n / 10 { (0.01 * i as f64).sin() } else { 0.0 };

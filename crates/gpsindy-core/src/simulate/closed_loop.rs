@@ -118,7 +118,7 @@ mod tests {
             u[0] = f64::NAN;
             Ok(())
         };
-        let told = Simulate::default().closed_loop(&cart("u"), &[0.0, 0.1], &[0.0, 0.0], &mut controller);
-        assert!(told.unwrap_err().to_string().contains("`u` at 0 s"));
+        let stated = Simulate::default().closed_loop(&cart("u"), &[0.0, 0.1], &[0.0, 0.0], &mut controller);
+        assert!(stated.unwrap_err().to_string().contains("`u` at 0 s"));
     }
 }

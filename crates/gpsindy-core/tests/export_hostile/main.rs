@@ -164,8 +164,8 @@ fn folder(name: &str) -> PathBuf {
 /// Runs a program in `folder`; it must succeed and leave nothing called `ran` behind.
 fn run(program: &str, arguments: &[&str], folder: &Path) {
     let output = Command::new(program).args(arguments).current_dir(folder).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{program} {arguments:?}\n{told}");
+    let stated = String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{program} {arguments:?}\n{stated}");
     assert!(!folder.join("ran").exists(), "something of a model ran");
 }
 

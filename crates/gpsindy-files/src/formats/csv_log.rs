@@ -140,8 +140,8 @@ impl CsvLog {
     /// What speaks against times in seconds.
     pub(crate) fn doubt(&self) -> Option<String> {
         let time = &self.headers[self.time];
-        let is_told = self.clock.note(time, &self.first_stamp).is_some();
-        if is_told { None } else { time::doubt(time, &self.times) }
+        let is_stated = self.clock.note(time, &self.first_stamp).is_some();
+        if is_stated { None } else { time::doubt(time, &self.times) }
     }
 
     /// The error that says that `name` is not in this file and what is.

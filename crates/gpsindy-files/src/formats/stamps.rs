@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_out_of_order_are_sorted_and_repeated_stamps_told() {
+    fn messages_out_of_order_are_sorted_and_repeated_stamps_stated() {
         let (topics, notes) = topics("log", series(&[0, 20, 10, 30, 30]), &[], "").unwrap();
         assert_eq!(topics[0].columns[0].1, [0.0, 2.0, 1.0, 3.0]);
         assert_eq!(topics[0].stamps.len(), 4);

@@ -112,7 +112,7 @@ fn the_difference_through_a_filter_is_found_in_a_log() {
 
 #[cfg(feature = "mcap")]
 #[test]
-fn clocks_that_meet_and_keep_step_are_left_alone_and_others_told() {
+fn clocks_that_meet_and_keep_step_are_left_alone_and_others_stated() {
     use crate::formats::mcap_log::tests::{Bag, JOINT_STATE, joint_state};
     // Stamps of two topics, ns, recorded late by a scatter that does not grow.
     let found = |name: &str, shift: i64| {
@@ -192,7 +192,7 @@ fn topics_of_ulog_are_listed_with_their_instances() {
 }
 
 #[test]
-fn a_column_that_ends_or_begins_within_the_log_is_told() {
+fn a_column_that_ends_or_begins_within_the_log_is_stated() {
     let early = |i: usize| if i < 5 { smooth(i) } else { f64::NAN };
     let late = |i: usize| if i < 300 { f64::NAN } else { smooth(i) };
     let rare = |i: usize| if i.is_multiple_of(10) { smooth(i) } else { f64::NAN };

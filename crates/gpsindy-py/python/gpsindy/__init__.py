@@ -24,7 +24,7 @@ from gpsindy.diagnosis import Cause, Diagnosis
 from gpsindy.errors import DataWarning, NotFittedError
 from gpsindy.fleets import Fleet, fleet
 from gpsindy.following.consequences import Consequence, Loop, Loss, closed_loop, consequence
-from gpsindy.following.experiment import Experiment, Parting
+from gpsindy.following.experiment import Experiment, Separation
 from gpsindy.following.randomizing import Randomization, Range, randomization
 from gpsindy.identifying.estimator import GPSINDy
 from gpsindy.identifying.online import Estimate, Online
@@ -61,13 +61,13 @@ __all__ = [
     "NumericalError",
     "Online",
     "Parameter",
-    "Parting",
     "Port",
     "Randomization",
     "Range",
     "Rollout",
     "Run",
     "Score",
+    "Separation",
     "Smoothed",
     "SmoothedRun",
     "State",

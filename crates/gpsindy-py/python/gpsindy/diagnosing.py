@@ -158,17 +158,17 @@ def _diagnosis(report: str, models: Sequence[Any], left: _gpsindy.Open, source: 
 
 def _with_file(report: str, augmented: Model) -> str:
     """The report of a simulator that is no equations: the name of its corrected file, and what changed in it."""
-    told = json.loads(report)
-    told["augmented_model"] = None
+    stated = json.loads(report)
+    stated["augmented_model"] = None
     if augmented._source is not None:
         try:
-            told["augmented_model"], _, difference = augmented._source._corrected_file(augmented._inner, ".")
+            stated["augmented_model"], _, difference = augmented._source._corrected_file(augmented._inner, ".")
         except ValueError:
             # Made from what has no file, such as a compiled model.
-            return json.dumps(told)
-        if told.get("figures"):
-            told["figures"]["difference"] = difference
-    return json.dumps(told)
+            return json.dumps(stated)
+        if stated.get("figures"):
+            stated["figures"]["difference"] = difference
+    return json.dumps(stated)
 
 
 def _identify_settings(model: Any, states: Sequence[str] | None, controls: Sequence[str]) -> dict[str, Any]:

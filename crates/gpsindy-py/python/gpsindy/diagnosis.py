@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsindy import _gpsindy
 from gpsindy.data.dataset import Path
-from gpsindy.following.experiment import Experiment, Parting
+from gpsindy.following.experiment import Experiment, Separation
 from gpsindy.model import Model, Progress
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ class Diagnosis:
         }
         t, names, values, form, pairs = _gpsindy.design(self._open, self._augmented._inner, settings, progress)
         units = {control.name: control.unit for control in self._augmented.controls}
-        return Experiment(t, dict(zip(names, values)), form, tuple(Parting(*pair) for pair in pairs), units)
+        return Experiment(t, dict(zip(names, values)), form, tuple(Separation(*pair) for pair in pairs), units)
 
     def to_dict(self) -> dict[str, Any]:
         """The whole report."""

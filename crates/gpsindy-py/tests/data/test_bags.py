@@ -96,7 +96,7 @@ def test_errors_and_warnings_name_the_bag(tmp_path: Path) -> None:
         gpsindy.read_log(tmp_path / "cut.bag", map=MAP)
 
 
-def test_without_the_package_the_way_to_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_package_the_way_to_it_is_stated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = ros1(tmp_path / "run.bag")
     for name in [name for name in sys.modules if name.split(".")[0] == "rosbags"]:
         monkeypatch.delitem(sys.modules, name)

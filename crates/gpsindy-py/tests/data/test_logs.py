@@ -350,7 +350,7 @@ def test_a_wrong_name_suggests_the_right_one(tmp_path: Path) -> None:
         gpsindy.read_log(tmp_path / "log.mcap")
 
 
-def test_the_offset_of_a_clock_is_estimated_and_told() -> None:
+def test_the_offset_of_a_clock_is_estimated_and_stated() -> None:
     data = Path(__file__).parents[4] / "data"
     read = {"map_file": data / "pendulum_map.toml", "controls": "u"}
     with pytest.warns(gpsindy.DataWarning, match="were added to the stamps of `/joint_commands`"):

@@ -179,7 +179,7 @@ def same_data(a: gpsindy.Dataset, b: gpsindy.Dataset) -> None:
             assert one[name].tobytes() == other[name].tobytes(), name
 
 
-def told(diagnosis: gpsindy.Diagnosis) -> dict:
+def stated(diagnosis: gpsindy.Diagnosis) -> dict:
     """The report without the names of the runs."""
     report = diagnosis.to_dict()
 
@@ -223,7 +223,7 @@ def test_a_split_log_gives_what_the_table_gives(form, tmp_path, splits, expected
     same_data(data, table_)
     found, again = answers(gpsindy.Model.from_toml(MODEL), data, SUSPECTS)
     assert found.tobytes() == coefficients.tobytes()
-    assert told(again) == told(diagnosis)
+    assert stated(again) == stated(diagnosis)
 
 
 def jetracer(path: pathlib.Path, seconds: float) -> tuple[Topic, Topic]:
@@ -250,4 +250,4 @@ def test_real_runs_of_a_car_give_the_same_in_every_format(tmp_path):
         same_data(data, table_)
         found, again = answers(gpsindy.Model.from_toml(MODEL), data, ["viscous_friction", "input_gain"])
         assert found.tobytes() == coefficients.tobytes(), form
-        assert told(again) == told(diagnosis), form
+        assert stated(again) == stated(diagnosis), form

@@ -62,7 +62,7 @@ def test_the_loss_of_each_cause_is_that_of_the_truth_without_it(diagnosis):
     assert "quadratic_drag" in repr(found)
 
 
-def test_mistakes_are_told(diagnosis):
+def test_mistakes_are_stated(diagnosis):
     with pytest.raises(ValueError, match="expected 1 numbers, found 2"):
         gpsindy.consequence(diagnosis, lambda t, y: [0.0, 0.0], cost, t=T[:10])
     with pytest.raises(ValueError, match="no state 'z'"):

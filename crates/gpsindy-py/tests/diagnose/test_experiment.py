@@ -54,7 +54,7 @@ def test_a_signal_within_the_limits_parts_two_accounts(diagnosis, tmp_path):
     assert "viscous_friction" in repr(found)
 
 
-def test_mistakes_are_told(diagnosis):
+def test_mistakes_are_stated(diagnosis):
     with pytest.raises(ValueError, match="control `u` has no limit"):
         diagnosis.design({})
     with pytest.raises(ValueError, match="no pair of bias and cogging"):

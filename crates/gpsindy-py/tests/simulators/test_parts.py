@@ -163,8 +163,8 @@ def test_the_command_takes_joints_and_drivers_and_refuses_them_elsewhere(tmp_pat
     line = ["diagnose", "arm.xml", *logs, "--hold", "zero", "--effects", "coulomb_friction,bias"]
     done = command(*line, "--joint", "shoulder", "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    told = {row["part"]: row for row in json.loads(done.stdout)["by_part"]}
-    assert told["elbow"]["says"] == "not asked" and told["shoulder"]["says"].startswith("friction +0.25")
+    stated = {row["part"]: row for row in json.loads(done.stdout)["by_part"]}
+    assert stated["elbow"]["says"] == "not asked" and stated["shoulder"]["says"].startswith("friction +0.25")
     for option, words in [
         (["--joint", "sholder"], "--joint: the model has no joint `sholder`; did you mean `shoulder`?"),
         (["--driver", "shoulder=1,0.1"], "is no motor on a joint"),

@@ -31,8 +31,8 @@ def friction():
 
 
 def test_what_the_logs_tell_is_narrow_and_what_they_do_not_keeps_its_prior(friction):
-    told = friction["hinge.frictionloss"]
-    assert told.identified and told.low < 0.15 < told.high and told.high - told.low < 0.05
+    stated = friction["hinge.frictionloss"]
+    assert stated.identified and stated.low < 0.15 < stated.high and stated.high - stated.low < 0.05
     mass = friction["link.mass"]
     assert (mass.low, mass.high, mass.identified) == (0.4, 0.7, False)
     armature = friction["hinge.armature"]
@@ -129,7 +129,7 @@ def span(low, high, name="", nominal=1.0, **kind):
 
 @pytest.fixture
 def drawn():
-    """The file of a machine of which everything is told, as its names."""
+    """The file of a machine of which everything is stated, as its names."""
     ranges = [
         span(0.1, 0.2, "elbow.frictionloss"),
         span(0.4, 0.6, "elbow.damping"),

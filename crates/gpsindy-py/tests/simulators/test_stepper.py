@@ -49,7 +49,7 @@ def test_a_stepper_that_is_right_has_no_gap():
     assert found.verdict == "no_gap"
 
 
-def test_mistakes_are_told():
+def test_mistakes_are_stated():
     with pytest.raises(ValueError, match="expected a callable"):
         gpsindy.Stepper(3, ["x"])
     with pytest.raises(ValueError, match="`dt` must be above 0"):

@@ -71,9 +71,9 @@ def test_what_is_missing_is_told_in_one_line(tmp_path):
     # A module of that name that cannot be imported stands for a package that is not there.
     (tmp_path / "hidden" / "mujoco").mkdir(parents=True)
     (tmp_path / "hidden" / "mujoco" / "__init__.py").write_text("raise ImportError")
-    told = command("diagnose", "robot.xml", "run.csv", folder=tmp_path, PYTHONPATH=os.fspath(tmp_path / "hidden"))
-    assert told.returncode == 2 and told.stderr.count("\n") == 1
-    assert "pip install 'gpsindy[mujoco]'" in told.stderr
+    stated = command("diagnose", "robot.xml", "run.csv", folder=tmp_path, PYTHONPATH=os.fspath(tmp_path / "hidden"))
+    assert stated.returncode == 2 and stated.stderr.count("\n") == 1
+    assert "pip install 'gpsindy[mujoco]'" in stated.stderr
     pytest.importorskip("mujoco")
     broken = command("diagnose", "broken.xml", "run.csv", folder=tmp_path)
     assert broken.returncode == 2 and broken.stderr.startswith("error: broken.xml: a MuJoCo model")

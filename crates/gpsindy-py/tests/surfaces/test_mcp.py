@@ -108,11 +108,11 @@ def test_no_error_shows_what_stands_in_a_file(folder):
         ("explain", {"what": report}),
     )
     for result in results:
-        told = text(result)
-        assert result.is_error and str(folder) in told, told
+        stated = text(result)
+        assert result.is_error and str(folder) in stated, stated
         # The folder's own path may hold the name of whoever runs the test.
-        told = told.replace(str(folder), "")
-        assert not any(part in told for part in ("root", "administrator", "x_0")), told
+        stated = stated.replace(str(folder), "")
+        assert not any(part in stated for part in ("root", "administrator", "x_0")), stated
     # What the call itself says stays.
     assert "`nobody`" in text(results[5])
 

@@ -90,13 +90,14 @@ impl History<'_> {
         marks.push(Mark::Dots("period", &days, periods.iter().map(|p| Some(p.1)).collect()));
         marks.extend(path.as_ref().map(|(x, y)| Mark::Line("after", x, y.iter().copied().map(Some).collect())));
         let about = name(self.effect, self.state, self.parameter);
-        let told = if self.change.is_some() { " Solid line: the change. Band: 90 % interval of its day." } else { "" };
+        let stated =
+            if self.change.is_some() { " Solid line: the change. Band: 90 % interval of its day." } else { "" };
         let begun = report.units.iter().find(|u| u.unit == self.unit && u.day == Some(first));
         let since = begun.and_then(|u| u.since.as_deref()).unwrap_or("the first period");
         let chart = Chart {
             title: format!("{}: {about}", self.unit),
             description: format!(
-                "One dot per period with its 95 % interval, at the mean covariates of the fleet. Broken line: mean of the fleet.{told}"
+                "One dot per period with its 95 % interval, at the mean covariates of the fleet. Broken line: mean of the fleet.{stated}"
             ),
             x_label: if since.parse::<f64>().is_ok() {
                 format!("days since day {since}")

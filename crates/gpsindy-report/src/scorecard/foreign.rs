@@ -76,14 +76,14 @@ mod tests {
 
     #[test]
     fn a_wrong_report_is_told_with_what_is_amiss() {
-        for (text, told) in [
+        for (text, stated) in [
             ("[]", "map"),
             ("{}", "missing field `verdict`"),
             (r#"{"verdict": "maybe"}"#, "unknown variant `maybe`"),
             (r#"{"verdict": "explained", "causes": [{}]}"#, "missing field `effect`"),
         ] {
             let message = read_report(text).unwrap_err().to_string();
-            assert!(message.contains(told), "{text}: {message}");
+            assert!(message.contains(stated), "{text}: {message}");
         }
     }
 }

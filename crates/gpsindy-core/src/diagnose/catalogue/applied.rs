@@ -44,7 +44,7 @@ impl Added {
     }
 
     /// A value as a reader should have it.
-    pub(crate) fn told(&self, value: f64) -> f64 {
+    pub(crate) fn stated(&self, value: f64) -> f64 {
         if self.role == Role::Angle { value.rem_euclid(std::f64::consts::TAU) } else { value }
     }
 }

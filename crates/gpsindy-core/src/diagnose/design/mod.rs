@@ -15,7 +15,7 @@ use crate::model::Dynamics;
 use crate::progress::{Progress, step};
 use open::Open;
 use separation::{Bench, Part};
-use settings::{Design, Designed, Parting};
+use settings::{Design, Designed, Separation};
 use signals::{Form, Frame, Signal};
 use std::sync::Arc;
 
@@ -49,16 +49,16 @@ impl Design {
             ));
         };
         let separated = bench.part(std::slice::from_ref(&signal))?.swap_remove(0).unwrap_or_default();
-        let mut pairs: Vec<Parting> = separated.iter().map(|part| self.parting(open, part)).collect();
+        let mut pairs: Vec<Separation> = separated.iter().map(|part| self.separation(open, part)).collect();
         pairs.sort_by(|a, b| a.nats.total_cmp(&b.nats));
         Ok(Designed { time: frame.time, controls: frame.names, form: signal.form.name(), values: signal.values, pairs })
     }
 
-    fn parting(&self, open: &Open, part: &Part) -> Parting {
+    fn separation(&self, open: &Open, part: &Part) -> Separation {
         let label = |candidate: usize| open.candidates[candidate].label.clone();
         let reached = part.growth.iter().position(|&nats| nats >= SEPARATE);
         let share = |index: usize| (index + 1) as f64 / part.growth.len() as f64;
-        Parting {
+        Separation {
             one: label(part.pair.0),
             other: label(part.pair.1),
             nats: part.nats(),

@@ -60,13 +60,13 @@ pub struct Designed {
     /// What the signal began as: `multisine`, `chirp`, `steps` or `free form`.
     pub form: &'static str,
     /// How far every pair is separated, the least first.
-    pub pairs: Vec<Parting>,
+    pub pairs: Vec<Separation>,
 }
 
 /// How far a pair of simulators is separated.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Parting {
+pub struct Separation {
     /// One of the pair.
     pub one: String,
     /// The other.

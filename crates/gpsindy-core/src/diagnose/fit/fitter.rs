@@ -139,7 +139,7 @@ impl Fitter {
 
     /// The same contestant with parameters beyond their lower ends, where that is better.
     ///
-    /// Dry friction that holds at rest is the limit of a corner that gets ever sharper, but no fit goes there by itself: long
+    /// Dry friction that holds at rest is the limit of a corner that gets ever sharper, but no fit goes there on its own: long
     /// rollouts find another corner first that suits one of their stops. Rivals are compared in the form that suits each of
     /// them, as one of another kind would use what is left of the corner.
     fn beyond(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {

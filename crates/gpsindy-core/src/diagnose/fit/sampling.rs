@@ -63,7 +63,7 @@ pub(crate) fn settle(
 }
 
 /// By how much a period or a phase may differ before a log samples another value at its end, s; nothing for other parameters.
-pub(crate) fn told_apart(experiment: &Experiment, added: &Added, value: f64) -> Option<f64> {
+pub(crate) fn least_distinguished(experiment: &Experiment, added: &Added, value: f64) -> Option<f64> {
     let grid = Grid::new(experiment);
     match added.role {
         Role::Period => Some(value * grid.step / (grid.end - grid.begin).max(grid.step)),
@@ -150,7 +150,7 @@ fn search(
             let phase = if phase - grid.first > 0.5 * period { phase - period } else { phase };
             return Ok(Sampling { period, phase, apart });
         }
-        // The whole has no more to tell: from here on the best of it can be parted.
+        // The whole has no more to show: from here on the best of it can be distinguished.
         most = if length >= whole { (most / 2).max(FEWEST_TRIALS) } else { most };
         length = (2.0 * length).min(whole);
         let mut kept: Vec<Sampling> = Vec::new();

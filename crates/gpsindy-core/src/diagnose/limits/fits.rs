@@ -6,7 +6,7 @@ use crate::refine::Refine;
 /// a fit that has not come to rest after sixty is held up by a bound or an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Budget {
-    /// One step: tells whether a hypothesis is worth a rough fit, where even that is dear.
+    /// One step: shows whether a hypothesis is worth a rough fit, where even that is dear.
     Glance,
     /// Ranks what is worth a real fit.
     Rough,
@@ -38,7 +38,7 @@ impl Budget {
 /// `1/(1 - 0.975^2) = 20`; a sensor that remembers for longer than 40 samples is a slow state and no noise. Argument.
 pub(crate) const FAR: f64 = 20.0;
 
-/// First samples of a window that count more where the rest is no noise: two tell a place and a rate. Argument.
+/// First samples of a window that count more where the rest is no noise: two show a place and a rate. Argument.
 pub(crate) const START_SAMPLES: usize = 2;
 
 /// Mean squared residual (noise units) from which a fit tries the logs' own starts once more: twice the noise's variance.

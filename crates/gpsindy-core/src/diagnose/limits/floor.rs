@@ -8,7 +8,7 @@ pub(crate) const SAME_COMMAND: f64 = 1e-3;
 /// below it once in a thousand times. Argument.
 pub(crate) const COPIES: f64 = 0.3;
 
-/// First samples whose mean tells the start, and how many of its standard deviations two starts may differ.
+/// First samples whose mean shows the start, and how many of its standard deviations two starts may differ.
 /// Five samples are a moment; of normal means none in 15,000 is four deviations away. Argument.
 pub(crate) const FIRST_SAMPLES: usize = 5;
 pub(crate) const SAME_START: f64 = 4.0;

@@ -34,7 +34,7 @@ pub(crate) const FOLLOWS: f64 = 1.3;
 /// Convention.
 pub(crate) const EXPLOSION: f64 = 100.0;
 
-/// Residual (noise units, root mean square) beyond which a longer rollout tells nothing that a shorter one does not.
+/// Residual (noise units, root mean square) beyond which a longer rollout shows nothing that a shorter one does not.
 ///
 /// So far above the noise every effect shows within the time of one motion. Longer rollouts only pile up what the model
 /// lacks, until two effects that are needed together look worthless alone: a bias that dry friction does not hold at rest
@@ -62,7 +62,7 @@ pub(crate) const ASTRAY: f64 = 1e3;
 /// error of a force makes four times the error of a place in twice the time. Argument.
 pub(crate) const STEADY: f64 = 16.0;
 
-/// The same where structure is left: rollouts that leave more of it tell of its piling up, and pull the effects after it.
+/// The same where structure is left: rollouts that leave more of it show of its piling up, and pull the effects after it.
 /// Convention.
 pub(crate) const PILED: f64 = 1.25;
 

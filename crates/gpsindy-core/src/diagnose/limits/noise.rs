@@ -20,7 +20,7 @@ pub(crate) const LINES: usize = 5;
 pub(crate) const OF_LINE: usize = 3;
 
 /// Least `(1 - sum a_k)^2` of a noise model, by which its spectrum at zero frequency is divided: noise that remembers for 32 samples.
-/// A residual that remembers longer is hardly told from a drift, whose spectrum there has no bound. Argument.
+/// A residual that remembers longer can hardly be distinguished from a drift, whose spectrum there has no bound. Argument.
 pub(crate) const SPECTRUM_FLOOR: f64 = 1e-3;
 
 /// Share of the highest frequency that a log can carry up to which its spectrum is looked at: beyond that a line is as far below

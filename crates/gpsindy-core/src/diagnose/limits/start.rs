@@ -17,7 +17,7 @@ pub(crate) const PARABOLA_OFF: f64 = 2.0;
 /// Uncertainty of a belief beyond what the noise gives: as much again for what a parabola does not follow. Convention.
 pub(crate) const PARABOLA_ROUGH: f64 = 2.0;
 
-/// How far a start that no sample tells may be from its guess, in typical sizes: no bound in practice, but an end to a
+/// How far a start that no sample shows may be from its guess, in typical sizes: no bound in practice, but an end to a
 /// search that nothing holds. Convention.
 pub(crate) const UNTOLD: f64 = 30.0;
 

@@ -17,7 +17,7 @@ pub(crate) const COVERED: f64 = 0.01;
 /// Error over the noise's floor, as a share of it, within which held-out runs show no gap to close. Convention.
 pub(crate) const QUIET: f64 = 0.1;
 
-/// Share of the floor below which there is no gap to close: the floor itself is known no better: 800 samples tell
+/// Share of the floor below which there is no gap to close: the floor itself is known no better: 800 samples show
 /// a variance to a twentieth. Argument.
 pub(crate) const NO_GAP: f64 = 0.05;
 

@@ -1,12 +1,12 @@
 //! Probabilities and the verdict.
 
 /// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
-/// told apart: odds below twenty to one. Convention.
+/// distinguished: odds below twenty to one. Convention.
 pub(crate) const TWINS: f64 = 6.0;
 
-/// Share of what a number of a simulator explains up to which another one may explain less and still be told beside it: its integrator
-/// parts them by as much, as Euler's does the damping of a joint and `kv` of its servo. Convention.
-pub(crate) const PARTED: f64 = 0.01;
+/// Share of what a number of a simulator explains up to which another one may explain less and still be stated besides it: its integrator
+/// distinguishes them by as much, as Euler's does the damping of a joint and `kv` of its servo. Convention.
+pub(crate) const DISTINGUISHED: f64 = 0.01;
 
 /// Odds that a cause is one of the machine's, for the whole of the gap that it removes; a tenth of it has a tenth of them.
 ///

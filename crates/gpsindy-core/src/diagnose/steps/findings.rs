@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::{CROWDED, PARTED, TWINS};
+use crate::diagnose::limits::weigh::{CROWDED, DISTINGUISHED, TWINS};
 use crate::diagnose::limits::{MATERIAL, NO_REST, SUBSTITUTE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::survey::Summary;
@@ -64,16 +64,16 @@ impl Outcome {
 }
 
 impl Seat {
-    /// Whether `fit`, one of the alternatives, is not told from the best of them, where a share `alone` of the values counts.
+    /// Whether `fit`, one of the alternatives, can't be distinguished from the best of them, where a share `alone` of the values counts.
     pub(crate) fn is_twin(&self, fit: &Contestant, alone: f64) -> bool {
         let bic = |fit: &Contestant| -2.0 * fit.evidence.score_of(alone);
         let best = self.alternatives.iter().map(bic).fold(f64::INFINITY, f64::min);
-        bic(fit) - best < TWINS || self.is_parted_by_the_engine_alone(fit)
+        bic(fit) - best < TWINS || self.is_distinguished_by_the_engine_alone(fit)
     }
 
     /// Whether two numbers of a simulator that steps explain the logs alike, but for less than counts: its integrator may treat the one
     /// implicitly and the other not, as MuJoCo does the damping of a joint and `kv` of its servo, and a machine has no integrator.
-    fn is_parted_by_the_engine_alone(&self, fit: &Contestant) -> bool {
+    fn is_distinguished_by_the_engine_alone(&self, fit: &Contestant) -> bool {
         let winner = self.alternatives.iter().find(|one| one.hypotheses.contains(&self.hypothesis));
         let Some(winner) = winner.filter(|one| one.system.engine().is_some() && self.hypothesis.frees().is_some())
         else {
@@ -82,7 +82,7 @@ impl Seat {
         let is_new = |h: &&Hypothesis| !winner.hypotheses.contains(h);
         let is_number = fit.hypotheses.iter().find(is_new).is_some_and(|h| h.frees().is_some());
         let (other, own) = (fit.evidence.misfit(), winner.evidence.misfit());
-        is_number && other - own < (MATERIAL * own.min(1.0)).max(PARTED * self.removed)
+        is_number && other - own < (MATERIAL * own.min(1.0)).max(DISTINGUISHED * self.removed)
     }
 }
 
@@ -92,9 +92,9 @@ pub(crate) fn crowding(chance: f64) -> f64 {
     CROWDED * chance.clamp(1e-12, 1.0).powf(CROWDED - 1.0)
 }
 
-/// A random process as it is told: of a force in a state's row, or of an error of its sensor.
+/// A random process as a report states it: of a force in a state's row, or of an error of its sensor.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Told {
+pub(crate) struct StatedProcess {
     pub(crate) state: usize,
     /// In the unit of the row or the column, and s.
     pub(crate) deviation: f64,
@@ -106,9 +106,9 @@ pub(crate) struct Told {
 /// Random processes that are all that is left.
 #[derive(Debug, Clone)]
 pub(crate) struct Forcing {
-    pub(crate) forces: Vec<Told>,
+    pub(crate) forces: Vec<StatedProcess>,
     /// Coloured noise of sensors.
-    pub(crate) errors: Vec<Told>,
+    pub(crate) errors: Vec<StatedProcess>,
     /// Chance that the best function without a name gains as much beside them by noise.
     pub(crate) p_value: f64,
 }

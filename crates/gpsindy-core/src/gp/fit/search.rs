@@ -100,11 +100,11 @@ fn refine(cost: &Cost, coarse: &Cost, workspace: &mut Workspace) -> Option<Minim
     let mut ends = follow(coarse, &loose, &mut small);
     ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     ends.dedup_by(|b, a| a.point.iter().zip(&b.point).all(|(a, b)| (a - b).abs() < SAME));
-    let told = |m: &Minimum| {
+    let stated = |m: &Minimum| {
         let noise = coarse.expand(&m.point).last().map_or(0.0, |n| n.exp());
         !coarse.at_bound(&m.point) && noise < NEARLY_ALL_NOISE
     };
-    if !ends.first().is_some_and(told) {
+    if !ends.first().is_some_and(stated) {
         return None;
     }
     let mut from: Vec<(f64, Vec<f64>)> =

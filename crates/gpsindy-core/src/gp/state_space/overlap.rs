@@ -103,9 +103,9 @@ impl<const M: usize> Border<M> {
                 && pulled <= AGREE * (1.0 + self.adjoint[i].abs() * scale[i])
                 && (0..M).all(|j| {
                     let spread = (self.covariance[i][j] - other.covariance[i][j]).abs();
-                    let told = (self.information[i][j] - other.information[i][j]).abs();
+                    let stated = (self.information[i][j] - other.information[i][j]).abs();
                     let each = scale[i] * scale[j];
-                    spread <= AGREE * each && told * each <= AGREE * (1.0 + self.information[i][j].abs() * each)
+                    spread <= AGREE * each && stated * each <= AGREE * (1.0 + self.information[i][j].abs() * each)
                 })
         })
     }

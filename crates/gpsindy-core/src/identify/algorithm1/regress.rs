@@ -107,8 +107,8 @@ fn best_of(fits: &[Fit], n: usize, p: usize) -> Option<usize> {
     let evidence = |fit: &Fit| {
         rows * (fit.residual.max(f64::MIN_POSITIVE) / rows).ln() + fit.n_terms() as f64 * (rows.ln() + 2.0 * terms.ln())
     };
-    let told = (0..fits.len()).filter(|&i| 2 * fits[i].n_terms() < n);
-    told.min_by(|&a, &b| evidence(&fits[a]).total_cmp(&evidence(&fits[b])))
+    let stated = (0..fits.len()).filter(|&i| 2 * fits[i].n_terms() < n);
+    stated.min_by(|&a, &b| evidence(&fits[a]).total_cmp(&evidence(&fits[b])))
 }
 
 /// An orthonormal basis of the columns `kept` of theta.

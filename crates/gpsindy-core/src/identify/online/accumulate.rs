@@ -147,8 +147,8 @@ impl Accumulator {
     /// Groups of state `s` that hold enough to be distinguished, and the weight of each.
     pub(super) fn groups(&self, s: usize) -> (Vec<Reduced>, Vec<Weight>) {
         let whole: f64 = self.groups.iter().map(|group| group[s].weight.sum).sum();
-        let told = |group: &&Group| group.weight.sum > FORGOTTEN * whole;
-        let kept = self.groups.iter().map(|group| &group[s]).filter(told);
+        let stated = |group: &&Group| group.weight.sum > FORGOTTEN * whole;
+        let kept = self.groups.iter().map(|group| &group[s]).filter(stated);
         kept.filter_map(|group| Some((group.rows.clone()?, group.weight))).unzip()
     }
 }

@@ -66,12 +66,12 @@ impl Fitter<'_> {
     pub(crate) fn weigh_choice(&self, trial: &mut Trial, window: f64) -> Result<()> {
         let linear = self.linearise(trial, window)?;
         let mut moved = vec![0.0; linear.candidates.len()];
-        let told = |support: &[usize]| {
+        let stated = |support: &[usize]| {
             let terms = linear.with_always(support);
             let errors = linear.problem.standard_errors(&terms, 1.0);
             (linear.problem.refit(&terms).coefficients, terms.into_iter().zip(errors).collect::<Vec<_>>())
         };
-        let (best, _) = told(&linear.active);
+        let (best, _) = stated(&linear.active);
         let mut sums: Vec<(f64, f64)> = linear
             .candidates
             .iter()
@@ -83,7 +83,7 @@ impl Fitter<'_> {
             for (k, sum) in moved.iter_mut().enumerate() {
                 *sum += if linear.active.contains(&k) == support.contains(&k) { 0.0 } else { weight };
             }
-            let (values, errors) = told(&support);
+            let (values, errors) = stated(&support);
             let known = |k: usize, error: f64| error.is_finite() && sums.get(k).is_some_and(|sum| sum.0 > 0.0);
             let known: Vec<(usize, f64)> = errors.into_iter().filter(|&(k, error)| known(k, error)).collect();
             for (k, error) in known {

@@ -161,8 +161,8 @@ mod tests {
         let mut block = Block { residual: old.clone(), derivative, present: vec![true; 3] };
         let (moved, new) = (DVector::from_vec(vec![0.1, -0.2]), DVector::from_vec(vec![0.7, -1.0, 0.4]));
         update(&mut block, &new, &moved);
-        let told = &block.derivative * &moved;
-        assert!((told - (old - &new)).amax() < 1e-12);
+        let stated = &block.derivative * &moved;
+        assert!((stated - (old - &new)).amax() < 1e-12);
         // A step without a length, or one that left all bounds, carries no information.
         let before = block.derivative.clone();
         update(&mut block, &new, &DVector::zeros(2));

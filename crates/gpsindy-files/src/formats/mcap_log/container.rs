@@ -46,7 +46,7 @@ pub(crate) fn scan(
     progress: &dyn Progress,
     take: &mut dyn FnMut(usize, Event<'_>) -> Result<()>,
 ) -> Result<Option<String>> {
-    let mut told = None;
+    let mut stated = None;
     for (number, input) in inputs.iter().enumerate() {
         let length = input.len()?;
         let size = |most: usize| usize::try_from(length).unwrap_or(most).clamp(1, most);
@@ -67,15 +67,15 @@ pub(crate) fn scan(
                 let message = format!("the MCAP file is broken from its begin on: {}", words(&error));
                 return Err(Error::file(&input.file, message));
             }
-            Some(Stop::Broken(error)) => told = Some(broken(&input.file, messages, &error)),
+            Some(Stop::Broken(error)) => stated = Some(broken(&input.file, messages, &error)),
             // A recorder that was killed between two records leaves a file in which nothing but the end is missing.
             None if !ended => {
-                told = Some(format!("{}: the log was never closed; its {messages} messages were read", input.file));
+                stated = Some(format!("{}: the log was never closed; its {messages} messages were read", input.file));
             }
             None => {}
         }
     }
-    Ok(told)
+    Ok(stated)
 }
 
 /// A part of a log that is being read.
@@ -220,17 +220,17 @@ pub(crate) fn channels(file: &str, inputs: &[Input], progress: &dyn Progress) ->
             found.into_iter().for_each(&mut add);
             continue;
         }
-        let told = scan(std::slice::from_ref(input), progress, &mut |_, event| {
+        let stated = scan(std::slice::from_ref(input), progress, &mut |_, event| {
             if let Event::Channel(_, channel) = event {
                 add(channel);
             }
             Ok(())
         })?;
-        broken = broken.or(told);
+        broken = broken.or(stated);
     }
     match broken {
         // The message begins with the name of the file.
-        Some(told) if channels.is_empty() => Err(Error::file(file, told.trim_start_matches(&format!("{file}: ")))),
+        Some(stated) if channels.is_empty() => Err(Error::file(file, stated.trim_start_matches(&format!("{file}: ")))),
         _ => Ok(channels),
     }
 }

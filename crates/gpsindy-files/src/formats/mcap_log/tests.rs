@@ -239,7 +239,7 @@ fn a_header_that_nobody_filled_in_is_not_a_clock() {
 }
 
 #[test]
-fn a_log_without_its_last_bytes_is_told() {
+fn a_log_without_its_last_bytes_is_stated() {
     let whole = robot(Some(Compression::Lz4));
     for lost in 0..=40 {
         let logs = Logs::parse("cut.mcap", &whole[..whole.len() - lost], &options(&MAP[..1])).unwrap();

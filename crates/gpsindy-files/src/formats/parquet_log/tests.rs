@@ -228,7 +228,7 @@ fn tell_episodes(folder: &std::path::Path, episodes: &[[i64; 4]]) {
 }
 
 #[test]
-fn episodes_that_are_not_as_the_data_set_tells_them_are_told() {
+fn episodes_that_are_not_as_the_data_set_tells_them_are_stated() {
     let folder = lerobot(|frame| frame as f32 / 30.0);
     let notes = || {
         let logs = Logs::read(&[&folder], &LogOptions::default()).unwrap();
@@ -259,7 +259,7 @@ fn episodes_that_are_not_as_the_data_set_tells_them_are_told() {
 }
 
 #[test]
-fn stamps_that_disagree_with_the_frames_are_left_and_told() {
+fn stamps_that_disagree_with_the_frames_are_left_and_stated() {
     let folder = lerobot(|frame| frame as f32 / 29.0);
     let logs = Logs::read(&[&folder], &LogOptions::default()).unwrap();
     let task = Task { needed: vec!["action_elbow_pos".into()], ..Task::default() };
@@ -321,7 +321,7 @@ fn dates_in_words_are_times() {
     let (times, notes) = timed("BYTE_ARRAY t (UTF8)", dates, "t").unwrap();
     assert_eq!(times, [0.0, 0.5, 0.75]);
     assert_eq!(notes, ["a.parquet: times are counted from the first stamp, 2024-02-28T23:59:59.5"]);
-    for (texts, told) in [
+    for (texts, stated) in [
         (
             vec!["soon", "now", "later"],
             "row 1, column `t`: not a time: \"soon\"; write it as 2024-05-01T12:00:00 or as a number of seconds",
@@ -332,7 +332,7 @@ fn dates_in_words_are_times() {
         ),
     ] {
         let error = timed("BYTE_ARRAY t (UTF8)", Cells::Text(texts), "t").unwrap_err();
-        assert_eq!(error.to_string(), format!("a.parquet: {told}"));
+        assert_eq!(error.to_string(), format!("a.parquet: {stated}"));
     }
 }
 

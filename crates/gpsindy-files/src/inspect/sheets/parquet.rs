@@ -10,8 +10,8 @@ use gpsindy_core::Progress;
 
 pub(crate) fn look(log: &ParquetLog, file: String, format: &'static str, progress: &dyn Progress) -> Result<Looked> {
     let headers = log.columns();
-    let (time, told) = log.clock();
-    let mut sheet = Sheet { clock: time.name.clone(), single: told == "float32", ..Sheet::default() };
+    let (time, stated) = log.clock();
+    let mut sheet = Sheet { clock: time.name.clone(), single: stated == "float32", ..Sheet::default() };
     let mut notes = Vec::new();
     let mut columns: Vec<Column> = headers
         .iter()

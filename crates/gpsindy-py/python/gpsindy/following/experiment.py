@@ -14,7 +14,7 @@ from gpsindy.data.dataset import Path
 
 
 @dataclass(frozen=True)
-class Parting:
+class Separation:
     """How far a run is expected to part two simulators.
 
     Attributes
@@ -45,14 +45,14 @@ class Experiment:
         Each control in its unit, held between samples.
     form : str
         What it began as: ``multisine``, ``chirp``, ``steps`` or ``free form``.
-    pairs : tuple of Parting
+    pairs : tuple of Separation
         The pairs that it distinguishes, the hardest first.
     """
 
     t: Array
     controls: Mapping[str, Array]
     form: str
-    pairs: tuple[Parting, ...]
+    pairs: tuple[Separation, ...]
     _units: Mapping[str, str]
 
     def to_csv(self) -> str:

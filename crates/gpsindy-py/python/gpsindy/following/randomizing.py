@@ -120,8 +120,8 @@ class Randomization:
         lines.extend([f"DRIVES = {dict(self.drives)!r}", f"GEARS = {dict(self.gears)!r}", ""])
         bounded = [one for one in self.ranges if one.bounded]
         kept = [one for one in self.ranges if not one.identified and not one.bounded]
-        told = [one for one in self.ranges if one.identified]
-        table("IDENTIFIED", told, "What the logs identify: the estimate with its error, widened where runs disagree.")
+        stated = [one for one in self.ranges if one.identified]
+        table("IDENTIFIED", stated, "What the logs identify: the estimate with its error, widened where runs disagree.")
         table("BOUNDED", bounded, "What the logs only bound: an error beyond this range would have shown in them.")
         table("PRIOR", kept, "What the logs do not identify: the prior range, unchanged.")
         steps = {one.name: self.steps(one) for one in self.delays} if self.step else {}
@@ -216,9 +216,9 @@ def randomization(
         if kind == "delay":
             actuator, deviation = acting.get(name, name), deviations.get((kind, name), 0.0)
             own = nominal.get(f"{actuator}.delay")
-            told = deviation > 0.0 or own is None
-            reach = z * deviation if told else share * value
-            delays.append(Range(actuator, max(value - reach, 0.0), value + reach, "s", own.value if own else 0.0, told))
+            stated = deviation > 0.0 or own is None
+            reach = z * deviation if stated else share * value
+            delays.append(Range(actuator, max(value - reach, 0.0), value + reach, "s", own.value if own else 0.0, stated))
     notes = [*(f"Not a range of a simulator's field: {note}" for note in _notes(diagnosis)), *notes]
     return Randomization(
         tuple(ranges),
@@ -288,10 +288,10 @@ def _disagreement(diagnosis: Diagnosis) -> float:
     """
     widest = 1.0
     for cause in diagnosis.included:
-        told = None if cause.between_runs else cause.stability
-        if told and told["runs"] > 1 and told["p_value"] < 0.5:
-            degrees = told["runs"] - 1
-            quantile = NormalDist().inv_cdf(1.0 - max(told["p_value"], 1e-12))
+        stated = None if cause.between_runs else cause.stability
+        if stated and stated["runs"] > 1 and stated["p_value"] < 0.5:
+            degrees = stated["runs"] - 1
+            quantile = NormalDist().inv_cdf(1.0 - max(stated["p_value"], 1e-12))
             # Wilson and Hilferty's approximation of the chi-square quantile.
             squares = degrees * (1.0 - 2.0 / (9.0 * degrees) + quantile * math.sqrt(2.0 / (9.0 * degrees))) ** 3
             widest = max(widest, math.sqrt(squares / degrees))

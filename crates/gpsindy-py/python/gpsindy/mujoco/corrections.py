@@ -64,9 +64,9 @@ class Corrections:
         except ValueError as error:
             self.missing.append(f"a model, as this text does not load: {str(error).splitlines()[0]}")
             return
-        told = [note.split(" is ")[0] for note in self.missing]
+        stated = [note.split(" is ")[0] for note in self.missing]
         for setting, found in rest:
-            if setting.name not in told:
+            if setting.name not in stated:
                 made = f"from this file MuJoCo makes {mjcf.number(found)}"
                 self.missing.append(f"{setting.name} is {mjcf.number(wanted[setting.name])}; {made}")
 

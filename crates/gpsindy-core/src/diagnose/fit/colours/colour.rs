@@ -26,7 +26,7 @@ pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
 /// autoregression stable (Brockwell and Davis 1991, section 7.2).
 ///
 /// Over the pairs that are there, products are compared with their own squares, so that a hole next to a large value biases
-/// nothing; what the squares of all pairs would be is told by the values that are there.
+/// nothing; the values that are there say what the squares of all pairs would be.
 fn autocorrelation(series: &[Vec<f64>], lag: usize) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     // Squares and their number: of all values, and of those in pairs, which counts values near an end half.

@@ -2,7 +2,7 @@
 //!
 //! Initial states and free parameters are eliminated first (Frisch and Waugh 1933), so that an effect which another parameter value
 //! or initial state could imitate has no gain. The same is done for the fit without one or two of its effects, each a [`View`]: what
-//! any suspect would do in their place is then told by products of columns alone.
+//! any suspect would do in their place then follows from products of columns alone.
 
 use crate::diagnose::fit::colours::colour::Colour;
 use crate::diagnose::fit::colours::noise::Noise;

@@ -148,7 +148,7 @@ fn rolled(system: &System, at: &Linearised<'_>, initial: &[Vec<f64>], sets: &[Ve
     out
 }
 
-/// The same where the simulator steps by itself: one list of changes a window for each set of `parameters`.
+/// The same where the simulator steps on its own: one list of changes a window for each set of `parameters`.
 fn stepped(
     system: &System,
     at: &Linearised<'_>,

@@ -1,6 +1,6 @@
 //! Forcing: whether random forces in some rows, and no function, are what is left.
 //!
-//! Gusts, a road or turbulence push a machine without a law. An extended Kalman filter tells the likelihood of the logs with such a
+//! Gusts, a road or turbulence push a machine without a law. An extended Kalman filter gives the likelihood of the logs with such a
 //! force; if then no function of the states, the controls or the time improves it, what is left is random. The causes that were
 //! found without it are asked again, because they may imitate it. Sensors may err with a memory: coloured noise on a column competes
 //! with the forces, or a camera's slow error would be a gust.
@@ -59,7 +59,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     if !is_account {
         return Ok(judged);
     }
-    let forcing = found.told(p_value);
+    let forcing = found.stated(p_value);
     stage.advance()?;
     Ok(replaced(contest, judged, found, forcing, chance))
 }

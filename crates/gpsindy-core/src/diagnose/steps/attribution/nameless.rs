@@ -60,8 +60,8 @@ mod tests {
             let parameters = Vec::new();
             let (state, form) = ("x".into(), Expression::parse("x").unwrap());
             let custom = vec![CustomEffect { id: id.into(), state, form, parameters }];
-            let told = Diagnose { custom, ..Diagnose::default() }.run(&model, &data, &data, &Silent).unwrap_err();
-            assert!(told.to_string().contains(&format!("the id `{id}`")), "{told}");
+            let stated = Diagnose { custom, ..Diagnose::default() }.run(&model, &data, &data, &Silent).unwrap_err();
+            assert!(stated.to_string().contains(&format!("the id `{id}`")), "{stated}");
         }
     }
 }

@@ -35,7 +35,7 @@ pub(crate) struct Survey {
     pub(crate) suspects: Vec<Option<Screened>>,
     /// By noise model and view.
     pub(crate) looked: ByNoise<Vec<Looked>>,
-    /// Two suspects together, by the noise models that tell.
+    /// Two suspects together, by the noise models that show.
     pub(crate) pairs: Vec<Pair>,
 }
 

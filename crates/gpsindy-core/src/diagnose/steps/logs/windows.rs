@@ -16,7 +16,7 @@ pub(crate) enum Purpose {
 
 /// Windows short enough that the model stays near the logs and initial errors do not explode.
 ///
-/// Starts from whole runs, or from the time of one motion where a simulator steps by itself, and halves; `watch` is called with how
+/// Starts from whole runs, or from the time of one motion where a simulator steps on its own, and halves; `watch` is called with how
 /// often. Returns the experiment and, where they had to be cut, their length in s.
 pub(crate) fn choose_windows(
     system: &System,

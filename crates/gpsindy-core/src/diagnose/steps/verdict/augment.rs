@@ -14,7 +14,7 @@ pub(crate) fn augment(best: &Contestant) -> Model {
     for (hypothesis, added) in best.hypotheses.iter().zip(&best.added) {
         for (index, parameter) in added {
             let value = &mut model.parameters[*index].value;
-            *value = parameter.told(*value);
+            *value = parameter.stated(*value);
         }
         hypothesis.tell(&mut model);
     }
@@ -35,7 +35,7 @@ pub(crate) fn without(best: &Contestant, nominal: &Contestant, place: usize, sce
     }
     let fitted = others.iter().flat_map(|&other| &best.added[other]);
     for ((index, added), (own, _)) in applied.fitted.iter().zip(fitted) {
-        model.parameters[*index].value = added.told(best.refined.parameters[*own]);
+        model.parameters[*index].value = added.stated(best.refined.parameters[*own]);
     }
     hypotheses.iter().for_each(|hypothesis| hypothesis.tell(&mut model));
     Ok(model)

@@ -25,8 +25,8 @@ pub(crate) struct Sizes {
 }
 
 impl Sizes {
-    /// By run and pooled; `None` where fewer than two runs tell it.
-    pub(crate) fn told(&self, confidence: f64) -> Option<BetweenRuns> {
+    /// By run and pooled; `None` where fewer than two runs show it.
+    pub(crate) fn stated(&self, confidence: f64) -> Option<BetweenRuns> {
         let Self { values, information, .. } = self;
         let count = values.len();
         if count < 2 {
@@ -86,7 +86,7 @@ mod tests {
         // tau^2 = (18.0762 - 2) / 200, weights 1 / (1/W + tau^2).
         let values = [1.0, 1.5, 1.2];
         let weights = [100.0, 25.0, 400.0];
-        let found = sizes(&values, DMatrix::from_diagonal(&DVector::from_row_slice(&weights))).told(0.95).unwrap();
+        let found = sizes(&values, DMatrix::from_diagonal(&DVector::from_row_slice(&weights))).stated(0.95).unwrap();
         let mean = weights.iter().zip(values).map(|(w, v)| w * v).sum::<f64>() / 525.0;
         let q: f64 = weights.iter().zip(values).map(|(w, v)| w * (v - mean) * (v - mean)).sum();
         let tau2: f64 = (q - 2.0) / (525.0 - (1e4 + 625.0 + 16e4) / 525.0);
@@ -104,14 +104,14 @@ mod tests {
     fn what_runs_share_is_no_spread_of_theirs() {
         // Two runs whose errors are nearly one: a difference of a tenth is many deviations of the difference.
         let covariance = DMatrix::from_row_slice(2, 2, &[1.0, 0.9999, 0.9999, 1.0]);
-        let shared = sizes(&[1.0, 1.1], covariance.try_inverse().unwrap()).told(0.95).unwrap();
+        let shared = sizes(&[1.0, 1.1], covariance.try_inverse().unwrap()).stated(0.95).unwrap();
         assert!(shared.p_value < 1e-6 && shared.spread > 0.05, "{shared:?}");
-        let alone = sizes(&[1.0, 1.1], DMatrix::identity(2, 2)).told(0.95).unwrap();
+        let alone = sizes(&[1.0, 1.1], DMatrix::identity(2, 2)).stated(0.95).unwrap();
         assert!(alone.p_value > 0.9 && alone.spread == 0.0 && alone.share == 0.0, "{alone:?}");
     }
 
     #[test]
     fn a_single_run_has_no_spread() {
-        assert!(sizes(&[1.0], DMatrix::identity(1, 1)).told(0.95).is_none());
+        assert!(sizes(&[1.0], DMatrix::identity(1, 1)).stated(0.95).is_none());
     }
 }

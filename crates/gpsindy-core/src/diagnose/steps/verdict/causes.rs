@@ -10,7 +10,7 @@ use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::NO_REST;
 use crate::diagnose::report::{Cause, Parameter, Twin, finite};
 use crate::diagnose::steps::attribution::contest::Contest;
-use crate::diagnose::steps::findings::{Outcome, Seat, Told, gap_size};
+use crate::diagnose::steps::findings::{Outcome, Seat, StatedProcess, gap_size};
 use crate::diagnose::steps::verdict::stability::Stability;
 use crate::model::{Model, unit};
 use std::cmp::Ordering;
@@ -150,9 +150,9 @@ fn cause(
     let parameters = fit.added[place]
         .iter()
         .map(|(index, added)| {
-            let value = added.told(fit.refined.parameters[*index]);
-            let told_apart = || sampling::told_apart(&fit.experiment, added, value);
-            let width = deviation(fit, *index).map(|d| z * d).or_else(told_apart).unwrap_or(f64::NAN);
+            let value = added.stated(fit.refined.parameters[*index]);
+            let least_distinguished = || sampling::least_distinguished(&fit.experiment, added, value);
+            let width = deviation(fit, *index).map(|d| z * d).or_else(least_distinguished).unwrap_or(f64::NAN);
             Parameter {
                 name: added.symbol.clone(),
                 value,
@@ -188,17 +188,17 @@ fn twin(confidence: f64, fit: &Contestant, place: usize) -> Twin {
 }
 
 /// A random force as a cause: its intensity is the spectral density at low frequency, `2 deviation^2 tau`.
-pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, told: &Told) -> Cause {
+pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, process: &StatedProcess) -> Cause {
     let effect = Effect::ProcessNoise;
-    let (state, z) = (&model.states[told.state], normal_quantile(0.5 + 0.5 * confidence));
+    let (state, z) = (&model.states[process.state], normal_quantile(0.5 + 0.5 * confidence));
     let rate = state.rate_unit();
-    let [[a, b], [_, c]] = told.covariance;
+    let [[a, b], [_, c]] = process.covariance;
     // Each is a product of powers of the two, and its logarithm is nearly normal.
     let one = |name: &str, value: f64, variance: f64, unit: String| {
         let factor = (z * variance.sqrt()).exp();
         Parameter { name: name.into(), value, low: finite(value / factor), high: finite(value * factor), unit }
     };
-    let intensity = 2.0 * told.deviation.powi(2) * told.time;
+    let intensity = 2.0 * process.deviation.powi(2) * process.time;
     Cause {
         effect: effect.id().into(),
         state: state.name.clone(),
@@ -209,8 +209,8 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, tol
         form: effect.form().into(),
         parameters: vec![
             one("q", intensity, 2.0 * (2.0 * a) + c + 2.0 * (2.0 * b), unit::product(&[(&rate, 2), ("s", 1)])),
-            one("tau", told.time, c, "s".into()),
-            one("rms", told.deviation, a, rate),
+            one("tau", process.time, c, "s".into()),
+            one("rms", process.deviation, a, rate),
         ],
         equivalent: Vec::new(),
         next_experiment: None,

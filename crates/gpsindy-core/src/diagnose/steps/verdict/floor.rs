@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn the_spread_between_repeated_runs_is_the_floor() {
         let floor = between_runs(&[log(1, 1.0, 2.0), log(2, 1.0, 2.0), log(3, 1.0, 2.0)], &[NOISE]).unwrap();
-        // Half the samples have the noise's variance, half three times as much; 800 degrees of freedom tell 2.5 %.
+        // Half the samples have the noise's variance, half three times as much; 800 degrees of freedom show 2.5 %.
         assert!((floor[0] / (2f64.sqrt() * NOISE) - 1.0).abs() < 0.1, "{floor:?}");
     }
 

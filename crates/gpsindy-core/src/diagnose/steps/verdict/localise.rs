@@ -63,7 +63,7 @@ pub(crate) fn gap(contest: &Contest<'_>, judged: &Judged, resting: &[usize]) -> 
         let p_value = if located.gap.by_state.is_empty() { p_value.min(detected.p_value) } else { p_value };
         let known = relative_error(&corrected, j);
         // A function without a name gains as often as it has degrees of freedom by noise alone.
-        let told =
+        let stated =
             || own().map(|(gain, degrees)| (degrees as f64 / gain.max(degrees as f64)).sqrt()).fold(1.0, f64::min);
         located.gap.by_state.push(GapState {
             state: state.name.clone(),
@@ -71,7 +71,7 @@ pub(crate) fn gap(contest: &Contest<'_>, judged: &Judged, resting: &[usize]) -> 
             // A sensor's fault leaves its equation right, but the state is where it shows.
             p_value: if p_value < 1.0 { p_value } else { detected.p_value },
             residual_rms: rms,
-            noise_rms: rms * if known > 0.0 { known } else { told() },
+            noise_rms: rms * if known > 0.0 { known } else { stated() },
             unit: unit.clone(),
         });
         if let Some(variable) = strongest_variable(nominal, &missing, j, resting) {

@@ -6,7 +6,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::verify::{BAND_95, COVERED, SPREADS};
-use crate::diagnose::steps::findings::{Forcing, Told};
+use crate::diagnose::steps::findings::{Forcing, StatedProcess};
 use crate::diagnose::steps::verdict::start::starts;
 use crate::random::normal;
 use crate::refine::{Experiment, Path};
@@ -85,15 +85,15 @@ fn drawn(
     forcing: &Forcing,
     random: &mut ChaCha8Rng,
 ) -> Vec<Vec<f64>> {
-    let rows: Vec<usize> = forcing.forces.iter().map(|told| told.state).collect();
-    let mut force = |times: &[f64]| forcing.forces.iter().map(|told| process(told, times, random)).collect();
+    let rows: Vec<usize> = forcing.forces.iter().map(|process| process.state).collect();
+    let mut force = |times: &[f64]| forcing.forces.iter().map(|stated| process(stated, times, random)).collect();
     let mut errors = path.pushed(&best.system, experiment, &rows, &mut force);
     let n_columns = experiment.columns.len();
     for (errors, window) in errors.iter_mut().zip(&experiment.windows) {
         let times = &experiment.logs[window.log].time[window.first..=window.last];
         for (c, &column) in experiment.columns.iter().enumerate() {
-            let slow = forcing.errors.iter().filter(|told| told.state == column);
-            let slow: Vec<Vec<f64>> = slow.map(|told| process(told, times, random)).collect();
+            let slow = forcing.errors.iter().filter(|process| process.state == column);
+            let slow: Vec<Vec<f64>> = slow.map(|stated| process(stated, times, random)).collect();
             for (i, error) in errors.iter_mut().skip(c).step_by(n_columns).enumerate() {
                 *error += experiment.noise[c] * normal(random) + slow.iter().map(|values| values[i]).sum::<f64>();
             }
@@ -103,12 +103,12 @@ fn drawn(
 }
 
 /// An Ornstein-Uhlenbeck process at so many times, s.
-fn process(told: &Told, times: &[f64], random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut value = told.deviation * normal(random);
+fn process(process: &StatedProcess, times: &[f64], random: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut value = process.deviation * normal(random);
     let mut before = times.first().copied().unwrap_or(0.0);
     let next = |&t: &f64| {
-        let kept = (-(t - before) / told.time).exp();
-        value = kept * value + (1.0 - kept * kept).max(0.0).sqrt() * told.deviation * normal(random);
+        let kept = (-(t - before) / process.time).exp();
+        value = kept * value + (1.0 - kept * kept).max(0.0).sqrt() * process.deviation * normal(random);
         before = t;
         value
     };

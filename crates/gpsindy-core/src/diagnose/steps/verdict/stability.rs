@@ -33,9 +33,9 @@ pub(crate) struct Stability {
 }
 
 impl Stability {
-    /// Its sizes by run and pooled, where several runs tell them.
+    /// Its sizes by run and pooled, where several runs show them.
     pub(crate) fn between(&self, confidence: f64) -> Vec<BetweenRuns> {
-        self.sizes.iter().filter_map(|sizes| sizes.told(confidence)).collect()
+        self.sizes.iter().filter_map(|sizes| sizes.stated(confidence)).collect()
     }
 }
 
@@ -234,7 +234,7 @@ impl Products {
         own.iter().enumerate().filter_map(one).collect()
     }
 
-    /// Chance that sizes of their own in `extra` gain as much by noise and the rest; `None` where nothing is told of them.
+    /// Chance that sizes of their own in `extra` gain as much by noise and the rest; `None` where the logs say nothing of them.
     ///
     /// `own`: the effect's parameters among the free ones, and how far the first of them, its size, is from doing nothing.
     fn disagreement(&self, best: &Contestant, (own, size): (&[usize], f64), extra: &[usize]) -> Option<f64> {

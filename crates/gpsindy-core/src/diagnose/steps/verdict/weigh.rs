@@ -7,7 +7,7 @@ use crate::data::Dataset;
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Cause, Diagnosis};
 use crate::diagnose::steps::attribution::contest::Contest;
-use crate::diagnose::steps::findings::{Judged, Told};
+use crate::diagnose::steps::findings::{Judged, StatedProcess};
 use crate::diagnose::steps::verdict::causes::{Causes, random_force};
 use crate::diagnose::steps::verdict::localise::Located;
 use crate::diagnose::steps::verdict::typicality::Typicality;
@@ -50,8 +50,8 @@ fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &D
         // What is left is random only if the causes beside it are right.
         let probability = forcing.probability() * credible.iter().product::<f64>();
         let model = nominal.system.model();
-        let told = forcing.forces.iter().map(|told| random_force(confidence, model, probability, told));
-        causes.splice(first..first, told);
+        let forces = forcing.forces.iter().map(|force| random_force(confidence, model, probability, force));
+        causes.splice(first..first, forces);
     }
     causes
 }
@@ -60,8 +60,8 @@ fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &D
 fn notes(found: &Found<'_>, decided: &Decided, causes: &[Cause]) -> Vec<Note> {
     let Judged { nominal, detected, outcome, forcing, .. } = found.judged;
     let model = nominal.system.model();
-    let random = forcing.iter().flat_map(|f| f.forces.iter().map(|told| random(model, told)));
-    let coloured = forcing.iter().flat_map(|f| f.errors.iter().map(|told| coloured(model, told)));
+    let random = forcing.iter().flat_map(|f| f.forces.iter().map(|stated| random(model, stated)));
+    let coloured = forcing.iter().flat_map(|f| f.errors.iter().map(|stated| coloured(model, stated)));
     let nothing = (detected.gap && outcome.best.hypotheses.is_empty()).then_some(Note::NothingExplains);
     let kept = causes.iter().filter_map(disagreement).chain(astray(&found.verification)).filter(|_| decided.keep);
     random.chain(coloured).chain(nothing).chain(kept).collect()
@@ -75,19 +75,24 @@ fn disagreement(cause: &Cause) -> Option<Note> {
 }
 
 /// What is to be said of a random force.
-fn random(model: &Model, told: &Told) -> Note {
-    let state = &model.states[told.state];
-    Note::RandomForce { state: state.name.clone(), deviation: told.deviation, unit: state.rate_unit(), time: told.time }
+fn random(model: &Model, process: &StatedProcess) -> Note {
+    let state = &model.states[process.state];
+    Note::RandomForce {
+        state: state.name.clone(),
+        deviation: process.deviation,
+        unit: state.rate_unit(),
+        time: process.time,
+    }
 }
 
 /// What is to be said of a sensor whose errors have a memory.
-fn coloured(model: &Model, told: &Told) -> Note {
-    let state = &model.states[told.state];
+fn coloured(model: &Model, process: &StatedProcess) -> Note {
+    let state = &model.states[process.state];
     Note::ColouredNoise {
         column: state.name.clone(),
-        deviation: told.deviation,
+        deviation: process.deviation,
         unit: state.unit.clone(),
-        time: told.time,
+        time: process.time,
     }
 }
 

@@ -12,7 +12,7 @@ use crate::diagnose::limits::forcing::{
 use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
-use crate::diagnose::steps::findings::{Forcing, Told};
+use crate::diagnose::steps::findings::{Forcing, StatedProcess};
 use crate::error::Result;
 use crate::parallel::*;
 use crate::refine::Window;
@@ -101,7 +101,7 @@ impl Account {
         accounts.into_iter().max_by(|a, b| a.score.total_cmp(&b.score))
     }
 
-    /// Those of some fits that are not told from its own beside its processes: odds as of twins.
+    /// Those of some fits that the logs do not distinguish from its own, given its processes: odds as of twins.
     pub(super) fn twins<'f>(&self, contest: &Contest<'_>, fits: &'f [Contestant]) -> Vec<&'f Contestant> {
         let is_twin = |fit: &&Contestant| {
             self.beside(contest, fit).is_some_and(|other| 2.0 * (self.score - other.score).abs() < TWINS)
@@ -180,7 +180,7 @@ impl Account {
     /// The processes in their own units, with what the curvature of the likelihood says of them; `p_value` of what is left.
     ///
     /// The filter knows deviations beside that of the sensors' noise, whose own size is found last.
-    pub(super) fn told(&self, p_value: f64) -> Forcing {
+    pub(super) fn stated(&self, p_value: f64) -> Forcing {
         let one = |place: usize| {
             let process = &self.processes[place];
             let at = |a: f64, b: f64| {
@@ -211,7 +211,7 @@ impl Account {
                 Acts::Row(row) => row,
                 Acts::Column(column) => self.fit.experiment.columns[column],
             };
-            Some(Told { state, deviation, time: process.time, covariance })
+            Some(StatedProcess { state, deviation, time: process.time, covariance })
         };
         let (forces, errors): (Vec<_>, Vec<_>) =
             (0..self.processes.len()).partition(|&place| self.processes[place].row().is_some());

@@ -36,7 +36,7 @@ fn the_floor_of_an_unstable_plant_holds_what_noise_does_to_its_starts() {
     let (train, holdout) = hold_out(&data).unwrap();
     let diagnosis = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
     assert_eq!(diagnosis.verdict, Verdict::Explained, "{:?} {:?}", diagnosis.causes, diagnosis.closure);
-    // A linear plant of one state can't tell a weak input from a stretched scale.
+    // A linear plant of one state can't distinguish a weak input from a stretched scale.
     let cause = &diagnosis.causes[0];
     assert!(cause.effect == "input_gain" || cause.equivalent.iter().any(|e| e == "input_gain"), "{cause:?}");
     // Sensor noise alone leaves 0.02. A start from a quarter of a window, known to a third of the noise, grows over
