@@ -114,6 +114,6 @@ fn the_run_that_a_diagnosis_asks_for_decides_what_it_leaves_open() {
     let effects = "--effects quadratic_drag --hold zero --out alone";
     folder.run(&format!("diagnose nominal.toml run_0.csv run_1.csv run_2.csv {effects}")).done();
     let ran = folder.run("design alone --limit u=-2:2 --duration 1 --rate 20").ended(2);
-    let stated = "error: alone: the diagnosis has fewer than two explanations of the logs, so no pair is to be distinguished; name models instead, or diagnose with more effects\n";
+    let stated = "error: alone: the diagnosis has fewer than two explanations of the logs, so there is nothing to distinguish; name models instead, or diagnose with more effects\n";
     assert_eq!(ran.stderr, stated);
 }
