@@ -117,6 +117,7 @@ mod data;
 pub mod diagnose;
 mod differentiate;
 mod error;
+mod excerpt;
 mod excitation;
 pub mod expression;
 pub mod fleet;

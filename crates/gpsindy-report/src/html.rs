@@ -80,7 +80,8 @@ fn head(report: &Diagnosis) -> Markup {
             h1 class=(class) { span aria-hidden="true" { (sign) " " } (verdict_name(report.verdict)) }
             p.lead { (verdict_sentence(report)) }
             dl.facts {
-                div { dt { "Gap" } dd { @if report.gap.detected { "found" } @else { "none found" } } dd.small { (p_value(report.gap.p_value)) } }
+                div { dt { "Gap" } dd { @if report.gap.detected { "found" } @else if report.is_undecided() { "not decided" } @else { "none found" } }
+                    @if !report.is_undecided() { dd.small { (p_value(report.gap.p_value)) } } }
                 @if let Some(cause) = best {
                     div { dt { "First cause" } dd { (percent(cause.probability)) } dd.small { (cause_name(cause)) } }
                 }
@@ -91,7 +92,7 @@ fn head(report: &Diagnosis) -> Markup {
                         }
                     }
                 }
-                @if report.verdict != Verdict::NoGap {
+                @if report.verdict != Verdict::NoGap && !report.is_undecided() {
                     div { dt { "Unmodelled structure" } dd { (percent(report.unexplained.probability)) } dd.small { "probability" } }
                 }
             }

@@ -57,8 +57,12 @@ fn verdict(report: &Diagnosis, text: &mut Text) {
 
 fn place(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     let gap = &report.gap;
-    let found = if gap.detected { "found" } else { "none found" };
-    text.say("Gap", &format!("{found} ({} under noise alone)", p_value(gap.p_value)));
+    if report.is_undecided() {
+        text.say("Gap", "not decided: the search ended too early");
+    } else {
+        let found = if gap.detected { "found" } else { "none found" };
+        text.say("Gap", &format!("{found} ({} under noise alone)", p_value(gap.p_value)));
+    }
     let mut rows: Vec<String> = Vec::new();
     for row in gap.by_state.iter().filter(|_| gap.detected).take(ROWS) {
         let residual = with_unit(&number(row.residual_rms), &row.unit);
@@ -217,7 +221,7 @@ fn checks(report: &Diagnosis, text: &mut Text) {
 }
 
 fn next(report: &Diagnosis, text: &mut Text) {
-    if report.verdict != Verdict::NoGap {
+    if report.verdict != Verdict::NoGap && !report.is_undecided() {
         text.say("Left", &left_sentence(report));
     }
     let mut experiments: Vec<String> = report.causes.iter().filter_map(|c| c.next_experiment.clone()).collect();

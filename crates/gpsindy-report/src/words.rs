@@ -259,7 +259,7 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
             format!("Part of the gap between {model} and the logs is explained by {causes}. {rest}")
         }
         // Nothing was asked of a gap yet: what the closure shows is all that is known.
-        Verdict::Unexplained if !report.gap.detected && report.is_cut() => {
+        Verdict::Unexplained if report.is_undecided() => {
             let missed = report.closure.before.map_or(String::new(), |before| {
                 format!(" Rollouts of {model} miss the held-out logs by {} times the noise.", number(before))
             });

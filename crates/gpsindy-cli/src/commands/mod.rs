@@ -184,7 +184,10 @@ fn model_dataset(
         all_controls.extend(controls.into_iter().filter(|name| !all_controls.contains(name)).collect::<Vec<_>>());
         all_states.extend(states.into_iter().filter(|name| !all_states.contains(name)).collect::<Vec<_>>());
     }
-    models.iter().for_each(|model| given::measured::tell(logs, model, screen));
+    for model in models {
+        given::measured::check_units(logs, model)?;
+        given::measured::tell(logs, model, screen);
+    }
     // A state of one model may be a control of another.
     all_states.retain(|name| !all_controls.contains(name));
     dataset_and_offsets(

@@ -19,6 +19,15 @@ pub enum Note {
         /// Every how many samples one was used.
         stride: usize,
     },
+    /// Of logs that a simulator can't pass through within the time limit only the most exciting windows were used.
+    Afforded {
+        /// Samples of the logs.
+        samples: usize,
+        /// Samples that were used, and in how many windows.
+        used: usize,
+        /// Windows that were used.
+        windows: usize,
+    },
     /// Of long logs only the most exciting windows were used.
     Thinned {
         /// Samples of the logs.
@@ -137,6 +146,10 @@ impl std::fmt::Display for Note {
                 f,
                 "the logs hold {samples} samples; the search used {windows} of {of} windows of {length:.3} s, half of them spread over the logs, half the most exciting ones"
             ),
+            Self::Afforded { samples, used, windows } => write!(
+                f,
+                "the simulator is too slow for all logs within the time limit: {used} of {samples} samples were used, in {windows} windows; a longer limit uses more"
+            ),
             Self::PlaceRuledOut { place, effects } => write!(
                 f,
                 "no rate of the model depends on `{place}`, so no effect that does was a suspect: {}",
@@ -215,6 +228,7 @@ mod tests {
         let all = [
             Note::Unwrapped { column: "phi".into() },
             Note::Thinned { samples: 9, length: 1.0, windows: 1, of: 2 },
+            Note::Afforded { samples: 9, used: 2, windows: 1 },
             Note::Restarted { length: 1.0 },
             Note::StillHoldout,
             Note::HoldoutRestarted { length: 1.0 },

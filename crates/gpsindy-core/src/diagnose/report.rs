@@ -92,6 +92,11 @@ impl Diagnosis {
         self.confidence.unwrap_or(CONFIDENCE)
     }
 
+    /// Whether the search ended before it could decide whether there is a gap.
+    pub fn is_undecided(&self) -> bool {
+        self.is_cut() && !self.gap.detected
+    }
+
     /// Whether the time limit or the user ended the search before all was tried.
     pub fn is_cut(&self) -> bool {
         self.interrupted.is_some()

@@ -83,6 +83,11 @@ impl<'a> Run<'a> {
         is_over
     }
 
+    /// Seconds until the limit, where there is one and somebody keeps the time.
+    pub(crate) fn left(&self) -> Option<f64> {
+        self.time_limit.zip(self.progress.seconds()).map(|(limit, now)| (limit - now).max(0.0))
+    }
+
     /// How the search has ended.
     pub(crate) fn ending(&self) -> Ending {
         self.cut.get().map_or(Ending::Complete, |&after| Ending::Interrupted { after })

@@ -1,20 +1,11 @@
-//! An excerpt of logs that are longer than an identification needs: their most exciting windows, each a run of its own.
+//! An excerpt of logs that are longer than an identification needs.
 
-use crate::data::{Dataset, Run};
+use crate::data::Dataset;
 use crate::error::Result;
-use crate::excitation::{choose, excitation, variance};
+use crate::excerpt::{self, Excerpt};
 use crate::identify::limits::{MOST_SAMPLES, WINDOW};
 use crate::identify::notes::Note;
 use crate::identify::settings::Identify;
-use faer::Mat;
-
-/// A stretch of a run.
-struct Window {
-    run: usize,
-    first: usize,
-    /// One past the last sample.
-    end: usize,
-}
 
 /// The windows of the training part to learn from, and what to say of the rest; none where the logs are short enough.
 pub(crate) fn excerpt(settings: &Identify, data: &Dataset) -> Result<Option<(Dataset, Note)>> {
@@ -27,51 +18,17 @@ pub(crate) fn excerpt(settings: &Identify, data: &Dataset) -> Result<Option<(Dat
     let derivatives = settings.derivatives.iter().map(|(_, column)| column);
     let names = settings.states.iter().chain(&settings.controls).chain(derivatives);
     let columns: Vec<usize> = names.filter_map(|name| data.index_of(name).ok()).collect();
-    let spread = |&column: &usize| {
-        let each = data.runs().iter().zip(&ends).map(|(run, &end)| variance(&run.column(column)[..end]) * end as f64);
-        (each.sum::<f64>() / total as f64).sqrt()
-    };
-    let spreads: Vec<f64> = columns.iter().map(spread).collect();
-    let windows: Vec<Window> = ends.iter().enumerate().flat_map(|(run, &end)| cut(run, end)).collect();
-    let moves = |w: &Window| {
-        let run = &data.runs()[w.run];
-        excitation(columns.iter().zip(&spreads).map(|(&c, &spread)| (&run.column(c)[w.first..w.end], spread)))
-    };
-    let count = (MOST_SAMPLES * windows.len()).div_ceil(total);
-    let chosen: Vec<&Window> =
-        choose(&windows.iter().map(moves).collect::<Vec<_>>(), count).into_iter().map(|i| &windows[i]).collect();
-    let note = Note::Excerpt {
-        samples: total,
-        used: chosen.iter().map(|w| w.end - w.first).sum(),
-        windows: chosen.len(),
-        of: windows.len(),
-    };
-    let runs = chosen.iter().map(|w| part(data, w)).collect();
-    Ok(Some((Dataset::new(data.channels().to_vec(), runs)?, note)))
-}
-
-/// Equal windows of the first `end` samples of a run.
-fn cut(run: usize, end: usize) -> impl Iterator<Item = Window> {
-    let parts = end.div_ceil(WINDOW);
-    (0..parts).map(move |k| Window { run, first: k * end / parts, end: (k + 1) * end / parts })
-}
-
-fn part(data: &Dataset, window: &Window) -> Run {
-    let run = &data.runs()[window.run];
-    let (first, end) = (window.first, window.end);
-    let is_whole = first == 0 && end == run.n_samples();
-    Run {
-        name: if is_whole { run.name.clone() } else { format!("{} from {:.3} s", run.name, run.time[first]) },
-        time: run.time[first..end].to_vec(),
-        values: Mat::from_fn(end - first, run.values.ncols(), |i, j| run.values[(first + i, j)]),
-    }
+    let Excerpt { data, windows, of } = excerpt::excerpt(data, &columns, &ends, (WINDOW, MOST_SAMPLES))?;
+    let note = Note::Excerpt { samples: total, used: data.n_samples(), windows, of };
+    Ok(Some((data, note)))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::data::Channel;
+    use crate::data::{Channel, Run};
+    use faer::Mat;
 
     #[test]
     fn of_a_long_run_the_windows_that_move_are_kept_and_the_rest_is_stated() {
@@ -97,7 +54,7 @@ mod tests {
         // What is held out is never looked at.
         let (kept, _) = excerpt(&Identify { train_fraction: 0.5, ..settings.clone() }, &data).unwrap().unwrap();
         assert!(kept.runs().iter().all(|run| run.time[run.n_samples() - 1] <= 0.0005 * n as f64));
-        let short = Dataset::new(vec![Channel::new("x")], vec![part(&data, &Window { run: 0, first: 0, end: 100 })]);
-        assert!(excerpt(&settings, &short.unwrap()).unwrap().is_none());
+        let short = data.filter_samples(|_, t| t < 0.1).unwrap();
+        assert!(excerpt(&settings, &short).unwrap().is_none());
     }
 }

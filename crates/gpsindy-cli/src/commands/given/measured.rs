@@ -1,6 +1,6 @@
 //! Which column measures what of a simulator: reported before the work begins, because a column with another name is missed silently.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::aligned_left;
 use gpsindy_core::{Expression, Model};
@@ -19,6 +19,43 @@ pub(crate) fn tell(logs: &Logs, model: &Model, screen: &Screen) {
             screen.warn(&format!("`{name}` is not measured, the simulator runs it unseen: {}", Failure::from(error)));
         }
     }
+}
+
+/// Units that measure the same, each with its size in the first of them.
+const SCALES: [&[(&str, f64)]; 5] = [
+    &[("rad", 1.0), ("deg", DEGREE), ("°", DEGREE), ("degree", DEGREE), ("degrees", DEGREE)],
+    &[("rad/s", 1.0), ("deg/s", DEGREE), ("°/s", DEGREE), ("rpm", 6.0 * DEGREE), ("rev/min", 6.0 * DEGREE)],
+    &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2)],
+    &[("m/s", 1.0), ("mm/s", 1e-3), ("cm/s", 1e-2), ("km/h", 1.0 / 3.6)],
+    &[("N", 1.0), ("kN", 1e3), ("mN", 1e-3)],
+];
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// Refuses a column whose header names another unit of the same kind than the simulator has: degrees would be read as radians.
+pub(crate) fn check_units(logs: &Logs, model: &Model) -> Outcome {
+    if !model.calls_simulator() {
+        return Ok(());
+    }
+    let states = model.states.iter().map(|s| (&s.name, &s.unit));
+    for (name, unit) in states.chain(model.controls.iter().map(|c| (&c.name, &c.unit))) {
+        for log in logs.files() {
+            let Some(header) = log.column(name) else { continue };
+            if let Some(factor) = factor(&header.unit, unit) {
+                return Err(Failure::input(format!(
+                    "{}: column `{}` is in {}, and `{name}` of the simulator in {unit}; multiply the column by {factor:.6}, or correct the unit in its header",
+                    log.file, header.text, header.unit
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What a value of one unit is multiplied by to be one of the other; nothing where they are the same, or measure different things.
+fn factor(from: &str, to: &str) -> Option<f64> {
+    let size = |unit: &str, scale: &[(&str, f64)]| scale.iter().find(|(name, _)| *name == unit).map(|(_, size)| *size);
+    let factor = SCALES.iter().find_map(|scale| Some(size(from, scale)? / size(to, scale)?))?;
+    (factor != 1.0).then_some(factor)
 }
 
 /// Every state and control of a simulator with its unit and its column, whose whole header `header` finds.
@@ -51,6 +88,13 @@ fn unmeasured<'a>(model: &'a Model, carried: &dyn Fn(&str) -> bool) -> Vec<&'a s
 mod tests {
     use super::*;
     use gpsindy_core::State;
+
+    #[test]
+    fn units_of_one_kind_have_a_factor_and_others_none() {
+        assert!((factor("deg", "rad").unwrap() - 0.0174533).abs() < 1e-6);
+        assert!((factor("rpm", "rad/s").unwrap() - 0.1047198).abs() < 1e-6);
+        assert!([("rad", "rad"), ("", "rad"), ("m", "rad"), ("deg", "°")].iter().all(|(a, b)| factor(a, b).is_none()));
+    }
 
     #[test]
     fn a_rate_of_a_measured_position_is_measured_and_other_states_are_not() {

@@ -27,15 +27,17 @@ pub(crate) struct Innovations {
 }
 
 impl Innovations {
-    /// `None` where the simulator fails along the logs, or none steps.
+    /// `None` where the simulator fails along the logs, none steps, or time is up.
     pub(crate) fn of(contestant: &Contestant, jacobian: &Jacobian) -> Option<Self> {
         let system = &contestant.system;
         system.engine()?;
+        is_open(&contestant.experiment)?;
         let experiment = Experiment { starts: crate::refine::Starts::default(), ..contestant.experiment.clone() };
         let parameters = &contestant.refined.parameters;
         let mut filter = Filter::new(system, &experiment)?;
         let mut guided = Guided::along(system, &experiment, parameters, path_of(contestant, &experiment))?;
         for _ in 0..PUSH_ROUNDS {
+            is_open(&experiment)?;
             filter.expect(&guided, &experiment)?;
         }
         // Once more along its own path, which has less of the readings' noise.
@@ -47,6 +49,7 @@ impl Innovations {
                 filter.put(&sample.state, state);
             }
         }
+        is_open(&experiment)?;
         guided = Guided::along(system, &experiment, parameters, path.clone())?;
         let passes = filter.passes(&guided, &experiment)?;
         let gains = passes
@@ -111,6 +114,11 @@ impl Innovations {
             self.guide.tangent.roll(system, (experiment, &windows), &jobs, &experiment.columns, &mut receive);
         }
     }
+}
+
+/// Nothing where time is up.
+fn is_open(experiment: &Experiment) -> Option<()> {
+    (!experiment.tally.is_over()).then_some(())
 }
 
 /// All states by window and sample: those that were read as they were, the others as the contestant's rollouts have them.

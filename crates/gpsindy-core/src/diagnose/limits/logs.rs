@@ -51,6 +51,17 @@ pub(crate) const MOST_SUBSTEPS: usize = 32;
 /// samples change no answer, only the time. Argument.
 pub(crate) const MOST_SAMPLES: usize = 12_000;
 
+/// Passes through the logs that a diagnosis of a simulator that steps takes, for each state: Jacobians take one for each, and a null of six
+/// joints took 550 passes, one with an effect up to 2000. Data: `experiments/mujoco_arm.py`.
+pub(crate) const PASSES: f64 = 80.0;
+
+/// Samples to which no time limit shortens logs: fewer decide nothing. Convention.
+pub(crate) const FEWEST_AFFORDED: usize = 400;
+
+/// Rollouts, and samples of each, by which the pace of a simulator is measured: as many rollouts side by side as a fit of a few windows has.
+/// Convention.
+pub(crate) const PROBE: (usize, usize) = (64, 16);
+
 /// Samples beyond which the choice of windows would itself cost more than the search after it: each halving fits all of them.
 /// Convention.
 pub(crate) const VERY_LONG: usize = 1_000_000;

@@ -39,6 +39,10 @@ impl Expansion {
 
 /// Screens everything at `base` and fits what is promising; `stage` is what this is for.
 pub(crate) fn expand(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Expansion> {
+    if contest.run.is_out_of_time() {
+        let none = vec![Summary::default(); contest.hypotheses.len() + contest.joint.len()];
+        return Ok(Expansion { fits: Vec::new(), screened: none, searches: Searches::NONE });
+    }
     let survey = screen(contest, nominal, base, &format!("{stage}: screening"))?;
     let Survey { suspects, .. } = &survey;
     let screened = suspects.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();

@@ -14,6 +14,7 @@ use crate::diagnose::fit::peaks::peaks;
 use crate::diagnose::limits::{SCREENED, SKETCHED, SWAPPED};
 use crate::diagnose::run::Stage;
 use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::hidden;
 use crate::diagnose::steps::attribution::pairs::pairs;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
@@ -39,6 +40,7 @@ pub(crate) fn screen(contest: &Contest<'_>, nominal: &Contestant, base: &Contest
         tangent(&base.system, &base.experiment, parameters, initial);
     }
     let mut all = screening.run(&at, &[Noise::White, Noise::Coloured])?;
+    hidden::find(contest, &mut all.suspects, &at);
     let innovations = Innovations::of(base, &at.jacobian);
     if let Some(innovations) = &innovations {
         let more = screening.run(&innovations.linearised(), &[Noise::Innovations])?;
@@ -153,7 +155,7 @@ impl Screening<'_> {
             }
         }
         self.stage.advance()?;
-        Ok(Some(Screened { members: members.to_vec(), applied, gains }))
+        Ok(Some(Screened { members: members.to_vec(), applied, gains, hidden: 0.0 }))
     }
 }
 
@@ -188,6 +190,9 @@ fn leaders(contest: &Contest<'_>, screened: &[Option<Screened>], models: &[Noise
 /// in [`screen`].
 pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(f64, usize)>> {
     contest.run.begin("functions without a name");
+    if contest.run.is_out_of_time() {
+        return Ok(vec![(0.0, 1); contest.rivals.len()]);
+    }
     let at = base.linearised()?;
     let gain = |rival: &Rival, at: &Linearised<'_>, coloured: &Basis| {
         if contest.run.is_out_of_time() {

@@ -1,5 +1,6 @@
 //! The logs as they are compared: checked, thinned, cut into windows, and how noisy they are.
 
+pub(crate) mod affordable;
 pub(crate) mod check;
 pub(crate) mod noise;
 pub(crate) mod prepare;

@@ -11,6 +11,7 @@ use crate::diagnose::limits::{
 use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::findings::Judged;
+use crate::diagnose::steps::logs::affordable::affordable;
 use crate::diagnose::steps::logs::check;
 use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
@@ -56,6 +57,13 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     let (train, mut notes) = unwrapped(model, logs[0])?;
     let (holdout, _) = unwrapped(model, logs[1])?;
     notes.extend(check::logs(model, &train, &holdout)?);
+    let (train, holdout) = match affordable(run, system, [&train, &holdout])? {
+        Some((train, holdout, note)) => {
+            notes.push(note);
+            (train, holdout)
+        }
+        None => (train, holdout),
+    };
     let (experiment, of_experiment) = experiment(run, system, &train, known.hold)?;
     notes.extend(of_experiment);
     let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };

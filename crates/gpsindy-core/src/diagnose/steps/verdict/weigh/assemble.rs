@@ -80,7 +80,12 @@ fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelPara
 
 /// Effects that these logs would have shown besides the winner's, had they been larger than a size: where the winner leaves a rest,
 /// none of those that may do what it does.
+///
+/// A search that was cut, and found no cause, excludes nothing: what it did not try may hide any of them.
 fn excluded(contest: &Contest<'_>, outcome: &Outcome, verdict: Verdict) -> Vec<Excluded> {
+    if contest.run.ending() != Ending::Complete && outcome.best.hypotheses.is_empty() {
+        return Vec::new();
+    }
     let model = outcome.best.system.model();
     let is_whole = matches!(verdict, Verdict::Explained | Verdict::NoGap);
     let mut all: Vec<Excluded> = Vec::new();
