@@ -17,6 +17,11 @@ pub(crate) fn run_all(only: Option<&str>, tools: &Tools) -> Result<(), String> {
     }
     std::fs::create_dir_all(&given).map_err(|e| format!("{}: {e}", given.display()))?;
     run(&tools.python, ["xtask/site/given.py", &given.to_string_lossy()], &[])?;
+    if only.is_none() {
+        let pages = everywhere()?;
+        let pages = pages.iter().map(|page| page.to_string_lossy().into_owned());
+        run(&tools.python, std::iter::once("xtask/site/configurations.py".to_string()).chain(pages), &[])?;
+    }
     // A page that fails does not keep the others from running: one run finds all that is wrong.
     all_of(chosen(only)?.iter().map(|page| {
         let name = page.strip_prefix(root()).unwrap_or(page).with_extension("");
@@ -34,14 +39,18 @@ pub(crate) fn all_of(outcomes: impl Iterator<Item = Result<(), String>>) -> Resu
     }
 }
 
-/// The pages with a block that is run; an error where `only` is none of them.
-fn chosen(only: Option<&str>) -> Result<Vec<PathBuf>, String> {
-    // Pages of experiments and benchmarks are not among them: their commands take hours.
+/// All pages for users. Those of experiments and benchmarks are not among them: their commands take hours.
+fn everywhere() -> Result<Vec<PathBuf>, String> {
     let mut pages = vec![root().join("README.md")];
     pages.extend(files(&root().join("crates"), "md")?.into_iter().filter(|page| page.ends_with("README.md")));
     pages.extend(files(&root().join("docs"), "md")?);
+    Ok(pages)
+}
+
+/// The pages with a block that is run; an error where `only` is none of them.
+fn chosen(only: Option<&str>) -> Result<Vec<PathBuf>, String> {
     let mut chosen = Vec::new();
-    for page in pages.into_iter().filter(|page| !page.starts_with(root().join(GALLERY))) {
+    for page in everywhere()?.into_iter().filter(|page| !page.starts_with(root().join(GALLERY))) {
         if only.is_none_or(|only| page == root().join(only)) && has_blocks(&page)? {
             chosen.push(page);
         }

@@ -37,7 +37,7 @@ pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
-use crate::diagnose::limits::{CONFIDENCE, CONFIDENCES, TRAINED};
+use crate::diagnose::limits::{CONFIDENCE, CONFIDENCES, SEARCHED, TRAINED};
 use crate::error::{Error, Result};
 use crate::model::unit::{has_seconds, in_time_unit};
 use crate::model::{Dynamics, Model, System};
@@ -49,7 +49,7 @@ use run::Run;
 use std::sync::Arc;
 use steps::attribution::attribute::attribute;
 use steps::attribution::contest::Contest;
-use steps::attribution::detect::detect;
+use steps::attribution::detect::{detect, detect_behind};
 use steps::attribution::forcing::forced;
 use steps::attribution::hold::{begun, reconsider_hold};
 use steps::attribution::nameless;
@@ -258,15 +258,14 @@ impl Diagnose {
     /// Random forces are asked for before the hold of the controls, which they would decide by chance, and again where another hold
     /// gives another account. Held-out logs are looked at when all is decided.
     fn body(&self, system: &System, logs: [&Dataset; 2], progress: &dyn Progress) -> Result<(Diagnosed, Found)> {
-        let run = Run::new(progress, self.time_limit);
+        let share = if system.engine().is_some() { SEARCHED } else { 1.0 };
+        let run = Run::new(progress, self.time_limit.map(|limit| share * limit));
         let mut prepared = prepare(&run, system, logs, &self.known())?;
         let (suspects, of_suspects) = suspects(&prepared.nominal, &self.choice())?;
         prepared.notes.extend(of_suspects);
         let mut contest = Contest::new(&run, prepared.fitter, suspects, self.most_effects);
-        let mut suspected = detect(&contest, prepared.nominal.clone())?;
-        if suspected.detected.gap && suspected.first.fits.first().is_some_and(|leader| contest.calls(leader)) {
-            suspected = detect(&contest, prepared.nominal.clone())?;
-        }
+        let suspected = detect(&contest, prepared.nominal.clone())?;
+        let suspected = detect_behind(&mut contest, suspected)?;
         let suspected = begun(&contest, &prepared, suspected)?;
         let judged = forced(&contest, attribute(&contest, suspected)?)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;

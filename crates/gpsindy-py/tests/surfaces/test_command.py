@@ -79,6 +79,17 @@ def test_what_is_missing_is_told_in_one_line(tmp_path):
     assert broken.returncode == 2 and broken.stderr.startswith("error: broken.xml: a MuJoCo model")
 
 
+def test_degrees_are_not_read_as_radians(tmp_path):
+    pytest.importorskip("mujoco")
+    model, log = tmp_path / "robot.xml", tmp_path / "run.csv"
+    model.write_text(HINGE)
+    write_log(log, real_log(0))
+    header, rows = log.read_text().split("\n", 1)
+    log.write_text(header.replace("hinge", "hinge [deg]", 1) + "\n" + rows)
+    done = command("diagnose", model, log, "--out", tmp_path / "diagnosis")
+    assert done.returncode == 2 and "0.017453" in done.stderr.strip().splitlines()[-1], done.stderr
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_ctrl_c_ends_it_at_once():
     import signal

@@ -96,10 +96,12 @@ impl Hypothesis {
         self.effect().is_some_and(Effect::is_only_if_asked)
     }
 
-    /// Whether it may be the truth where `other` leads: an effect that imitates it, in the same equation.
+    /// Whether it may be the truth where `other` leads: an effect that imitates it, in the same equation and at the same parameter where
+    /// that is a wrong one.
     pub(crate) fn stands_behind(&self, other: &Self) -> bool {
         let imitators = self.effect().map_or(&[][..], Effect::stands_behind);
-        other.effect().is_some_and(|effect| imitators.contains(&effect)) && self.state == other.state
+        let is_there = other.frees().is_none_or(|name| self.variables.first().is_some_and(|own| own == name));
+        other.effect().is_some_and(|effect| imitators.contains(&effect)) && self.state == other.state && is_there
     }
 
     /// How many states it adds to a model.

@@ -19,6 +19,11 @@ impl Searches {
         Self(starts.max(1))
     }
 
+    /// Both searches.
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self(self.0 + other.0)
+    }
+
     /// A chance found by the search, paid for.
     pub(crate) fn pay(self, chance: f64) -> f64 {
         (chance * self.0 as f64).min(1.0)

@@ -8,11 +8,12 @@ use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at, unless_refused};
-use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, SHOWN_CLOCK};
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, NOISE, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::attribution::suspects::Suspects;
 use crate::error::Result;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// The suspects, and the rules by which one wins.
 pub(crate) struct Contest<'a> {
@@ -39,14 +40,33 @@ impl<'a> Contest<'a> {
         Self { run, hypotheses, behind, joint, rivals, scene, random, most, fitter }
     }
 
-    /// Makes suspects of those that the effect of `leader` imitates; whether there are any.
-    pub(crate) fn calls(&mut self, leader: &Contestant) -> bool {
-        let is_called = |h: &Hypothesis| leader.hypotheses.iter().any(|leading| h.stands_behind(leading));
+    /// Makes suspects of those that an effect of the `leaders` imitates, and of all that wait where the first of them leaves more than
+    /// noise; their numbers.
+    pub(crate) fn calls(&mut self, leaders: &[Contestant]) -> Range<usize> {
+        let is_left = leaders.first().is_some_and(|leader| leader.evidence.misfit() > NOISE);
+        let leading = || leaders.iter().flat_map(|leader| &leader.hypotheses);
+        let is_called = |h: &Hypothesis| is_left || leading().any(|leading| h.stands_behind(leading));
         let (called, behind) = std::mem::take(&mut self.behind).into_iter().partition::<Vec<_>, _>(is_called);
         self.behind = behind;
-        let any = !called.is_empty();
+        let first = self.hypotheses.len();
         self.hypotheses.extend(called);
-        any
+        first..self.hypotheses.len()
+    }
+
+    /// Whether it is no suspect yet.
+    pub(crate) fn is_waiting(&self, hypothesis: &Hypothesis) -> bool {
+        self.behind.contains(hypothesis)
+    }
+
+    /// Lets those of the `called` wait again that are none of the leaders: every later round is the shorter for it. Says which stay.
+    pub(crate) fn dismisses(&mut self, called: Range<usize>, leaders: &[Contestant]) -> Vec<usize> {
+        let leads = |h: &Hypothesis| leaders.iter().any(|leader| leader.hypotheses.contains(h));
+        let stay: Vec<usize> = called.clone().filter(|&h| leads(&self.hypotheses[h])).collect();
+        for (number, hypothesis) in called.clone().zip(self.hypotheses.split_off(called.start)) {
+            let kept = if stay.contains(&number) { &mut self.hypotheses } else { &mut self.behind };
+            kept.push(hypothesis);
+        }
+        stay
     }
 
     /// The scene in the windows of `base`, in which the size and the pace of some effects have their ends.

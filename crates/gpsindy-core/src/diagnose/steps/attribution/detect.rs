@@ -4,9 +4,9 @@ use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use crate::diagnose::fit::moved::{Moved, moved};
 use crate::diagnose::fit::substeps::finer;
-use crate::diagnose::limits::{Budget, CERTAIN, CHANCE, TOLERABLE};
+use crate::diagnose::limits::{Budget, CERTAIN, CHANCE, FINALISTS, TOLERABLE};
 use crate::diagnose::steps::attribution::contest::Contest;
-use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_further};
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::findings::{Detected, Judged, Outcome};
 use crate::error::Result;
@@ -54,6 +54,22 @@ pub(crate) fn detect(contest: &Contest<'_>, nominal: Contestant) -> Result<Suspe
     let nameless = nameless(contest, &nominal)?;
     let detected = judge(&first, Some(&nameless), &nominal);
     Ok(Suspected { nominal, first, nameless: Some(nameless), detected })
+}
+
+/// The same after the hypotheses behind the leaders of a gap were tried, too, each of which an effect that leads imitates.
+pub(crate) fn detect_behind(contest: &mut Contest<'_>, suspected: Suspected) -> Result<Suspected> {
+    if !suspected.detected.gap {
+        return Ok(suspected);
+    }
+    let leaders = &suspected.first.fits[..suspected.first.fits.len().min(FINALISTS)];
+    let new = contest.calls(leaders);
+    if new.is_empty() {
+        return Ok(suspected);
+    }
+    let Suspected { nominal, first, nameless, .. } = suspected;
+    let first = expand_further(contest, &nominal, first, new)?;
+    let detected = judge(&first, nameless.as_deref(), &nominal);
+    Ok(Suspected { nominal, first, nameless, detected })
 }
 
 /// Every hypothesis tried at the nominal model, with integration steps short enough for the best of them.

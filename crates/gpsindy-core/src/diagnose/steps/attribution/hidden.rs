@@ -43,3 +43,32 @@ pub(crate) fn find(contest: &Contest<'_>, suspects: &mut [Option<Screened>], at:
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::diagnose::fixture::drive;
+    use crate::diagnose::report::Verdict;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::expression::Expression;
+    use crate::model::Parameter;
+    use crate::progress::Silent;
+
+    /// Parameters of the drive with this equation whose errors are excluded above some size, by logs of the machine that it describes.
+    fn excluded(equation: &str, parameters: &[(&str, f64)]) -> Vec<String> {
+        let (mut model, data) = drive(None, |x| x, 0.01, (3, 300));
+        model.states[0].equation = Expression::parse(equation).unwrap();
+        model.parameters = parameters.iter().map(|&(name, value)| Parameter::new(name, value)).collect();
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        assert_eq!(found.verdict, Verdict::NoGap);
+        let errors = found.excluded.iter().filter(|e| e.effect == "parameter_error");
+        errors.map(|e| e.variables[0].clone()).collect()
+    }
+
+    #[test]
+    fn an_error_that_another_one_can_cancel_is_not_excluded() {
+        assert_eq!(excluded("u - k*x", &[("k", 1.0)]), ["k"]);
+        assert_eq!(excluded("g*u - (a + b)*x", &[("g", 1.0), ("a", 0.6), ("b", 0.4)]), ["g"]);
+    }
+}

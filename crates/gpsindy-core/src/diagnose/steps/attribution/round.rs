@@ -2,11 +2,13 @@
 
 use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
-use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::limits::FINALISTS;
+use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::moves::moves;
 use crate::diagnose::steps::attribution::screen::screen;
 use crate::diagnose::steps::attribution::survey::{Screened, Summary, Survey};
 use crate::error::Result;
+use std::ops::Range;
 
 /// What was found one move away from a contestant.
 #[derive(Clone)]
@@ -39,11 +41,40 @@ impl Expansion {
 
 /// Screens everything at `base` and fits what is promising; `stage` is what this is for.
 pub(crate) fn expand(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Expansion> {
+    expand_by(contest, nominal, base, (stage, None))
+}
+
+/// The round at the nominal model with what the `new` hypotheses add to it, which became suspects by it. Those that do not lead then wait
+/// again.
+pub(crate) fn expand_further(
+    contest: &mut Contest<'_>,
+    nominal: &Contestant,
+    first: Expansion,
+    new: Range<usize>,
+) -> Result<Expansion> {
+    let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())))?;
+    let Expansion { mut fits, mut screened, searches } = first;
+    fits.extend(more.fits);
+    contest.sort(&mut fits);
+    let mut fits = keep_first_of_each(fits);
+    let stay = contest.dismisses(new.clone(), &fits[..fits.len().min(FINALISTS)]);
+    fits.retain(|fit| !fit.hypotheses.iter().any(|h| contest.is_waiting(h)));
+    // Sets that apply together come behind all hypotheses.
+    screened.splice(new.start..new.start, stay.iter().map(|&number| more.screened[number].clone()));
+    Ok(Expansion { fits, screened, searches: searches.and(more.searches) })
+}
+
+fn expand_by(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    base: &Contestant,
+    (stage, only): (&str, Option<Range<usize>>),
+) -> Result<Expansion> {
     if contest.run.is_out_of_time() {
         let none = vec![Summary::default(); contest.hypotheses.len() + contest.joint.len()];
         return Ok(Expansion { fits: Vec::new(), screened: none, searches: Searches::NONE });
     }
-    let survey = screen(contest, nominal, base, &format!("{stage}: screening"))?;
+    let survey = screen(contest, nominal, base, (&format!("{stage}: screening"), only))?;
     let Survey { suspects, .. } = &survey;
     let screened = suspects.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
     let searches = Searches::of(suspects.iter().flatten().map(|s| s.gains.len()).sum());

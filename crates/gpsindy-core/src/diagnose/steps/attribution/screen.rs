@@ -20,19 +20,28 @@ use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey
 use crate::error::Result;
 use crate::parallel::*;
 use crate::refine::{Refined, tangent};
+use std::ops::Range;
 
 /// Straight-line gains of every hypothesis that is not in `base` already, besides its effects and in the place of each.
 ///
 /// Of long logs all are screened on a part of the windows first, and only those that lead there on all of them; the others keep what
 /// the part says of the whole, but below the leaders. Suspects of a simulator that steps have one more gain each, by the innovations.
-pub(crate) fn screen(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Survey> {
+///
+/// With `only` the hypotheses of these numbers alone are screened.
+pub(crate) fn screen(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    base: &Contestant,
+    (stage, only): (&str, Option<Range<usize>>),
+) -> Result<Survey> {
     let scene = Scene { peaks: peaks(base), ..contest.scene_of(base) };
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
     // Where there are innovations, all suspects have their turn with them, too.
     let turns = if base.system.engine().is_some() { 2 } else { 1 };
-    let stage = contest.run.stage(stage, turns * suspects.len())?;
-    let screening = Screening { contest, nominal, base, scene, suspects, stage };
+    let count = only.as_ref().map_or(suspects.len(), Range::len);
+    let stage = contest.run.stage(stage, turns * count)?;
+    let screening = Screening { contest, nominal, base, scene, suspects, only, stage };
     let at = base.linearised()?;
     if base.system.engine().is_some() {
         // Its derivatives along all windows serve for a part, too.
@@ -61,6 +70,7 @@ struct Screening<'a> {
     base: &'a Contestant,
     scene: Scene,
     suspects: Vec<Vec<usize>>,
+    only: Option<Range<usize>>,
     stage: Stage<'a>,
 }
 
@@ -106,8 +116,9 @@ impl Screening<'_> {
         };
         let looked = bases.iter().map(looked).collect();
         let bases: Vec<&Basis> = bases.iter().collect();
+        let is_wanted = |place: usize| which(place) && self.only.as_ref().is_none_or(|only| only.contains(&place));
         let wanted: Vec<Option<&Vec<usize>>> =
-            self.suspects.iter().enumerate().map(|(place, members)| which(place).then_some(members)).collect();
+            self.suspects.iter().enumerate().map(|(place, members)| is_wanted(place).then_some(members)).collect();
         let suspects: Result<Vec<Option<Screened>>> = wanted
             .into_par_iter()
             .map(|members| members.map_or(Ok(None), |members| self.one(members, at, (&bases, &outs))))

@@ -27,13 +27,18 @@ pub(super) static DEFINITION: Definition = Definition {
         (Effect::CubicStiffness, "gentle and hard manoeuvres of one kind"),
         (Effect::InputSaturation, "gentle and hard manoeuvres of one kind"),
     ],
-    traits: Traits { has_many_places: true, only_if_asked: true, ..Traits::PLAIN },
+    traits: Traits {
+        has_many_places: true,
+        only_if_asked: true,
+        behind: &[Effect::ParameterError, Effect::CubicStiffness, Effect::InputSaturation],
+        ..Traits::PLAIN
+    },
     write,
     plant,
     reported: as_fitted,
     example: Example::of(&[("r", 0.0, "4*u - 2*r")], Drive::Ramp, 6.0, "r", &[("r", "4*u/sqrt(1 + 0.6*r^2) - 2*r")]),
     in_mjcf: None,
-    about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. It is tested only on request, because it could act at every parameter of every equation of a speed.",
+    about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. It could act at every parameter of every equation of a speed, so it is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

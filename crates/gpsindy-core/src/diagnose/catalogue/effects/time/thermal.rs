@@ -41,7 +41,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
     ),
     in_mjcf: None,
-    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, which models the losses of a drive. Everywhere it is tested only on request, because a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, which models the losses of a drive. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
