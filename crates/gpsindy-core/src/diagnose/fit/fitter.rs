@@ -281,7 +281,8 @@ fn has_poor_window(residuals: &[Vec<f64>]) -> bool {
     means.last().is_some_and(|worst| *worst > DOUBTED * means[means.len() / 2])
 }
 
-/// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits.
+/// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits; and with its residual,
+/// which says how much the first samples of their windows count: fits that count them otherwise end elsewhere, and are no rivals.
 pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
     let mut moved = base.clone();
     for free in &base.free {
@@ -294,6 +295,7 @@ pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
         for (own, theirs) in moved.refined.initial.iter_mut().zip(&other.refined.initial) {
             own.copy_from_slice(&theirs[..n.min(theirs.len())]);
         }
+        moved.evidence.clone_from(&other.evidence);
     }
     moved
 }
