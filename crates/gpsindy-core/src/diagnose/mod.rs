@@ -275,8 +275,9 @@ impl Diagnose {
     }
 
     /// The report on what was found: verified on held-out logs, located, written into the model and weighed.
-    fn reported(&self, contest: Contest<'_>, prepared: Prepared, judged: Judged) -> Result<(Diagnosed, Found)> {
+    fn reported(&self, contest: Contest<'_>, prepared: Prepared, mut judged: Judged) -> Result<(Diagnosed, Found)> {
         contest.run.begin("held-out logs and report");
+        judged.outcome.best = judged.outcome.best.out_of_reach();
         let verified = verify::closure(&judged, &prepared.holdout, self.confidence)?;
         let gap = localise::gap(&contest, &judged, &verified.resting);
         let augmented = augment(&judged.outcome.best);

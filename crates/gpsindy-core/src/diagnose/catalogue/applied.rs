@@ -1,5 +1,7 @@
 //! A model with hypotheses written into it: what they brought, and where a fit of it starts.
 
+use crate::diagnose::limits::AT_END;
+use crate::diagnose::limits::catalogue::FAR_OFF;
 use crate::model::Model;
 
 /// A parameter that a hypothesis adds to the model.
@@ -30,6 +32,9 @@ pub(crate) enum Role {
     Phase,
     /// The speed within which dry friction turns around: beyond its lower end, where no fit can walk to, it is zero.
     Corner,
+    /// An end of the travel, above or below: one that the logs never reach stands at the end of their range, and is anywhere beyond.
+    Above,
+    Below,
 }
 
 impl Added {
@@ -41,6 +46,17 @@ impl Added {
     /// Whether it is found by trial, and the fit leaves it where it is.
     pub(crate) fn is_tried(&self) -> bool {
         matches!(self.role, Role::Period | Role::Phase)
+    }
+
+    /// Where the end of a travel is that the logs never reached, which leaves it at `value`: far beyond them, so that a rollout of other
+    /// logs does not meet it where only these logs end.
+    pub(crate) fn out_of_reach(&self, value: f64) -> Option<f64> {
+        let (range, inside) = (self.upper - self.lower, 1.0 - AT_END);
+        match self.role {
+            Role::Above if value >= self.upper - inside * range => Some(self.upper + FAR_OFF * range),
+            Role::Below if value <= self.lower + inside * range => Some(self.lower - FAR_OFF * range),
+            _ => None,
+        }
     }
 
     /// A value as a reader should have it.
@@ -80,4 +96,29 @@ pub(crate) struct Applied {
     /// How many of them each hypothesis brought.
     pub(crate) parts: Vec<usize>,
     pub(crate) starts: Vec<Start>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_that_the_logs_never_reached_is_far_beyond_them_and_another_stays() {
+        let end = |role| Added {
+            symbol: "high".into(),
+            name: "high".into(),
+            unit: "m".into(),
+            scale: 0.1,
+            lower: 1.0,
+            upper: 2.0,
+            role,
+        };
+        assert_eq!(end(Role::Above).out_of_reach(2.0), Some(12.0));
+        assert_eq!(end(Role::Below).out_of_reach(1.0), Some(-9.0));
+        // What is far beyond stays there, and what was reached is where it is.
+        assert_eq!(end(Role::Above).out_of_reach(12.0), Some(12.0));
+        assert_eq!(end(Role::Above).out_of_reach(1.8), None);
+        assert_eq!(end(Role::Below).out_of_reach(2.0), None);
+        assert_eq!(end(Role::Plain).out_of_reach(2.0), None);
+    }
 }

@@ -113,6 +113,16 @@ impl<'a> Writer<'a> {
         corner
     }
 
+    /// Adds an end of the travel, above or below, that the logs may never reach.
+    pub(crate) fn add_end(&mut self, symbol: &str, role: Role, scale: f64, bounds: (f64, f64)) -> Expression {
+        let (value, unit) = (if role == Role::Above { bounds.1 } else { bounds.0 }, self.unit_of(0));
+        let end = self.add(symbol, value, scale, bounds, &unit);
+        if let Some((_, added)) = self.fitted.last_mut() {
+            added.role = role;
+        }
+        end
+    }
+
     /// Adds the phase of a sine, which a reader has within a turn.
     pub(crate) fn add_phase(&mut self) -> Expression {
         let phase = self.add("phase", 0.0, 1.0, FREE, "rad");

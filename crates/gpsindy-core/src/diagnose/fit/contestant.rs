@@ -97,6 +97,16 @@ impl Contestant {
         self.added[place].iter().map(|(index, _)| self.refined.parameters[*index]).collect()
     }
 
+    /// The same with ends of a travel that the logs never reach far beyond them: on these logs no rollout differs.
+    pub(crate) fn out_of_reach(mut self) -> Self {
+        for (index, added) in self.added.iter().flatten() {
+            if let Some(far) = added.out_of_reach(self.refined.parameters[*index]) {
+                self.refined.parameters[*index] = far;
+            }
+        }
+        self
+    }
+
     /// Free parameters that have a value beyond their lower ends, and that value.
     pub(crate) fn beyond(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         let is_free = |index: usize| self.free.iter().any(|f| f.parameter == index);

@@ -29,3 +29,6 @@ pub(crate) const ALONG: f64 = 1e-3;
 /// Where an equation is probed: a mean, steps of a phase by variable and by point, and a time, so that the points have no pattern.
 /// Convention.
 pub(crate) const PROBED: (f64, f64, f64, f64) = (1.5, 1.7, 2.3, 0.3);
+
+/// How many times the range of its fit an end of the travel that the logs never reach is beyond them. Convention.
+pub(crate) const FAR_OFF: f64 = 10.0;

@@ -149,6 +149,7 @@ fn cause(
     let z = normal_quantile(0.5 + 0.5 * confidence);
     let parameters = fit.added[place]
         .iter()
+        .filter(|(index, added)| added.out_of_reach(fit.refined.parameters[*index]).is_none())
         .map(|(index, added)| {
             let value = added.stated(fit.refined.parameters[*index]);
             let least_distinguished = || sampling::least_distinguished(&fit.experiment, added, value);

@@ -1,5 +1,6 @@
 //! A stop at the end of the travel.
 
+use crate::diagnose::catalogue::applied::Role;
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted, experiment};
 use crate::diagnose::catalogue::example::{self, Drive, Example};
 use crate::diagnose::catalogue::excursion::Excursion;
@@ -36,7 +37,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "-4*x - 0.2*v + 3*u - (200 + 20*v)*max(0, x - 0.6)")],
     ),
     in_mjcf: None,
-    about: "Both stops are one effect; a stop that is never reached stays at the end of the range. The damping acts only in contact (Hunt and Crossley 1975). A quantity without a speed, such as a level, is stopped without damping.",
+    about: "Both stops are one effect; a stop that the logs never reach is left out of the report, and stands far beyond them in the corrected model. The damping acts only in contact (Hunt and Crossley 1975). A quantity without a speed, such as a level, is stopped without damping.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -47,10 +48,10 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let own = writer.model.states[writer.hypothesis.state].name.clone();
     let is_own = writer.hypothesis.variables[0] == own;
     let (rate, small) = (writer.rate(), writer.small());
-    let (place, stiffness) = (writer.unit_of(0), writer.unit_per(&[(0, 1)]));
+    let stiffness = writer.unit_per(&[(0, 1)]);
     let k = writer.add("k", 0.0, rate / range, POSITIVE, &stiffness);
-    let upper = writer.add("high", *high, 0.1 * range, (low + 0.4 * range, *high), &place);
-    let lower = writer.add("low", *low, 0.1 * range, (*low, high - 0.4 * range), &place);
+    let upper = writer.add_end("high", Role::Above, 0.1 * range, (low + 0.4 * range, *high));
+    let lower = writer.add_end("low", Role::Below, 0.1 * range, (*low, high - 0.4 * range));
     let mut symbols = vec![("k", k), ("high", upper), ("low", lower)];
     let form = if is_own {
         "-k*max(0, z - high) + k*max(0, low - z)"
