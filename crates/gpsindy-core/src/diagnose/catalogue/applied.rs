@@ -38,9 +38,16 @@ pub(crate) enum Role {
 }
 
 impl Added {
-    /// A value below its lower end that no fit can walk to, and that is tried besides what a fit finds.
+    /// A value beyond one of its ends that no fit can walk to, and that is tried besides what a fit finds: dry friction without a corner, and
+    /// an end of a travel that nothing reaches.
     pub(crate) fn beyond(&self) -> Option<f64> {
-        (self.role == Role::Corner).then_some(0.0)
+        let far = FAR_OFF * (self.upper - self.lower);
+        match self.role {
+            Role::Corner => Some(0.0),
+            Role::Above => Some(self.upper + far),
+            Role::Below => Some(self.lower - far),
+            Role::Plain | Role::Angle | Role::Period | Role::Phase => None,
+        }
     }
 
     /// Whether it is found by trial, and the fit leaves it where it is.
@@ -51,12 +58,13 @@ impl Added {
     /// Where the end of a travel is that the logs never reached, which leaves it at `value`: far beyond them, so that a rollout of other
     /// logs does not meet it where only these logs end.
     pub(crate) fn out_of_reach(&self, value: f64) -> Option<f64> {
-        let (range, inside) = (self.upper - self.lower, 1.0 - AT_END);
-        match self.role {
-            Role::Above if value >= self.upper - inside * range => Some(self.upper + FAR_OFF * range),
-            Role::Below if value <= self.lower + inside * range => Some(self.lower - FAR_OFF * range),
-            _ => None,
-        }
+        let inside = (1.0 - AT_END) * (self.upper - self.lower);
+        let is_out = match self.role {
+            Role::Above => value >= self.upper - inside,
+            Role::Below => value <= self.lower + inside,
+            _ => false,
+        };
+        if is_out { self.beyond() } else { None }
     }
 
     /// A value as a reader should have it.

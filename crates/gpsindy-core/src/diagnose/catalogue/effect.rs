@@ -81,6 +81,11 @@ impl Effect {
         self.definition().about
     }
 
+    /// Whether it is itself what makes a place unlike others.
+    pub(crate) fn marks_a_place(self) -> bool {
+        self.definition().traits.marks_a_place
+    }
+
     /// Whether it is a suspect only where a setting names it.
     pub fn is_only_if_asked(self) -> bool {
         self.definition().traits.only_if_asked

@@ -88,16 +88,19 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     let known = nominal.system.simulator().is_none();
     let places = if known && !choice.places && !choice.senseless { invariance::places(model) } else { Vec::new() };
     let mut ruled_out: BTreeMap<Rule, BTreeSet<String>> = BTreeMap::new();
+    let marks = |h: &Hypothesis| h.effect().is_some_and(Effect::marks_a_place);
     let mut hypotheses = Vec::new();
     for hypothesis in all {
-        let place = invariance::broken(&hypothesis, &places).map(|place| Rule::Place(place.to_string()));
+        let place = invariance::broken(&hypothesis, &places).filter(|_| !marks(&hypothesis));
+        let place = place.map(|place| Rule::Place(place.to_string()));
         let sense = || hypothesis.broken_sense(model, &scene).filter(|_| !choice.senseless);
         match place.or_else(|| sense().map(|sense| Rule::Sense(sense.words()))) {
             Some(rule) => _ = ruled_out.entry(rule).or_default().insert(hypothesis.id().to_string()),
             None => hypotheses.push(hypothesis),
         }
     }
-    let (behind, hypotheses): (Vec<_>, Vec<_>) = hypotheses.into_iter().partition(waits);
+    let is_late = |h: &Hypothesis| choice.chosen.is_empty() && invariance::broken(h, &places).is_some();
+    let (behind, hypotheses): (Vec<_>, Vec<_>) = hypotheses.into_iter().partition(|h| waits(h) || is_late(h));
     for (rule, effects) in ruled_out {
         let effects = effects.into_iter().collect();
         notes.push(match rule {

@@ -25,7 +25,7 @@ pub(super) static DEFINITION: Definition = Definition {
     places: &[Place::Position],
     sense: &[Sense::NotThermal],
     twins: &[(Effect::CubicStiffness, experiment::LARGER), (Effect::LinearStiffness, experiment::LARGER)],
-    traits: Traits::PLAIN,
+    traits: Traits { marks_a_place: true, ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
@@ -37,7 +37,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "-4*x - 0.2*v + 3*u - (200 + 20*v)*max(0, x - 0.6)")],
     ),
     in_mjcf: None,
-    about: "Both stops are one effect; a stop that the logs never reach is left out of the report, and stands far beyond them in the corrected model. The damping acts only in contact (Hunt and Crossley 1975). A quantity without a speed, such as a level, is stopped without damping.",
+    about: "Both stops are one effect; a stop that the logs never reach is left out of the report, and stands far beyond them in the corrected model. The damping acts only in contact (Hunt and Crossley 1975). Where no rate depends on the place, as on a rail, it is tested once no single effect leaves only noise. A quantity without a speed, such as a level, is stopped without damping.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
