@@ -1,4 +1,4 @@
-//! Counts on drawn fleets what their comparison finds, for the tables of docs/results.md.
+//! Counts on drawn fleets what their comparison finds, for the tables of docs/results_fleets.md.
 //!
 //! `cargo run --release --example fleets -- [FIRST_SEED [odd|year|warm]]`
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
