@@ -11,7 +11,7 @@ use std::path::Path;
 /// Top-level modules of the core and the layer of each.
 const LAYERS: &[(u8, &[&str])] = &[
     (1, &["data", "error", "excitation", "progress", "parallel", "random", "expression", "optimise"]),
-    (2, &["gp", "regress", "library", "model"]),
+    (2, &["excerpt", "gp", "regress", "library", "model"]),
     (3, &["clock", "smooth", "differentiate", "refine", "simulate", "score", "systems"]),
     (4, &["identify", "diagnose"]),
     (5, &["paired", "fleet"]),
@@ -60,9 +60,9 @@ const SHARED_STEPS: &[&str] =
 const PARTS: &[(&str, &[&str])] = &[
     ("round", &["moves"]),
     ("moves", &["contained"]),
-    ("screen", &["pairs"]),
+    ("screen", &["hidden", "pairs"]),
     ("places", &["contained"]),
-    ("prepare", &["check"]),
+    ("prepare", &["affordable", "check"]),
     ("attribute", &["search", "simplify", "lengthen", "charge", "places", "detect"]),
     ("simplify", &["detect"]),
     ("hold", &["attribute", "detect"]),

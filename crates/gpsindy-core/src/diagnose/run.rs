@@ -83,9 +83,14 @@ impl<'a> Run<'a> {
         is_over
     }
 
+    /// Seconds on the listener's clock, where somebody keeps the time.
+    pub(crate) fn now(&self) -> Option<f64> {
+        self.progress.seconds()
+    }
+
     /// Seconds until the limit, where there is one and somebody keeps the time.
     pub(crate) fn left(&self) -> Option<f64> {
-        self.time_limit.zip(self.progress.seconds()).map(|(limit, now)| (limit - now).max(0.0))
+        self.time_limit.zip(self.now()).map(|(limit, now)| (limit - now).max(0.0))
     }
 
     /// How the search has ended.

@@ -11,7 +11,6 @@ use crate::error::Result;
 use crate::excerpt::{Excerpt, excerpt};
 use crate::model::System;
 use crate::refine::{Experiment, Job, Window, guess_initial, roll_together};
-use std::time::Instant;
 
 /// Logs to learn from and to verify on, shortened alike, and what to say of it; none where the time suffices for all of them, where
 /// nobody set a limit, and for equations.
@@ -22,7 +21,7 @@ pub(crate) fn affordable(
 ) -> Result<Option<(Dataset, Dataset, Note)>> {
     let Some(left) = run.left().filter(|_| system.engine().is_some()) else { return Ok(None) };
     let passes = PASSES * system.n_states() as f64;
-    let most = (left / (passes * seconds_a_sample(system, train)?)) as usize;
+    let most = (left / (passes * seconds_a_sample(run, system, train)?)) as usize;
     let total = train.n_samples();
     if most >= total || total <= FEWEST_AFFORDED {
         return Ok(None);
@@ -43,7 +42,7 @@ pub(crate) fn affordable(
 }
 
 /// Seconds in which the simulator passes one sample, where it steps through many rollouts at once as all fits let it.
-fn seconds_a_sample(system: &System, data: &Dataset) -> Result<f64> {
+fn seconds_a_sample(run: &Run<'_>, system: &System, data: &Dataset) -> Result<f64> {
     let mut experiment = Experiment::new(system, data, None)?;
     let (rows, samples) = PROBE;
     let window = |k: usize| {
@@ -58,9 +57,9 @@ fn seconds_a_sample(system: &System, data: &Dataset) -> Result<f64> {
     let job = |(window, initial): (usize, Vec<f64>)| Job { window, parameters: parameters.clone(), initial };
     let jobs: Vec<Job> = starts.into_iter().enumerate().map(job).collect();
     let pass = |jobs: &[Job]| {
-        let start = Instant::now();
+        let start = run.now();
         roll_together(system, &experiment, jobs, None, &mut |_, _, _, _| {});
-        start.elapsed().as_secs_f64()
+        run.now().zip(start).map_or(0.0, |(end, start)| end - start)
     };
     // The first call of a simulator may load and compile it.
     pass(&jobs[..1]);
@@ -75,9 +74,10 @@ mod tests {
     use crate::model::stepping::Stepping;
     use crate::progress::{Progress, Silent};
     use std::sync::Arc;
+    use std::time::Instant;
 
     /// A listener with a clock.
-    struct Clock;
+    struct Clock(Instant);
 
     impl Progress for Clock {
         fn report(&self, _: &str, _: usize, _: usize) -> bool {
@@ -85,7 +85,7 @@ mod tests {
         }
 
         fn seconds(&self) -> Option<f64> {
-            Some(0.0)
+            Some(self.0.elapsed().as_secs_f64())
         }
     }
 
@@ -98,9 +98,10 @@ mod tests {
         let shortened = |limit: Option<f64>, progress: &dyn Progress| {
             affordable(&Run::new(progress, limit), &system, [&data, &data]).unwrap()
         };
-        assert!(shortened(None, &Clock).is_none() && shortened(Some(1e9), &Clock).is_none());
+        let clock = Clock(Instant::now());
+        assert!(shortened(None, &clock).is_none() && shortened(Some(1e9), &clock).is_none());
         assert!(shortened(Some(1e-9), &Silent).is_none());
-        let (train, holdout, note) = shortened(Some(1e-9), &Clock).unwrap();
+        let (train, holdout, note) = shortened(Some(1e-9), &clock).unwrap();
         assert!((FEWEST_AFFORDED..FEWEST_AFFORDED + 100).contains(&train.n_samples()), "{}", train.n_samples());
         assert!(holdout.n_samples() < 500 && train.runs().len() > 1);
         assert!(note.to_string().contains("of 4000 samples"), "{note}");
