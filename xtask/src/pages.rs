@@ -119,7 +119,7 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("51 of 56 right", "51 of 56 are right"),
+            ("114 of 120 right", "114 of 120 are right"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
             ("69.8 %", "69.8 %"),
