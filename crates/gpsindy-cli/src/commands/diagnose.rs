@@ -125,7 +125,8 @@ pub(crate) struct Options {
     /// How a control behaves between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
     hold: AutoHold,
-    /// Stop the search after so many seconds, keep the best result so far and say so; 0: no limit. The first Ctrl-C does the same
+    /// Stop the search after so many seconds, keep the best result so far and say so; 0: no limit. The first Ctrl-C does the same. Of logs that
+    /// a MuJoCo model or an FMU can't pass through in time only the most exciting windows are used
     // Ten minutes: what one waits for at a desk. Most diagnoses take seconds.
     #[arg(long, value_name = "S", default_value_t = 600.0, allow_negative_numbers = true)]
     time_limit: f64,

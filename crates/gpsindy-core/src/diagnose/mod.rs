@@ -105,7 +105,8 @@ pub struct Diagnose {
     /// Whether what is left is added to the corrected model as a function without a name.
     pub keep_function: bool,
     /// Seconds after which the search ends with the best that it has; its verdict is then no `explained`. What follows it
-    /// (held-out rollouts, the report) takes a little longer. Kept where the listener has a clock, [`Progress::seconds`].
+    /// (held-out rollouts, the report) takes a little longer. A simulator that steps has nine tenths of it for the search, and only the most
+    /// exciting windows of logs that it can't pass through in time. Kept where the listener has a clock, [`Progress::seconds`].
     pub time_limit: Option<f64>,
     /// Whether and how to study which effects these logs could reveal.
     pub power: Option<Power>,
