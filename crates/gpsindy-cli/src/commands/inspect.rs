@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use gpsindy_files::{Inspection, LogOptions, Stamp, inspect};
+use gpsindy_files::{Finding, Inspection, LogOptions, Stamp, inspect};
 use std::path::PathBuf;
 
 /// Kinds of flaws, as [`gpsindy_files::Finding`] names them.
@@ -55,9 +55,15 @@ pub(crate) struct Inspect {
     /// With --strict: kinds of flaws that are accepted, such as `held` for commands or `constant` for unused columns
     #[arg(long, value_name = "KIND", value_delimiter = ',', requires = "strict", value_parser = PossibleValuesParser::new(KINDS))]
     allow: Vec<String>,
+    /// With --strict: columns that are commands, which may be held or rest
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',', requires = "strict")]
+    control: Vec<String>,
     #[command(flatten)]
     output: Output,
 }
+
+/// What is no flaw of a command: a controller holds it, and may leave it where it is.
+const OF_COMMANDS: [&str; 2] = ["held", "constant"];
 
 pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
     check_out(command.output.out.as_deref(), &command.logs)?;
@@ -68,7 +74,7 @@ pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
         let found = inspect(log, &options, &screen.progress())?;
         texts.push(found.text(screen.width()));
         values.push(found.json());
-        flaws.extend(flaws_of(&found, &command.allow));
+        flaws.extend(flaws_of(&found, command));
     }
     let text = if screen.json() {
         format!("{}\n", serde_json::json!({ "schema": "gpsindy.inspection/1", "logs": values }))
@@ -84,12 +90,21 @@ pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
 }
 
 /// The flaws of a log that are not allowed, in one line each.
-fn flaws_of(found: &Inspection, allowed: &[String]) -> Vec<String> {
-    let stated = found.findings.iter().filter(|flaw| !allowed.contains(&flaw.kind)).map(|flaw| {
+fn flaws_of(found: &Inspection, command: &Inspect) -> Vec<String> {
+    let place = |flaw: &Finding| {
         let parts = [flaw.topic.as_str(), flaw.column.as_deref().unwrap_or_default()];
         let place: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-        let place = if place.is_empty() { "stamps".into() } else { place.join(".") };
-        format!("{}: {place}: {}", found.file, flaw.text)
-    });
-    stated.collect()
+        if place.is_empty() { "stamps".into() } else { place.join(".") }
+    };
+    let is_of_command = |flaw: &Finding| {
+        let is_named = |name: &String| flaw.column.as_ref() == Some(name) || place(flaw) == *name;
+        OF_COMMANDS.contains(&flaw.kind.as_str()) && command.control.iter().any(is_named)
+    };
+    let is_flaw = |flaw: &&Finding| !command.allow.contains(&flaw.kind) && !is_of_command(flaw);
+    found
+        .findings
+        .iter()
+        .filter(is_flaw)
+        .map(|flaw| format!("{}: {}: {}", found.file, place(flaw), flaw.text))
+        .collect()
 }

@@ -47,6 +47,9 @@ fn a_pipeline_refuses_a_flawed_log_with_its_reasons() {
     );
     folder.run("inspect still.csv --strict --allow held,constant").done();
     assert!(folder.run("inspect still.csv --strict --allow heldd").refused().contains("heldd"));
+    // A command may rest; a sensor that does is dead.
+    folder.run("inspect still.csv --strict --control x").done();
+    assert_eq!(folder.run("inspect still.csv --strict --control u").status, 3);
 }
 
 #[test]
