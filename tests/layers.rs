@@ -60,7 +60,7 @@ const SHARED_STEPS: &[&str] =
 const PARTS: &[(&str, &[&str])] = &[
     ("round", &["moves"]),
     ("moves", &["contained"]),
-    ("screen", &["hidden", "pairs"]),
+    ("screen", &["pairs"]),
     ("places", &["contained"]),
     ("prepare", &["affordable", "check"]),
     ("attribute", &["search", "simplify", "lengthen", "charge", "places", "detect"]),

@@ -260,7 +260,7 @@ impl Diagnose {
     /// gives another account. Held-out logs are looked at when all is decided.
     fn body(&self, system: &System, logs: [&Dataset; 2], progress: &dyn Progress) -> Result<(Diagnosed, Found)> {
         let share = if system.engine().is_some() { SEARCHED } else { 1.0 };
-        let run = Run::new(progress, self.time_limit.map(|limit| share * limit));
+        let run = Run::with_share(progress, self.time_limit, share);
         let mut prepared = prepare(&run, system, logs, &self.known())?;
         let (suspects, of_suspects) = suspects(&prepared.nominal, &self.choice())?;
         prepared.notes.extend(of_suspects);

@@ -26,8 +26,9 @@ pub(crate) enum Ending {
 /// One diagnosis under way.
 pub(crate) struct Run<'a> {
     progress: &'a dyn Progress,
-    /// Seconds on the listener's clock at which the search ends.
+    /// The user's limit, in seconds on the listener's clock, and the share of it after which the search ends.
     time_limit: Option<f64>,
+    share: f64,
     /// Seconds after which something was left out for the first time.
     cut: OnceLock<f64>,
     pub(crate) handed: Account,
@@ -58,13 +59,20 @@ struct Begun {
 }
 
 impl<'a> Run<'a> {
+    #[cfg(test)]
     pub(crate) fn new(progress: &'a dyn Progress, time_limit: Option<f64>) -> Self {
+        Self::with_share(progress, time_limit, 1.0)
+    }
+
+    /// A diagnosis whose search has a share of the time limit; the rest is for what follows it.
+    pub(crate) fn with_share(progress: &'a dyn Progress, time_limit: Option<f64>, share: f64) -> Self {
         // Fits are too deep to ask the listener: they get the moment itself.
-        let left = time_limit.zip(progress.seconds()).map(|(limit, now)| (limit - now).clamp(0.0, FOREVER));
+        let left = time_limit.zip(progress.seconds()).map(|(limit, now)| (share * limit - now).clamp(0.0, FOREVER));
         let end = left.map(|left| Instant::now() + Duration::from_secs_f64(left));
         Self {
             progress,
             time_limit,
+            share,
             cut: OnceLock::new(),
             handed: Account::default(),
             tally: Arc::new(Tally::until(end, progress.enough())),
@@ -75,7 +83,7 @@ impl<'a> Run<'a> {
     /// Whether the search must end with what it has. Asked before a piece of work that is then left out.
     pub(crate) fn is_out_of_time(&self) -> bool {
         let now = self.progress.seconds();
-        let is_over = self.time_limit.zip(now).is_some_and(|(limit, now)| now >= limit) || self.tally.is_over();
+        let is_over = self.left().is_some_and(|left| left <= 0.0) || self.tally.is_over();
         if is_over {
             let limit = self.time_limit.filter(|_| !self.tally.is_enough());
             self.cut.get_or_init(|| limit.or(now).unwrap_or(0.0));
@@ -88,9 +96,9 @@ impl<'a> Run<'a> {
         self.progress.seconds()
     }
 
-    /// Seconds until the limit, where there is one and somebody keeps the time.
+    /// Seconds until the search ends, where there is a limit and somebody keeps the time.
     pub(crate) fn left(&self) -> Option<f64> {
-        self.time_limit.zip(self.now()).map(|(limit, now)| (limit - now).max(0.0))
+        self.time_limit.zip(self.now()).map(|(limit, now)| (self.share * limit - now).max(0.0))
     }
 
     /// How the search has ended.
@@ -250,6 +258,19 @@ mod tests {
         assert!(!was_cut && is_cut);
         // What follows the search fits the starts of held-out rollouts.
         assert!(10 * trials < whole, "{trials} of {whole}");
+    }
+
+    #[test]
+    fn a_search_with_a_share_of_the_limit_ends_there_and_states_the_limit() {
+        let (early, late) = (Clock::default(), Clock::default());
+        (0..8).for_each(|_| _ = early.report("", 0, 1));
+        (0..9).for_each(|_| _ = late.report("", 0, 1));
+        let over = |clock: &dyn Progress| {
+            let run = Run::with_share(clock, Some(10.0), 0.9);
+            (run.is_out_of_time(), run.note_of_end())
+        };
+        assert_eq!(over(&early), (false, None));
+        assert_eq!(over(&late), (true, Some(Note::TimeUp { seconds: 10.0 })));
     }
 
     /// A listener who has waited long enough after a number of reports.

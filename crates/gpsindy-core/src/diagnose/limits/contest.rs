@@ -72,10 +72,6 @@ pub(crate) const CLOCK: f64 = 3.0;
 /// [`TWINS`](crate::diagnose::limits::weigh::TWINS) takes for a difference. Argument.
 pub(crate) const SHOWN_CLOCK: f64 = 9.0;
 
-/// Share of a parameter's response, squared, that no other number may take back, for an error of it to be excluded above a size: with less,
-/// two errors that cancel are ten times what either alone would show. Convention.
-pub(crate) const HIDDEN: f64 = 0.01;
-
 /// Chance that noise gives a gain anywhere in a search, above which the gain is none. Convention.
 pub(crate) const CHANCE: f64 = 0.05;
 

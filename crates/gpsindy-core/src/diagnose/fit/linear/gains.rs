@@ -188,7 +188,7 @@ fn length_bounds(start: &Start, fitted: &[(usize, Added)], i: usize) -> (f64, f6
     if a.is_nan() || b.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { (a.min(b), a.max(b)) }
 }
 
-fn are_finite(columns: &[Vec<DVector<f64>>]) -> bool {
+pub(crate) fn are_finite(columns: &[Vec<DVector<f64>>]) -> bool {
     columns.iter().flatten().flatten().all(|value| value.is_finite())
 }
 

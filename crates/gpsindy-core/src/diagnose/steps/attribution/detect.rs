@@ -4,7 +4,7 @@ use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{chi_squared_tail, gain_tail, log_likelihood, with_fitted_level};
 use crate::diagnose::fit::moved::{Moved, moved};
 use crate::diagnose::fit::substeps::finer;
-use crate::diagnose::limits::{Budget, CERTAIN, CHANCE, FINALISTS, TOLERABLE};
+use crate::diagnose::limits::{Budget, CERTAIN, CHANCE, TOLERABLE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_further};
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -61,8 +61,7 @@ pub(crate) fn detect_behind(contest: &mut Contest<'_>, suspected: Suspected) -> 
     if !suspected.detected.gap {
         return Ok(suspected);
     }
-    let leaders = &suspected.first.fits[..suspected.first.fits.len().min(FINALISTS)];
-    let new = contest.calls(leaders);
+    let new = contest.calls(suspected.first.leaders());
     if new.is_empty() {
         return Ok(suspected);
     }

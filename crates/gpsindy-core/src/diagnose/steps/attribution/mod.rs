@@ -6,7 +6,6 @@ pub(crate) mod contained;
 pub(crate) mod contest;
 pub(crate) mod detect;
 pub(crate) mod forcing;
-pub(crate) mod hidden;
 pub(crate) mod hold;
 pub(crate) mod lengthen;
 pub(crate) mod moves;

@@ -7,7 +7,7 @@ use crate::diagnose::catalogue::hypothesis::{Added, Start};
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::linear::basis::Basis;
-use crate::diagnose::fit::linear::gains::Gain;
+use crate::diagnose::fit::linear::gains::{Gain, are_finite};
 use crate::diagnose::fit::linear::responses::responses;
 use crate::diagnose::limits::{CONVINCING, PAIRED, PAIRS, VIEWS};
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened};
@@ -84,7 +84,7 @@ fn candidates<'s>(
     for (screened, start) in wanted {
         let own: Vec<&Vec<f64>> = screened.applied.starts[start].columns.iter().collect();
         let Some(found) = responses(&screened.applied, at, &own) else { continue };
-        if found.iter().flatten().all(|values| values.iter().all(|v| v.is_finite())) {
+        if are_finite(&found) {
             candidates.push(Candidate { screened, start, columns: columns.len()..columns.len() + found.len() });
             columns.extend(found);
         }

@@ -22,6 +22,11 @@ pub(crate) struct Expansion {
 }
 
 impl Expansion {
+    /// The best contestants, by which it is decided what else is tried.
+    pub(crate) fn leaders(&self) -> &[Contestant] {
+        &self.fits[..self.fits.len().min(FINALISTS)]
+    }
+
     /// Contestants with one effect.
     pub(crate) fn singles(&self) -> Vec<Contestant> {
         self.fits.iter().filter(|f| f.hypotheses.len() == 1).cloned().collect()
@@ -53,15 +58,16 @@ pub(crate) fn expand_further(
     new: Range<usize>,
 ) -> Result<Expansion> {
     let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())))?;
-    let Expansion { mut fits, mut screened, searches } = first;
-    fits.extend(more.fits);
-    contest.sort(&mut fits);
-    let mut fits = keep_first_of_each(fits);
-    let stay = contest.dismisses(new.clone(), &fits[..fits.len().min(FINALISTS)]);
-    fits.retain(|fit| !fit.hypotheses.iter().any(|h| contest.is_waiting(h)));
+    let mut all = first;
+    all.fits.extend(more.fits);
+    contest.sort(&mut all.fits);
+    all.fits = keep_first_of_each(all.fits);
+    all.searches = all.searches.and(more.searches);
+    let stay = contest.dismisses(new.clone(), all.leaders());
+    all.fits.retain(|fit| !fit.hypotheses.iter().any(|h| contest.is_waiting(h)));
     // Sets that apply together come behind all hypotheses.
-    screened.splice(new.start..new.start, stay.iter().map(|&number| more.screened[number].clone()));
-    Ok(Expansion { fits, screened, searches: searches.and(more.searches) })
+    all.screened.splice(new.start..new.start, stay.iter().map(|&number| more.screened[number].clone()));
+    Ok(all)
 }
 
 fn expand_by(

@@ -14,7 +14,6 @@ use crate::diagnose::fit::peaks::peaks;
 use crate::diagnose::limits::{SCREENED, SKETCHED, SWAPPED};
 use crate::diagnose::run::Stage;
 use crate::diagnose::steps::attribution::contest::Contest;
-use crate::diagnose::steps::attribution::hidden;
 use crate::diagnose::steps::attribution::pairs::pairs;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
@@ -49,7 +48,6 @@ pub(crate) fn screen(
         tangent(&base.system, &base.experiment, parameters, initial);
     }
     let mut all = screening.run(&at, &[Noise::White, Noise::Coloured])?;
-    hidden::find(contest, &mut all.suspects, &at);
     let innovations = Innovations::of(base, &at.jacobian);
     if let Some(innovations) = &innovations {
         let more = screening.run(&innovations.linearised(), &[Noise::Innovations])?;
@@ -166,7 +164,7 @@ impl Screening<'_> {
             }
         }
         self.stage.advance()?;
-        Ok(Some(Screened { members: members.to_vec(), applied, gains, hidden: 0.0 }))
+        Ok(Some(Screened { members: members.to_vec(), applied, gains }))
     }
 }
 

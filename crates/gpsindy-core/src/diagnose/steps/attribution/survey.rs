@@ -3,7 +3,6 @@
 use crate::diagnose::catalogue::hypothesis::{Applied, Start};
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::linear::gains::Gain;
-use crate::diagnose::limits::HIDDEN;
 
 /// What a screening says of one hypothesis.
 #[derive(Debug, Clone, Default)]
@@ -19,8 +18,6 @@ pub(crate) struct Screened {
     pub(crate) members: Vec<usize>,
     pub(crate) applied: Applied,
     pub(crate) gains: Vec<ByNoise<Vec<Gain>>>,
-    /// Of a wrong parameter the share of its response, squared, that another one of the simulator's can take back.
-    pub(crate) hidden: f64,
 }
 
 /// What a screening looks for: one more effect, or another one in the place of some.
@@ -72,8 +69,6 @@ impl Screened {
             Some((_, gains)) => gains.of(Noise::Coloured).and_then(|gains| gains.first()?.deviation),
             None => best.deviation,
         };
-        // No size is excluded that another number hides.
-        let deviation = deviation.filter(|_| 1.0 - self.hidden > HIDDEN).map(|d| d / (1.0 - self.hidden).sqrt());
         let resolution = deviation.map(|deviation| (deviation, unit));
         Summary { gain: best.gain, degrees: best.degrees, resolution }
     }
