@@ -87,6 +87,9 @@ pub(crate) struct Columns {
     /// Rename a column; a `*` on both sides stands for the same characters, as in 'q_*=*_joint'
     #[arg(long, value_name = "COLUMN=NAME", value_parser = pair)]
     pub(crate) rename: Vec<(String, String)>,
+    /// Add a column that no log has and that had one value throughout, such as gripper_ctrl=0
+    #[arg(long, value_name = "COLUMN=VALUE", value_parser = constant, allow_hyphen_values = true)]
+    pub(crate) constant: Vec<(String, f64)>,
     /// Take a column from a field of a topic, such as q=/joint_states.position[elbow] or u=/command.data[0]; `gpsindy inspect` lists the fields
     #[arg(long, value_name = "NAME=TOPIC.FIELD", value_parser = place)]
     pub(crate) map: Vec<(String, String)>,
@@ -110,6 +113,7 @@ impl Columns {
             time: self.time.clone(),
             run: self.run.clone(),
             rename: self.rename.clone(),
+            constant: self.constant.clone(),
             map: self.map.clone(),
             unit: Vec::new(),
             stamp: self.stamp.map_or(Stamp::Auto, Into::into),
@@ -151,6 +155,13 @@ fn place(text: &str) -> Result<(String, String), String> {
 fn offset(text: &str) -> Result<(String, Offset), String> {
     let (topic, shift) = pair(text).map_err(|_| "expected TOPIC=SECONDS or TOPIC=auto".to_string())?;
     Ok((topic, shift.parse()?))
+}
+
+fn constant(text: &str) -> Result<(String, f64), String> {
+    match <[_; 1]>::try_from(values(text)?) {
+        Ok([column]) => Ok(column),
+        Err(_) => Err("expected COLUMN=VALUE; give the option once a column".into()),
+    }
 }
 
 /// `A=B`, cut at the last `=` because a header may hold one.

@@ -36,13 +36,15 @@ impl FileKind {
     }
 }
 
-/// What a simulator's file does not say: the driver's loops around motors, and what holds a free base.
+/// What a simulator's file does not say: the driver's loops around motors, what holds a free base, and which inputs are forces.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Setup {
     /// PD loops, by actuator.
     pub drivers: Vec<Driver>,
     /// How a free base moves; none where the file has no free base.
     pub base: Option<Base>,
+    /// Inputs of an FMU that no log has.
+    pub forces: Vec<Force>,
 }
 
 impl Setup {
@@ -62,6 +64,17 @@ pub struct Driver {
     pub values: [f64; 3],
     /// Which of these are guesses that the logs correct.
     pub guessed: [bool; 3],
+}
+
+/// An input that no log has: a place where a force may act.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Force {
+    /// The input's name.
+    pub input: String,
+    /// The column of the state whose rate it changes.
+    pub rate: String,
+    /// The column of the state whose time derivative that is, if there is one.
+    pub position: Option<String>,
 }
 
 /// How a free base moves.

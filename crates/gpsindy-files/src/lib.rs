@@ -5,6 +5,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod align;
+mod constants;
 mod effects;
 mod error;
 mod formats;

@@ -1,5 +1,6 @@
 //! One log of any format.
 
+use crate::constants::with_constants;
 use crate::error::{Error, Result};
 use crate::formats::csv_log::CsvLog;
 use crate::header::Header;
@@ -63,19 +64,20 @@ impl Log {
             Kind::Parquet => parquet(input, options)?,
             Kind::Ulog => ulog(input, options)?,
         };
-        Ok(Self::of_source(file, source, options))
+        Self::of_source(file, source, options)
     }
 
-    fn of_source(file: String, source: Arc<dyn Source>, options: &LogOptions) -> Self {
+    fn of_source(file: String, source: Arc<dyn Source>, options: &LogOptions) -> Result<Self> {
+        let source = with_constants(&file, source, options)?;
         let auto = options.offset.iter().filter(|(_, offset)| *offset == Offset::Auto);
-        Self::with(file, source, auto.map(|(topic, _)| topic.clone()).collect())
+        Ok(Self::with(file, source, auto.map(|(topic, _)| topic.clone()).collect()))
     }
 
     /// A LeRobot data set, or the folder of a ROS 2 bag with its parts.
     fn of_folder(path: &Path, options: &LogOptions, progress: &dyn Progress) -> Result<Self> {
         let file = path.display().to_string();
         if let Some(source) = data_set(path, options)? {
-            return Ok(Self::of_source(file, source, options));
+            return Self::of_source(file, source, options);
         }
         let parts = parts(path)?;
         if parts.is_empty() {
@@ -83,7 +85,7 @@ impl Log {
             return Err(Error::file(&file, message));
         }
         let source = mcap(parts, &file, options, progress)?;
-        Ok(Self::of_source(file, source, options))
+        Self::of_source(file, source, options)
     }
 
     pub(crate) fn of_csv(log: CsvLog) -> Self {

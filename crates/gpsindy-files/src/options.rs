@@ -12,6 +12,8 @@ pub struct LogOptions {
     pub run: Option<String>,
     /// Columns that get another name: (name or whole header, new name). A `*` in both stands for the same characters.
     pub rename: Vec<(String, String)>,
+    /// Columns that no log has and that had one value throughout: (name, value).
+    pub constant: Vec<(String, f64)>,
     /// Where a column comes from: (its name, topic and field, or a table's column).
     pub map: Vec<(String, String)>,
     /// Units of columns whose format has none: (name, unit).

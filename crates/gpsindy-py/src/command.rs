@@ -5,7 +5,7 @@ use crate::diagnose::{PartParts, part};
 use crate::model::PyModel;
 use crate::simulator::Kind;
 use crate::watch::{Watch, calling_pool};
-use gpsindy_cli::{Corrected, Driver, Engine, Engines, FileKind, Setup};
+use gpsindy_cli::{Corrected, Driver, Engine, Engines, FileKind, Force, Setup};
 use gpsindy_core::diagnose::{Diagnosed, Part};
 use gpsindy_core::{Dynamics, Model};
 use pyo3::prelude::*;
@@ -40,6 +40,20 @@ impl Engines for InPython {
             }
             if let Some(base) = setup.base {
                 given.set_item("base", base.as_str())?;
+            }
+            if !setup.forces.is_empty() {
+                let (forces, kinematic) = (PyDict::new(py), PyDict::new(py));
+                for Force { input, rate, position } in &setup.forces {
+                    match position {
+                        Some(position) => {
+                            forces.set_item(input, (rate, position))?;
+                            kinematic.set_item(position, rate)?;
+                        }
+                        None => forces.set_item(input, rate)?,
+                    }
+                }
+                given.set_item("forces", forces)?;
+                given.set_item("kinematic", kinematic)?;
             }
             let simulator = module.getattr("Simulator")?.call((path,), Some(&given))?;
             let nominal = simulator.getattr("model")?.getattr("_inner")?.cast_into::<PyModel>()?.unbind();

@@ -151,7 +151,7 @@ impl PyLogOptions {
             shift.parse::<Offset>().map(|shift| (topic, shift)).map_err(|e| wrong(format!("offset: {e}")))
         });
         let offset = offset.collect::<PyResult<Vec<_>>>()?;
-        let mut options = LogOptions { time, run, rename, map, unit, stamp, offset };
+        let mut options = LogOptions { time, run, rename, constant: Vec::new(), map, unit, stamp, offset };
         if let Some(file) = map_file {
             options.add_map_file(&file).map_err(file_error)?;
         }

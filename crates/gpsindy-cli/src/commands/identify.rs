@@ -91,6 +91,11 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     }
     check_out(command.output.out.as_deref(), command.inputs())?;
     if command.follow.follow {
+        if let Some((name, _)) = command.columns.constant.first() {
+            return Err(Failure::input(format!(
+                "--constant {name} does not go with --follow; a control that never changes needs no column there"
+            )));
+        }
         return follow::run(command, screen);
     }
     if let Some(twice) = command.logs.iter().find(|log| command.holdout.contains(log)) {

@@ -177,8 +177,9 @@ fn model_dataset(
             check_states(log, &states)?;
         }
         for control in &controls {
-            let remedy =
-                format!("; the model needs it as a control: give a column that name with --rename COLUMN={control}");
+            let remedy = format!(
+                "; the model needs it as a control: give a column that name with --rename COLUMN={control}, or say that it was constant, --constant {control}=0"
+            );
             logs.resolve(control).map_err(|error| Failure::from(error).with(&remedy))?;
         }
         all_controls.extend(controls.into_iter().filter(|name| !all_controls.contains(name)).collect::<Vec<_>>());

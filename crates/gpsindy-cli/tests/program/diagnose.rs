@@ -114,6 +114,21 @@ fn effects_of_the_user_s_own_are_suspects_too() {
 }
 
 #[test]
+fn a_control_that_no_log_has_may_be_said_to_be_constant() {
+    let folder = lab(0.3);
+    folder.write(
+        "u.toml",
+        &SLIDER.replace("-b*v", "u - b*v").replace("[[parameter]]", "[[control]]\nname = \"u\"\n[[parameter]]"),
+    );
+    let ran = folder.run(&format!("diagnose u.toml {LOGS} {SUSPECTS} --constant u=0 --quiet")).done();
+    assert!(ran.stdout.starts_with("EXPLAINED"), "{ran:?}");
+    let ran = folder.run(&format!("diagnose u.toml {LOGS} --constant u=0 --constant v=1"));
+    assert!(ran.refused().starts_with("run_1.csv: --constant v: the log has a column `v` already"), "{ran:?}");
+    let ran = folder.run(&format!("diagnose u.toml {LOGS} --constant u"));
+    assert!(ran.refused().contains("--constant <COLUMN=VALUE>"), "{ran:?}");
+}
+
+#[test]
 fn every_mistake_is_one_line_and_nothing_is_written() {
     let folder = lab(0.3);
     folder.write(
@@ -129,7 +144,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("slider.toml", "the following required arguments were not provided: <LOG>..."),
         (
             "u.toml run_1.csv",
-            "run_1.csv: column `u` is not in the file; found: v, note; the model needs it as a control: give a column that name with --rename COLUMN=u",
+            "run_1.csv: column `u` is not in the file; found: v, note; the model needs it as a control: give a column that name with --rename COLUMN=u, or say that it was constant, --constant u=0",
         ),
         ("w.toml run_1.csv", "w.toml: `-b*w`, at character 4: name `w` is unknown in the equation of state `v`"),
         ("slider.toml short.csv", "short.csv:2: 1 sample; a run needs at least 2"),

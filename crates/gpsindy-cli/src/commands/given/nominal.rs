@@ -19,9 +19,16 @@ pub(crate) struct Nominal {
 impl Nominal {
     pub(crate) fn open(path: &Path, setup: &Setup, session: &Session<'_>) -> Outcome<Self> {
         let kind = kind(path);
-        if !setup.is_empty() && kind != Some(FileKind::MuJoCo) {
+        let of_mujoco = !setup.drivers.is_empty() || setup.base.is_some();
+        if of_mujoco && kind != Some(FileKind::MuJoCo) {
             return Err(Failure::input(format!(
                 "{}: --driver and --base are for MuJoCo models; write a driver's loop into the equations",
+                path.display()
+            )));
+        }
+        if !setup.forces.is_empty() && kind != Some(FileKind::Fmu) {
+            return Err(Failure::input(format!(
+                "{}: --force-input is for FMUs; effects act on every joint of a MuJoCo model and in every equation without it",
                 path.display()
             )));
         }

@@ -1,12 +1,12 @@
-//! What a MuJoCo file does not say: options of every command that steps one.
+//! What the file of a MuJoCo model or an FMU does not say: options of every command that steps one.
 
-use crate::engine::{Base, Driver, Setup};
+use crate::engine::{Base, Driver, Force, Setup};
 use crate::failure::{Failure, Outcome};
 use clap::{Args, ValueEnum};
 use gpsindy_core::diagnose::{Diagnose, Part, PartKind};
 use gpsindy_files::hint;
 
-/// Around a MuJoCo model.
+/// Around a MuJoCo model or an FMU.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "MuJoCo models")]
 pub(crate) struct SetupOptions {
@@ -17,6 +17,10 @@ pub(crate) struct SetupOptions {
     /// How a free base moves
     #[arg(long, value_enum, value_name = "HOW")]
     base: Option<HowBase>,
+    /// Input of an FMU that no log has, as a place where a force may act: the state whose rate it changes and, if there is one, the state
+    /// whose time derivative that is, such as torque=w,theta
+    #[arg(long, value_name = "INPUT=RATE[,POSITION]", value_parser = force, help_heading = "FMUs")]
+    force_input: Vec<Force>,
 }
 
 /// Which parts of a MuJoCo model are suspects.
@@ -73,7 +77,7 @@ impl SetupOptions {
             HowBase::Imu => Base::Imu,
             HowBase::Pose => Base::Pose,
         });
-        Setup { drivers: self.driver.clone(), base }
+        Setup { drivers: self.driver.clone(), base, forces: self.force_input.clone() }
     }
 }
 
@@ -98,9 +102,38 @@ fn driver(text: &str) -> Result<Driver, String> {
     Ok(Driver { actuator: actuator.into(), values, guessed })
 }
 
+/// `torque=w,theta`.
+fn force(text: &str) -> Result<Force, String> {
+    let expected = || format!("expected INPUT=RATE or INPUT=RATE,POSITION, such as torque=w,theta, found {text}");
+    let (input, states) = text.rsplit_once('=').ok_or_else(expected)?;
+    let mut names = [input].into_iter().chain(states.split(',')).map(|name| name.trim().to_string());
+    match (names.next(), names.next(), names.next(), names.next()) {
+        (Some(input), Some(rate), position, None)
+            if !input.is_empty() && !rate.is_empty() && position.as_deref() != Some("") =>
+        {
+            Ok(Force { input, rate, position })
+        }
+        _ => Err(expected()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_force_is_an_input_with_what_it_moves() {
+        let wanted = |position: Option<&str>| Force {
+            input: "f".into(),
+            rate: "w".into(),
+            position: position.map(str::to_string),
+        };
+        assert_eq!(force("f=w"), Ok(wanted(None)));
+        assert_eq!(force("f = w, th"), Ok(wanted(Some("th"))));
+        for wrong in ["f", "f=", "=w", "f=w,", "f=w,th,x"] {
+            assert!(force(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn a_driver_is_read_with_its_guesses() {
