@@ -45,7 +45,7 @@ def is_silent(set_name, line):
 
 
 def silent():
-    rows = ["| set | runs | worse than the mean | of these, without a word |", "| --- | --- | --- | --- |"]
+    rows = ["| set | runs | worse than the mean | of these, without a warning |", "| --- | --- | --- | --- |"]
     for name in ("odebench", "mdbench", "nonlinear"):
         own = [line for line in results_of(name) if line["method"] == "gpsindy"]
         bad = [line for line in own if is_worse_than_the_mean(name, line)]

@@ -14,7 +14,7 @@ Made from the docstrings of the package. `import gpsindy` is enough for the firs
 """
 #: Modules that are imported by name, since they need packages of their own, with what a user takes from each.
 BESIDE = {
-    "gpsindy.mujoco": ("MuJoCo models, with `gpsindy[mujoco]`.", ["mujoco.Simulator", "mujoco.settings.Setting"]),
+    "gpsindy.mujoco": ("MuJoCo models, with `gpsindy[mujoco]`.", ["mujoco.Simulator", "mujoco.drivers.Driver", "mujoco.settings.Setting"]),
     "gpsindy.fmu": ("FMUs, with `gpsindy[fmu]`.", ["fmu.Simulator"]),
     "gpsindy.plot": ("Figures, with `gpsindy[plot]`.", ["plot.rollouts", "plot.smoothed", "plot.diagnosis"]),
 }

@@ -143,11 +143,14 @@ fn overview(pages: &Path) -> Result<String, String> {
 
 /// The first sentence of the first paragraph of a page, in one line.
 fn first_sentence(page: &str) -> String {
-    let prose = page.split("\n\n").find(|part| part.starts_with(|c: char| c.is_alphabetic())).unwrap_or_default();
+    let is_prose = |part: &&str| part.starts_with(|c: char| c.is_alphabetic() || c == '`');
+    let prose = page.split("\n\n").find(|part| is_prose(part) && !part.starts_with("```")).unwrap_or_default();
     let line = prose.split_whitespace().collect::<Vec<_>>().join(" ");
-    let end = line.match_indices(['.', '?', ':']).map(|(at, _)| at + 1);
+    let end = line.match_indices(['.', '?']).map(|(at, _)| at + 1);
     let end = end.into_iter().find(|&at| line[at..].is_empty() || line[at..].starts_with(' '));
-    line[..end.unwrap_or(line.len())].to_string()
+    let sentence = &line[..end.unwrap_or(line.len())];
+    // What leads to a block ends with a colon.
+    sentence.strip_suffix(':').map_or(sentence.to_string(), |stem| format!("{stem}."))
 }
 
 /// Every link of a page to a file of the site must lead to one, and to a heading of it where it names one.
@@ -194,6 +197,8 @@ mod tests {
         assert_eq!(first_sentence(page), "A log is a table of 1.5 MB.");
         assert_eq!(first_sentence("# Logs\n\nNo stop"), "No stop");
         assert_eq!(first_sentence("# Logs\n"), "");
+        assert_eq!(first_sentence("# Play\n\nPlay: it lags. More.\n"), "Play: it lags.");
+        assert_eq!(first_sentence("# CI\n\n```sh\nls\n```\n\n`ls` lists files:\n"), "`ls` lists files.");
     }
 
     #[test]

@@ -22,8 +22,9 @@ pub(crate) const OPEN: &str = "open.json";
 /// Maximises the worst-case separation over all pairs of explanations, within the limits; each model may adjust its parameters within what the
 /// logs allow (T-optimal design). Tries multisines, chirps, steps and free forms, and refines the best. Reports the expected separation of each
 /// pair in nats (log odds), and the time after which the right one of the pair reaches 95 %. The folder must be that of a diagnosis of equations
-/// (it holds open.json); for a MuJoCo model or an FMU use `diagnosis.design` in Python. A diagnosis with fewer than two explanations has no
-/// pair to distinguish: name the models, or diagnose with more effects.
+/// (it holds open.json); for a MuJoCo model or an FMU use `diagnosis.design` in Python. Where a diagnosis left nothing
+/// open, its nearest candidates are distinguished once more; one with fewer than two explanations has no pair: name the models, or diagnose
+/// with more effects.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy design diagnosis --limit u=-2:2 --rate-limit u=20 --duration 10 --out next.csv\n         \

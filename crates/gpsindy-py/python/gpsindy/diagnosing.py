@@ -80,7 +80,7 @@ def diagnose(
     hold : {"zero", "linear"}, optional
         How controls behave between samples. Default: estimated.
     time_limit : float or None, default 600
-        Seconds after which the search stops with the best result so far and says so; ``None``: no limit.
+        Seconds after which the search stops with the best result so far and says so; ``None`` or 0: no limit.
     keep_function : bool
         Add the part that no effect explains to the augmented model, as a fitted function.
     power : bool
@@ -117,7 +117,7 @@ def diagnose(
         "most_effects": most_effects,
         "hold": hold,
         "keep_function": keep_function,
-        "time_limit": None if time_limit is None else float(time_limit),
+        "time_limit": float(time_limit) if time_limit else None,
         "power": int(seed) if power else None,
     }
     train = as_dataset(logs)._inner

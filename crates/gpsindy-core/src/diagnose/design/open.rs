@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Candidate {
-    /// Ids of its effects, or the model's own name.
+    /// Ids of its effects, with their places where the ids alone would name another candidate, too; or the model's own name.
     pub label: String,
     /// Its equations, fitted values in place.
     pub model: Model,
@@ -80,7 +80,8 @@ impl Open {
     pub fn separating(&self, one: &str, other: &str) -> Self {
         let has = |candidate: usize, name: &str| {
             let label = &self.candidates[candidate].label;
-            label == name || label.split(" + ").any(|id| id == name)
+            let is = |part: &str| part == name || part.split_once(" (").is_some_and(|(id, _)| id == name);
+            label == name || label.split(" + ").any(is)
         };
         let parts = |i: usize, j: usize| {
             has(i, one) && has(j, other) && !has(i, other) && !has(j, one)
@@ -106,27 +107,54 @@ impl Open {
     }
 }
 
+/// Gives candidates of the same effects the places of these.
+fn name_apart(candidates: &mut [Candidate], fits: &[&Contestant]) {
+    let labels: Vec<String> = candidates.iter().map(|c| c.label.clone()).collect();
+    for (candidate, fit) in candidates.iter_mut().zip(fits) {
+        if labels.iter().filter(|label| **label == candidate.label).count() < 2 {
+            continue;
+        }
+        let model = fit.system.model();
+        let placed = fit.hypotheses.iter().map(|h| {
+            let own = || std::iter::once(&model.states[h.state].name).chain(&h.variables);
+            let place = h.place().unwrap_or_else(|| {
+                let mut names: Vec<&str> = Vec::new();
+                own().for_each(|name| {
+                    if !names.contains(&name.as_str()) {
+                        names.push(name)
+                    }
+                });
+                names.join(" and ")
+            });
+            format!("{} ({place})", h.id())
+        });
+        candidate.label = placed.collect::<Vec<_>>().join(" + ");
+    }
+}
+
 /// The winner, its twins in every place, and the next best accounts; without a winner the nominal model and what came
 /// nearest to one.
 pub(crate) fn left_open(judged: &Judged) -> Open {
     let outcome = &judged.outcome;
     let best = &outcome.best;
     let alone = best.evidence.alone();
-    let mut candidates = vec![Candidate::of(best)];
+    let mut fits = vec![best];
     let mut pairs = Vec::new();
     for seat in &outcome.seats {
         let others = || seat.alternatives.iter().filter(|fit| !fit.has_effects_of(best));
         let mut group = vec![0];
         for fit in others().filter(|fit| seat.is_twin(fit, alone)) {
-            pairs.extend(group.iter().map(|&known| (known, candidates.len())));
-            group.push(candidates.len());
-            candidates.push(Candidate::of(fit));
+            pairs.extend(group.iter().map(|&known| (known, fits.len())));
+            group.push(fits.len());
+            fits.push(fit);
         }
-        candidates.extend(others().filter(|fit| !seat.is_twin(fit, alone)).take(OTHERS).map(Candidate::of));
+        fits.extend(others().filter(|fit| !seat.is_twin(fit, alone)).take(OTHERS));
     }
     if best.hypotheses.is_empty() {
-        candidates.extend(outcome.singles.iter().take(OTHERS).map(Candidate::of));
+        fits.extend(outcome.singles.iter().take(OTHERS));
     }
+    let mut candidates: Vec<Candidate> = fits.iter().map(|fit| Candidate::of(fit)).collect();
+    name_apart(&mut candidates, &fits);
     let experiment = &best.experiment;
     let model = best.system.model();
     let noise = experiment.columns.iter().zip(&experiment.noise).map(|(&j, &sd)| (model.states[j].name.clone(), sd));
