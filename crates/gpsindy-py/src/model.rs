@@ -89,18 +89,19 @@ impl PyModel {
         Ok(Self { simulator: Some(simulator), model })
     }
 
-    /// A model around `function(x, u, force, parameters, dt)`, which makes one step of many rows.
+    /// A model around `function(x, u, force, parameters, dt)`, which makes one step of many rows; with `several`, as many as its last
+    /// argument says.
     ///
     /// `kinematic` holds pairs (x, v) of states with `x' = v`; what a log's column reads is an expression of the states.
     #[staticmethod]
-    fn from_stepper(function: Py<PyAny>, name: String, period: f64, parts: Stepper) -> PyResult<Self> {
+    fn from_stepper(function: Py<PyAny>, name: String, period: f64, parts: Stepper, several: bool) -> PyResult<Self> {
         if !(period.is_finite() && period > 0.0) {
             return Err(error(Error::range("dt", "above 0 s", period)));
         }
         let (n_states, n_controls) = parts.size();
         let parameters = parts.values();
         let model = parts.model(name)?;
-        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters };
+        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters, several };
         let simulator = Simulator { function, n_states, n_controls, kind };
         Ok(Self { simulator: Some(simulator), model })
     }

@@ -21,7 +21,8 @@ pub(crate) enum Kind {
     /// `f(t, x, u)` gives rates; of many samples at once, as rows, or of one.
     Rates { vectorized: bool },
     /// `step(x, u, force, parameters, dt)` gives the next states of many rows.
-    Steps { period: f64, n_forces: usize, parameters: Vec<f64> },
+    /// With `several` it takes a number of steps as its last argument.
+    Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool },
 }
 
 impl Kind {
@@ -78,11 +79,22 @@ impl Simulator {
         Ok(())
     }
 
-    fn step(&self, py: Python<'_>, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> PyResult<()> {
+    fn step(
+        &self,
+        py: Python<'_>,
+        rows: &Rows<'_>,
+        (dt, count): (f64, Option<usize>),
+        next: &mut [f64],
+    ) -> PyResult<()> {
         let array =
             |values: &[f64]| PyArray1::from_slice(py, values).reshape([rows.count, values.len() / rows.count.max(1)]);
-        let arguments = (array(rows.states)?, array(rows.commands)?, array(rows.forces)?, array(rows.parameters)?, dt);
-        let answer = self.function.bind(py).call1(arguments)?;
+        let (x, u, force, parameters) =
+            (array(rows.states)?, array(rows.commands)?, array(rows.forces)?, array(rows.parameters)?);
+        let function = self.function.bind(py);
+        let answer = match count {
+            Some(count) => function.call1((x, u, force, parameters, dt, count))?,
+            None => function.call1((x, u, force, parameters, dt))?,
+        };
         let wrong = || {
             let (states, count) = (self.n_states, rows.count);
             PyValueError::new_err(format!(
@@ -165,7 +177,14 @@ impl Steps for Callable {
     }
 
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
-        self.call(|py| self.simulator.step(py, rows, dt, next))
+        self.call(|py| self.simulator.step(py, rows, (dt, None), next))
+    }
+
+    fn steps(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
+        let Kind::Steps { period, several: true, .. } = self.simulator.kind else {
+            return self.one_by_one(rows, count, next);
+        };
+        self.call(|py| self.simulator.step(py, rows, (period, Some(count)), next))
     }
 }
 
@@ -182,7 +201,7 @@ impl Dynamics for Callable {
         match &self.simulator.kind {
             Kind::Rates { vectorized: true } => self.call(|py| self.simulator.many(py, &[t], x, u, dx)),
             Kind::Rates { vectorized: false } => self.call(|py| self.simulator.one(py, t, x, u, dx)),
-            Kind::Steps { period, n_forces, parameters } => {
+            Kind::Steps { period, n_forces, parameters, .. } => {
                 let forces = vec![0.0; *n_forces];
                 let rows = Rows { count: 1, states: x, commands: u, forces: &forces, parameters };
                 self.step(&rows, *period, dx)?;

@@ -29,6 +29,28 @@ pub trait Steps: Send + Sync {
     /// # Errors
     /// [`crate::Error::Callback`] with the simulator's own error.
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()>;
+
+    /// States `next` after `count` whole steps, commands and forces held throughout. A simulator that can make several steps in one call
+    /// spares the calls.
+    ///
+    /// # Errors
+    /// As [`Steps::step`].
+    fn steps(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
+        self.one_by_one(rows, count, next)
+    }
+
+    /// The same by as many calls of [`Steps::step`].
+    ///
+    /// # Errors
+    /// As [`Steps::step`].
+    fn one_by_one(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
+        let mut states = rows.states.to_vec();
+        for _ in 0..count {
+            self.step(&Rows { states: &states, ..*rows }, self.period(), next)?;
+            states.copy_from_slice(next);
+        }
+        Ok(())
+    }
 }
 
 /// Copies of a machine, row after row.

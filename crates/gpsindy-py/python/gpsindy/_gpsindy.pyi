@@ -106,10 +106,11 @@ class Model:
     ) -> Model: ...
     @staticmethod
     def from_stepper(
-        function: Callable[[_Array, _Array, _Array, _Array, float], Any],
+        function: Callable[..., Any],
         name: str,
         period: float,
         parts: dict[str, Any],
+        several: bool,
     ) -> Model: ...
     def simulator_inputs(self) -> list[tuple[str, str, str, float | None]]: ...
     @property

@@ -112,9 +112,10 @@ class Stepper:
         return f"Stepper {self._model.name!r} of {states}"
 
 
-def stepping_model(step: Step, name: str, dt: float, *, source: Any = None, **parts: Any) -> Model:
-    """A model around a step function of many rows; ``source`` can write a corrected model in its own format."""
-    return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}), source)
+def stepping_model(step: Step, name: str, dt: float, *, source: Any = None, several: bool = False, **parts: Any) -> Model:
+    """A model around a step function of many rows; ``source`` can write a corrected model in its own format. With ``several`` the function
+    takes a number of steps as its last argument."""
+    return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}, several), source)
 
 
 def seconds_late(expression: str, name: str) -> float | None:

@@ -1,5 +1,6 @@
 //! Rows of one call of a simulator that steps.
 
+use crate::error::Result;
 use crate::model::{Rows, Steps, System};
 
 /// Size of a state beyond which a row counts as diverged; what a simulator makes of it is no number.
@@ -43,6 +44,15 @@ impl Buffer {
     }
 
     pub(super) fn step(&mut self, engine: &dyn Steps, system: &System, dt: f64) {
+        self.call(system, |rows, next| engine.step(rows, dt, next));
+    }
+
+    /// `count` whole steps.
+    pub(super) fn steps(&mut self, engine: &dyn Steps, system: &System, count: usize) {
+        self.call(system, |rows, next| engine.steps(rows, count, next));
+    }
+
+    fn call(&mut self, system: &System, step: impl FnOnce(&Rows<'_>, &mut [f64]) -> Result<()>) {
         let n = system.simulator().map_or(0, |s| s.n_states());
         self.next.clear();
         self.next.resize(self.count * n, f64::NAN);
@@ -62,7 +72,7 @@ impl Buffer {
             forces: &self.forces,
             parameters: &self.parameters,
         };
-        if engine.step(&rows, dt, &mut self.next).is_err() {
+        if step(&rows, &mut self.next).is_err() {
             self.next.fill(f64::NAN);
         }
         for r in &lost {

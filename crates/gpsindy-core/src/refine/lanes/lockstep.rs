@@ -2,13 +2,14 @@
 //!
 //! A job is a window of a log with parameters and a start of its own. Jobs of many windows and perturbations go side
 //! by side, each with its own clock. A sample's period is walked in the simulator's own steps; where it is no whole
-//! number of them, the last one is shortened. Commands and forces are held over a step, as the simulator holds them.
+//! number of them, the last one is shortened. Commands and forces are held over a step, as the simulator holds them; where nothing changes
+//! them within a sample, its steps are one call.
 
 use super::buffer::Buffer;
 use super::{Lanes, Node};
 use crate::model::{Steps, System};
-use crate::refine::Experiment;
 use crate::refine::history::Stages;
+use crate::refine::{Experiment, Hold};
 
 /// Lanes that run through a tape together.
 pub(super) const L: usize = 4;
@@ -40,6 +41,8 @@ pub(super) struct Group<'a> {
     sample: usize,
     last: usize,
     part: usize,
+    /// Whether nothing that goes to the simulator changes within a sample.
+    is_held: bool,
     x: Vec<[f64; L]>,
     inputs: Vec<Stages<L>>,
     arguments: Vec<[f64; L]>,
@@ -93,27 +96,32 @@ fn walk<'a>(
 ) -> Vec<Group<'a>> {
     let mut rows = Buffer::default();
     loop {
-        let mut due: Vec<(usize, f64)> = Vec::with_capacity(groups.len());
+        let mut due: Vec<(usize, f64, usize)> = Vec::with_capacity(groups.len());
         for (g, group) in groups.iter_mut().enumerate() {
             group.begin(columns, receive);
             if group.sample < group.last {
-                due.push((g, group.next_step(engine.period())));
+                due.push((g, group.next_step(engine.period()), group.together(engine.period())));
             }
         }
         if due.is_empty() {
             return groups;
         }
         // Steps of one length go together; nearly always that is all of them.
-        due.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        for same in due.chunk_by(|a, b| a.1 == b.1) {
-            let dt = same[0].1;
+        due.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.2.cmp(&b.2)).then(a.0.cmp(&b.0)));
+        for same in due.chunk_by(|a, b| a.1 == b.1 && a.2 == b.2) {
+            let (_, dt, count) = same[0];
             rows.clear();
-            for &(g, _) in same {
+            for &(g, ..) in same {
                 groups[g].put(system, dt, None, &mut rows);
             }
-            rows.step(engine, system, dt);
+            if count > 1 {
+                rows.steps(engine, system, count);
+            } else {
+                rows.step(engine, system, dt);
+            }
             let mut taken = 0;
-            for &(g, _) in same {
+            for &(g, ..) in same {
+                groups[g].part += count - 1;
                 taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
             }
         }
@@ -144,7 +152,16 @@ impl<'a> Group<'a> {
             registers
         };
         let drive = system.drive();
+        // Neither the states nor the time, which is behind the last variable, nor a part of the past; and nothing acts outside.
+        let is_held = experiment.hold == Hold::Zero
+            && lanes.late.is_empty()
+            && lanes.histories.len() == 0
+            && drive.is_some_and(|d| {
+                let time = d.arguments.n_variables();
+                d.rows.is_empty() && !(0..system.n_states()).chain([time]).any(|v| d.arguments.reads(v))
+            });
         Self {
+            is_held,
             first,
             count,
             start: window.first,
@@ -222,6 +239,14 @@ impl<'a> Group<'a> {
         let whole = time[self.sample + 1] - time[self.sample];
         let rest = whole - self.part as f64 * period;
         if self.part + 1 < self.steps(period) || (rest - period).abs() < WHOLE * period { period } else { rest }
+    }
+
+    /// How many steps of the present sample make one call: all of them where nothing changes within it and none is shortened.
+    fn together(&self, period: f64) -> usize {
+        let time = &self.lanes.log.time;
+        let whole = (time[self.sample + 1] - time[self.sample]) / period;
+        let is_whole = (whole - whole.round()).abs() < WHOLE;
+        if self.is_held && self.part == 0 && self.trail.is_none() && is_whole { self.steps(period) } else { 1 }
     }
 
     /// Steps of the present sample.

@@ -156,6 +156,7 @@ class Simulator:
             initial=[(column[v.name], float(v.start or 0.0)) for v in states],
             measured=[],
             source=self,
+            several=True,
         )
 
     @property
@@ -220,19 +221,19 @@ class Simulator:
             raise ValueError(f"{self._path.name}: neither model exchange nor co-simulation")
         return "co-simulation"
 
-    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
+    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float, count: int = 1) -> Array:
         inputs = np.hstack([u, force])
-        if self._processes == 1 or not len(x) * self._cost >= _WORTH_PROCESSES:
+        if self._processes == 1 or not len(x) * count * self._cost >= _WORTH_PROCESSES:
             begun = time.perf_counter()
-            found = self._copies.step(x, inputs, parameters, dt)
+            found = self._copies.step(x, inputs, parameters, dt, count)
             # An instance is made where parameters are new, so the least is what a step takes.
-            taken = (time.perf_counter() - begun) / max(len(x), 1)
+            taken = (time.perf_counter() - begun) / max(len(x) * count, 1)
             self._cost = taken if math.isnan(self._cost) else min(self._cost, taken)
             return found
         own, *others = shared(len(x), self._processes)
-        self._workers.begin([(x[one], inputs[one], parameters[one], dt) for one in others])
+        self._workers.begin([(x[one], inputs[one], parameters[one], dt, count) for one in others])
         try:
-            first = self._copies.step(x[own], inputs[own], parameters[own], dt)
+            first = self._copies.step(x[own], inputs[own], parameters[own], dt, count)
         finally:
             rest = self._workers.end(len(others))
         return np.vstack([first, *rest])

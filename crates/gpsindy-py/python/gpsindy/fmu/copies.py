@@ -31,11 +31,13 @@ class Copies:
         self._made = (description, folder, kind, references)
         self._instances: OrderedDict[bytes, Instance] = OrderedDict()
 
-    def step(self, x: Array, inputs: Array, parameters: Array, dt: float) -> Array:
-        """States (n, n_states) ``dt`` s after ``x``."""
-        found = np.empty_like(x)
+    def step(self, x: Array, inputs: Array, parameters: Array, dt: float, count: int = 1) -> Array:
+        """States (n, n_states) ``count`` steps of ``dt`` s after ``x``."""
+        found = x.copy()
         for i in range(len(x)):
-            found[i] = self._instance(parameters[i]).step(x[i], inputs[i].tolist(), dt)
+            instance, own = self._instance(parameters[i]), inputs[i].tolist()
+            for _ in range(count):
+                found[i] = instance.step(found[i], own, dt)
         return found
 
     def _instance(self, parameters: Array) -> Instance:

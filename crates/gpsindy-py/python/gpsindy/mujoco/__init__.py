@@ -257,15 +257,16 @@ class Simulator:
             initial=[*zip(self._positions, start), *((name, 0.0) for name in [*self._velocities, *self._activations])],
             measured=list(sensors.items()),
             source=self,
+            several=True,
         )
 
-    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float) -> Array:
+    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float, count: int = 1) -> Array:
         size = max(16, 1 << (len(x) - 1).bit_length())
         if size not in self._batches:
             # A thread that waits for few rows costs more than it does.
             threads = self._threads if size * self._cost >= WORTH_THREADS else 1
             self._batches[size] = Copies(self._mj, self._settings, self._drivers, self._base, size, threads)
-        return self._batches[size].step(x, u, force, parameters, dt)
+        return self._batches[size].step(x, u, force, parameters, dt, count)
 
     def corrected(self, model: Model) -> str:
         """The MJCF text with the corrections of an augmented model in it.

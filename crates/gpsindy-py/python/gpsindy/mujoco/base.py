@@ -77,6 +77,11 @@ class Base:
         model.dof_armature[velocity : velocity + 6] = self._weight
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
+    @property
+    def is_still(self) -> bool:
+        """Whether the model has no free base, so that :meth:`place` does nothing."""
+        return self._at is None
+
     def place(self, columns: Array, qpos: Array, qvel: Array, force: Array) -> None:
         """Sets a number of copies: ``columns`` (n, n_columns) of the logs; ``qpos`` (n, nq), ``qvel`` and ``force`` (n, nv) of the engine."""
         if self._at is None:

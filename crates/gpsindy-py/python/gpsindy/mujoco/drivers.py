@@ -86,7 +86,6 @@ class Drivers:
         self, model: Any, actuators: Sequence[str], joints: Sequence[int], given: Mapping[str, Any], first: int
     ) -> None:
         self._places: list[tuple[int, int, int]] = []
-        self._joints = len(joints)
         self.settings: list[Setting] = []
         #: By number of the actuator.
         self.around: dict[int, Driver] = {}
@@ -108,14 +107,14 @@ class Drivers:
         """Of a number of the driver around an actuator."""
         return self.around[actuator].tolerance(name) if actuator in self.around else None
 
-    def commands(self, x: Array, u: Array, parameters: Array) -> Array:
-        """What reaches the engine: ``u`` (n, n_actuators) with the columns of the motors in place of their wanted positions."""
+    def commands(self, positions: Array, speeds: Array, u: Array, parameters: Array) -> Array:
+        """What reaches the engine: ``u`` (n, n_actuators) with the columns of the motors in place of their wanted positions; ``positions`` and
+        ``speeds`` (n, n_joints) of the joints."""
         if not self._places:
             return u
         found = np.array(u)
         for a, joint, at in self._places:
-            kp, kd = parameters[:, at], parameters[:, at + 1]
-            found[:, a] = kp * (u[:, a] - x[:, joint]) - kd * x[:, self._joints + joint]
+            found[:, a] = parameters[:, at] * (u[:, a] - positions[:, joint]) - parameters[:, at + 1] * speeds[:, joint]
         return found
 
 
