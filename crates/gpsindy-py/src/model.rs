@@ -90,7 +90,7 @@ impl PyModel {
     }
 
     /// A model around `function(x, u, force, parameters, dt)`, which makes one step of many rows; with `several`, as many as its last
-    /// argument says.
+    /// argument says, with a `dt` for each row where there is one.
     ///
     /// `kinematic` holds pairs (x, v) of states with `x' = v`; what a log's column reads is an expression of the states.
     #[staticmethod]

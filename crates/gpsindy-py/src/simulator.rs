@@ -21,8 +21,14 @@ pub(crate) enum Kind {
     /// `f(t, x, u)` gives rates; of many samples at once, as rows, or of one.
     Rates { vectorized: bool },
     /// `step(x, u, force, parameters, dt)` gives the next states of many rows.
-    /// With `several` it takes a number of steps as its last argument.
+    /// With `several` it takes a number of steps as its last argument, and `dt` may be one a row.
     Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool },
+}
+
+/// How long steps are, s: all of them, or each row's.
+enum Length<'a> {
+    Of(f64),
+    Each(&'a [f64]),
 }
 
 impl Kind {
@@ -83,13 +89,17 @@ impl Simulator {
         &self,
         py: Python<'_>,
         rows: &Rows<'_>,
-        (dt, count): (f64, Option<usize>),
+        (dt, count): (Length<'_>, Option<usize>),
         next: &mut [f64],
     ) -> PyResult<()> {
         let array =
             |values: &[f64]| PyArray1::from_slice(py, values).reshape([rows.count, values.len() / rows.count.max(1)]);
         let (x, u, force, parameters) =
             (array(rows.states)?, array(rows.commands)?, array(rows.forces)?, array(rows.parameters)?);
+        let dt = match dt {
+            Length::Of(dt) => dt.into_pyobject(py)?.into_any(),
+            Length::Each(dt) => PyArray1::from_slice(py, dt).into_any(),
+        };
         let function = self.function.bind(py);
         let answer = match count {
             Some(count) => function.call1((x, u, force, parameters, dt, count))?,
@@ -177,14 +187,21 @@ impl Steps for Callable {
     }
 
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
-        self.call(|py| self.simulator.step(py, rows, (dt, None), next))
+        self.call(|py| self.simulator.step(py, rows, (Length::Of(dt), None), next))
     }
 
     fn steps(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
         let Kind::Steps { period, several: true, .. } = self.simulator.kind else {
             return self.one_by_one(rows, count, next);
         };
-        self.call(|py| self.simulator.step(py, rows, (period, Some(count)), next))
+        self.call(|py| self.simulator.step(py, rows, (Length::Of(period), Some(count)), next))
+    }
+
+    fn unequal_steps(&self, rows: &Rows<'_>, dt: &[f64], next: &mut [f64]) -> Result<()> {
+        if let Kind::Steps { several: true, .. } = self.simulator.kind {
+            return self.call(|py| self.simulator.step(py, rows, (Length::Each(dt), Some(1)), next));
+        }
+        self.by_length(rows, dt, next)
     }
 }
 

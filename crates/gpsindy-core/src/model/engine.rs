@@ -39,7 +39,47 @@ pub trait Steps: Send + Sync {
         self.one_by_one(rows, count, next)
     }
 
-    /// The same by as many calls of [`Steps::step`].
+    /// States `next` one step after `x`, of `dt[i]` s (at most the period) for row i. A simulator whose copies have steps of their own spares
+    /// the calls: recordings with jitter end every sample with another one.
+    ///
+    /// # Errors
+    /// As [`Steps::step`].
+    fn unequal_steps(&self, rows: &Rows<'_>, dt: &[f64], next: &mut [f64]) -> Result<()> {
+        self.by_length(rows, dt, next)
+    }
+
+    /// The same by a call of [`Steps::step`] for all rows of one length.
+    ///
+    /// # Errors
+    /// As [`Steps::step`].
+    fn by_length(&self, rows: &Rows<'_>, dt: &[f64], next: &mut [f64]) -> Result<()> {
+        let mut order: Vec<usize> = (0..rows.count).collect();
+        order.sort_by(|&a, &b| dt[a].total_cmp(&dt[b]).then(a.cmp(&b)));
+        for same in order.chunk_by(|&a, &b| dt[a] == dt[b]) {
+            let picked = |part: &[f64]| -> Vec<f64> {
+                let width = part.len() / rows.count.max(1);
+                same.iter().flat_map(|&i| part[i * width..(i + 1) * width].iter().copied()).collect()
+            };
+            let (states, commands) = (picked(rows.states), picked(rows.commands));
+            let (forces, parameters) = (picked(rows.forces), picked(rows.parameters));
+            let some = Rows {
+                count: same.len(),
+                states: &states,
+                commands: &commands,
+                forces: &forces,
+                parameters: &parameters,
+            };
+            let mut found = vec![f64::NAN; states.len()];
+            self.step(&some, dt[same[0]], &mut found)?;
+            let width = states.len() / same.len();
+            for (&i, row) in same.iter().zip(found.chunks(width.max(1))) {
+                next[i * width..(i + 1) * width].copy_from_slice(row);
+            }
+        }
+        Ok(())
+    }
+
+    /// [`Steps::steps`] by as many calls of [`Steps::step`].
     ///
     /// # Errors
     /// As [`Steps::step`].
@@ -283,4 +323,40 @@ pub(super) fn rows_of(simulator: &dyn Dynamics, engine: &dyn Steps, lanes: usize
         }
     }
     parts
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::{Rows, Steps};
+    use crate::model::stepping::Stepping;
+
+    #[test]
+    fn several_steps_and_steps_of_each_row_are_those_of_single_calls() {
+        let servo = Stepping::rough_servo();
+        let (states, commands, parameters) = ([0.1, -0.3, 0.4, 2.0, -0.2, 0.5], [0.3, -0.6, 0.9], [0.03, 0.02, 0.05]);
+        let rows = Rows { count: 3, states: &states, commands: &commands, forces: &[], parameters: &parameters };
+        let step = |rows: &Rows<'_>, dt: f64| {
+            let mut next = vec![0.0; rows.states.len()];
+            servo.step(rows, dt, &mut next).unwrap();
+            next
+        };
+        let twice = step(&Rows { states: &step(&rows, servo.period()), ..rows }, servo.period());
+        let mut found = [0.0; 6];
+        servo.steps(&rows, 2, &mut found).unwrap();
+        assert_eq!(found[..], twice);
+        let lengths = [1.0, 0.3, 1.0].map(|part| part * servo.period());
+        servo.unequal_steps(&rows, &lengths, &mut found).unwrap();
+        for (i, dt) in lengths.into_iter().enumerate() {
+            let (x, own) = (2 * i..2 * i + 2, i..i + 1);
+            let row = Rows {
+                count: 1,
+                states: &states[x.clone()],
+                commands: &commands[own.clone()],
+                forces: &[],
+                parameters: &parameters[own],
+            };
+            assert_eq!(found[x], step(&row, dt));
+        }
+    }
 }

@@ -25,7 +25,7 @@ pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::path::Path;
 pub(crate) use lanes::tangent::{Tangent, tangent};
 pub(crate) use profile::Profile;
-pub(crate) use stepped::{Kept, guess_starts};
+pub(crate) use stepped::{Kept, drawn_starts, guess_starts};
 
 use crate::error::{Error, Result};
 use crate::model::System;

@@ -209,6 +209,22 @@ def test_a_driver_turns_a_wanted_position_into_torque_at_every_step():
     assert "not in this file: drive.kp is 3.0, of the driver" in found.corrected(softer)
 
 
+@pytest.mark.parametrize("drivers", [None, {"drive": (4.0, 0.2)}])
+def test_several_steps_and_steps_of_each_row_are_those_of_single_calls(drivers):
+    simulator = gm.Simulator(HINGE, drivers=drivers)
+    random, period = np.random.default_rng(1), 0.002
+    x, u, force = random.standard_normal((3, 2)), random.standard_normal((3, 1)), np.zeros((3, 1))
+    parameters = np.tile([s.value for s in simulator.settings], (3, 1)) * random.uniform(0.9, 1.1, (3, 1))
+    one_by_one = x
+    for _ in range(5):
+        one_by_one = simulator._step(one_by_one, u, force, parameters, period)
+    assert np.array_equal(simulator._step(x, u, force, parameters, period, 5), one_by_one)
+    lengths = np.array([0.002, 0.0005, 0.001])
+    each = [simulator._step(x[i : i + 1], u[i : i + 1], force[:1], parameters[i : i + 1], float(lengths[i]))[0] for i in range(3)]
+    assert np.array_equal(simulator._step(x, u, force, parameters, lengths), each)
+    assert np.array_equal(simulator._step(x, u, force, parameters, period, 5), one_by_one)
+
+
 def test_a_driver_has_a_delay_and_guesses_and_stands_for_all_motors_of_a_pattern():
     found = gm.Simulator(HINGE, drivers={"*": gm.Driver(4.0, 0.3, 0.02, find=("kp", "delay"))})
     log = real_log(5)

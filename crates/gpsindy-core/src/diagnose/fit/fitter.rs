@@ -8,7 +8,7 @@ use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, guess_starts};
+use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, drawn_starts, guess_starts};
 
 /// Makes contestants of one diagnosis.
 #[derive(Debug, Clone, Copy, Default)]
@@ -60,7 +60,25 @@ impl Fitter {
             refined,
             evidence,
         };
-        if starts(&nominal).more > 0.0 { self.carried_on(nominal, budget) } else { Ok(nominal) }
+        let nominal = if starts(&nominal).more > 0.0 { self.carried_on(nominal, budget)? } else { nominal };
+        self.redrawn(nominal, budget)
+    }
+
+    /// The same contestant, the windows of a simulator that steps whose residuals stand out fitted once more from the best of several drawn
+    /// starts. What a local minimum of a start leaves looks like a gap, and whatever has a further parameter would get the credit.
+    pub(crate) fn redrawn(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let Contestant { system, experiment, refined, .. } = &contestant;
+        let poor = if system.engine().is_some() { poor_windows(&refined.residuals) } else { Vec::new() };
+        if poor.is_empty() {
+            return Ok(contestant);
+        }
+        let drawn = drawn_starts(system, experiment, &refined.parameters, &poor)?;
+        let mut moved = contestant.clone();
+        for (&window, start) in poor.iter().zip(drawn) {
+            moved.refined.initial[window] = start;
+        }
+        let moved = self.carried_on(moved, budget)?;
+        Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
     }
 
     /// `base` with more hypotheses at once, fitted from the best of several `values` of their parameters.
@@ -186,7 +204,8 @@ impl Fitter {
     pub(crate) fn restarted(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let is_poor = contestant.evidence.misfit() >= POOR;
         // Starts of a simulator that steps end at stops and saturations, too few of them to make the whole fit a poor one.
-        let has_doubted = || contestant.system.engine().is_some() && has_poor_window(&contestant.refined.residuals);
+        let has_doubted =
+            || contestant.system.engine().is_some() && !poor_windows(&contestant.refined.residuals).is_empty();
         if !is_poor && !has_doubted() {
             return Ok(contestant);
         }
@@ -270,15 +289,17 @@ pub(crate) fn starts(contestant: &Contestant) -> Starts {
     }
 }
 
-/// Whether a window's residuals stand out among all windows'.
-fn has_poor_window(residuals: &[Vec<f64>]) -> bool {
+/// Windows whose residuals stand out among all windows'.
+fn poor_windows(residuals: &[Vec<f64>]) -> Vec<usize> {
     let mean = |window: &Vec<f64>| {
         let values = || window.iter().filter(|e| e.is_finite());
         values().map(|e| e * e).sum::<f64>() / values().count().max(1) as f64
     };
-    let mut means: Vec<f64> = residuals.iter().map(mean).collect();
-    means.sort_by(f64::total_cmp);
-    means.last().is_some_and(|worst| *worst > DOUBTED * means[means.len() / 2])
+    let means: Vec<f64> = residuals.iter().map(mean).collect();
+    let mut sorted = means.clone();
+    sorted.sort_by(f64::total_cmp);
+    let Some(middle) = sorted.get(sorted.len() / 2) else { return Vec::new() };
+    (0..means.len()).filter(|&w| means[w] > DOUBTED * middle).collect()
 }
 
 /// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits; and with its residual,

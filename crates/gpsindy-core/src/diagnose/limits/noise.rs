@@ -38,3 +38,12 @@ pub(crate) const OF_MEDIAN: f64 = 1.4826;
 
 /// By how much of itself noise alone bends a line through three samples: `sqrt(1 + 2/4)`. Argument.
 pub(crate) const BENT: f64 = 1.2;
+
+/// Mean squared residual (noise units) of the nominal fit in a column that says its noise was overstated. Above a half, starts and chance
+/// leave as little. Below a hundredth of the standard deviation the column has no noise to speak of, and arithmetic is what is left.
+/// Convention.
+pub(crate) const OVERSTATED: std::ops::Range<f64> = 1e-4..0.5;
+
+/// How often the noise is lowered to what the nominal fit leaves: a fit that takes a column's noise for six times what it is leaves more than
+/// one that knows. Convention.
+pub(crate) const LOWERED: usize = 3;

@@ -47,6 +47,17 @@ impl Buffer {
         self.call(system, |rows, next| engine.step(rows, dt, next));
     }
 
+    /// A step of `dt[i]` s for row i.
+    pub(super) fn step_each(&mut self, engine: &dyn Steps, system: &System, dt: &[f64]) {
+        match dt {
+            [first, rest @ ..] if rest.iter().any(|other| other != first) => {
+                self.call(system, |rows, next| engine.unequal_steps(rows, dt, next));
+            }
+            [first, ..] => self.step(engine, system, *first),
+            [] => {}
+        }
+    }
+
     /// `count` whole steps.
     pub(super) fn steps(&mut self, engine: &dyn Steps, system: &System, count: usize) {
         self.call(system, |rows, next| engine.steps(rows, count, next));

@@ -94,7 +94,7 @@ fn walk<'a>(
     columns: Option<&[usize]>,
     receive: &mut dyn FnMut(usize, usize, usize, f64),
 ) -> Vec<Group<'a>> {
-    let mut rows = Buffer::default();
+    let (mut rows, mut lengths) = (Buffer::default(), Vec::new());
     loop {
         let mut due: Vec<(usize, f64, usize)> = Vec::with_capacity(groups.len());
         for (g, group) in groups.iter_mut().enumerate() {
@@ -106,21 +106,22 @@ fn walk<'a>(
         if due.is_empty() {
             return groups;
         }
-        // Steps of one length go together; nearly always that is all of them.
-        due.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.2.cmp(&b.2)).then(a.0.cmp(&b.0)));
-        for same in due.chunk_by(|a, b| a.1 == b.1 && a.2 == b.2) {
-            let (_, dt, count) = same[0];
+        due.sort_by_key(|&(g, _, count)| (count, g));
+        for same in due.chunk_by(|a, b| a.2 == b.2) {
+            let count = same[0].2;
             rows.clear();
-            for &(g, ..) in same {
+            lengths.clear();
+            for &(g, dt, _) in same {
                 groups[g].put(system, dt, None, &mut rows);
+                lengths.resize(rows.count, dt);
             }
             if count > 1 {
                 rows.steps(engine, system, count);
             } else {
-                rows.step(engine, system, dt);
+                rows.step_each(engine, system, &lengths);
             }
             let mut taken = 0;
-            for &(g, ..) in same {
+            for &(g, dt, _) in same {
                 groups[g].part += count - 1;
                 taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
             }

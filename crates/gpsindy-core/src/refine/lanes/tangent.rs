@@ -216,15 +216,15 @@ impl Commands {
         };
         let widths = (simulator.n_controls(), engine.n_forces());
         let (mut rows, mut answers) = (Buffer::default(), Vec::new());
-        for same in all.chunk_by(|a, b| a.dt == b.dt).flat_map(|same| same.chunks(MOST_ROWS)) {
+        for some in all.chunks(MOST_ROWS) {
             rows.clear();
-            for Asked { step, changed, .. } in same {
+            for Asked { step, changed, .. } in some {
                 let step = &tangent.steps[window][*step];
                 let mut arguments = step.arguments.clone();
                 changed.iter().for_each(|(i, by)| arguments[*i] += by);
                 rows.push(&step.x, &arguments, widths);
             }
-            rows.step(engine, system, same[0].dt);
+            rows.step_each(engine, system, &some.iter().map(|asked| asked.dt).collect::<Vec<_>>());
             answers.extend_from_slice(&rows.next);
         }
         Self::Answered(all, answers)
@@ -280,15 +280,15 @@ fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>
     let sizes = argument_sizes(system);
     let mut pending = Buffer::default();
     let mut since = 0;
-    let mut last = None;
+    // Of every row.
+    let mut lengths: Vec<f64> = Vec::new();
     for (k, x) in path.iter().enumerate() {
         group.begin(None, &mut |_, _, _, _| {});
         let dt = group.next_step(period);
-        if k > since && (k - since >= TOGETHER || last != Some(dt)) {
-            finish(&mut steps[since..], engine, system, last?, &mut pending, (n, scale, &sizes))?;
+        if k - since >= TOGETHER {
+            finish(&mut steps[since..], engine, system, &mut lengths, &mut pending, (n, scale, &sizes))?;
             since = k;
         }
-        last = Some(dt);
         let mut own = Buffer::default();
         group.put(system, dt, Some(&x[..n]), &mut own);
         let arguments: Vec<f64> = own.arguments(0).collect();
@@ -306,6 +306,7 @@ fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>
             arguments[i] += DIFFERENCE * size;
             pending.push(&x[..n], &arguments, widths);
         }
+        lengths.resize(pending.count, dt);
         steps.push(Step {
             x: x[..n].to_vec(),
             arguments,
@@ -318,7 +319,7 @@ fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>
         group.take(system, period, dt, &next);
     }
     if since < steps.len() {
-        finish(&mut steps[since..], engine, system, last?, &mut pending, (n, scale, &sizes))?;
+        finish(&mut steps[since..], engine, system, &mut lengths, &mut pending, (n, scale, &sizes))?;
     }
     Some(steps)
 }
@@ -328,11 +329,12 @@ fn finish(
     steps: &mut [Step],
     engine: &dyn crate::model::Steps,
     system: &System,
-    dt: f64,
+    lengths: &mut Vec<f64>,
     pending: &mut Buffer,
     (n, scale, sizes): (usize, &[f64], &[f64]),
 ) -> Option<()> {
-    pending.step(engine, system, dt);
+    pending.step_each(engine, system, lengths);
+    lengths.clear();
     let (rows, a) = (1 + n + sizes.len(), sizes.len());
     for (k, step) in steps.iter_mut().enumerate() {
         let of = |row: usize, j: usize| pending.next[(k * rows + row) * n + j];

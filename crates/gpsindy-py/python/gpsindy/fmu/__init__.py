@@ -221,7 +221,7 @@ class Simulator:
             raise ValueError(f"{self._path.name}: neither model exchange nor co-simulation")
         return "co-simulation"
 
-    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float, count: int = 1) -> Array:
+    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
         inputs = np.hstack([u, force])
         if self._processes == 1 or not len(x) * count * self._cost >= _WORTH_PROCESSES:
             begun = time.perf_counter()
@@ -231,9 +231,10 @@ class Simulator:
             self._cost = taken if math.isnan(self._cost) else min(self._cost, taken)
             return found
         own, *others = shared(len(x), self._processes)
-        self._workers.begin([(x[one], inputs[one], parameters[one], dt, count) for one in others])
+        lengths = np.broadcast_to(dt, len(x))
+        self._workers.begin([(x[one], inputs[one], parameters[one], lengths[one], count) for one in others])
         try:
-            first = self._copies.step(x[own], inputs[own], parameters[own], dt, count)
+            first = self._copies.step(x[own], inputs[own], parameters[own], lengths[own], count)
         finally:
             rest = self._workers.end(len(others))
         return np.vstack([first, *rest])

@@ -31,13 +31,14 @@ class Copies:
         self._made = (description, folder, kind, references)
         self._instances: OrderedDict[bytes, Instance] = OrderedDict()
 
-    def step(self, x: Array, inputs: Array, parameters: Array, dt: float, count: int = 1) -> Array:
-        """States (n, n_states) ``count`` steps of ``dt`` s after ``x``."""
+    def step(self, x: Array, inputs: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
+        """States (n, n_states) ``count`` steps of ``dt`` s, of all copies or of each (n,), after ``x``."""
+        lengths = np.broadcast_to(dt, len(x)).tolist()
         found = x.copy()
         for i in range(len(x)):
             instance, own = self._instance(parameters[i]), inputs[i].tolist()
             for _ in range(count):
-                found[i] = instance.step(found[i], own, dt)
+                found[i] = instance.step(found[i], own, lengths[i])
         return found
 
     def _instance(self, parameters: Array) -> Instance:

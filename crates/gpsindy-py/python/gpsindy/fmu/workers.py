@@ -27,7 +27,7 @@ class Workers:
         self._count = count
         self._processes: list[subprocess.Popen[bytes]] = []
 
-    def begin(self, chunks: list[tuple[Array, Array, Array, float, int]]) -> None:
+    def begin(self, chunks: list[tuple[Array, Array, Array, float | Array, int]]) -> None:
         """Hands a chunk of rows to every process; at most as many as there are."""
         if not self._processes:
             line = [sys.executable, "-c", "from gpsindy.fmu.workers import serve; serve()"]

@@ -260,7 +260,7 @@ class Simulator:
             several=True,
         )
 
-    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float, count: int = 1) -> Array:
+    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
         size = max(16, 1 << (len(x) - 1).bit_length())
         if size not in self._batches:
             # A thread that waits for few rows costs more than it does.

@@ -65,14 +65,17 @@ class Copies:
         self.mass, self.inertia = model.body_mass.copy(), model.body_inertia.copy()
         self.ids = np.arange(size, dtype=np.int32)
 
-    def step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float, count: int = 1) -> Array:
-        """States (n, n_states) after ``count`` steps of ``dt`` s, commands and forces held."""
+    def step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
+        """States (n, n_states) after ``count`` steps of ``dt`` s, of all copies or of each (n,), commands and forces held."""
         rows, joints = len(x), self.joints
         given = parameters.tobytes()
         if given != self.last:
             self._set(parameters)
             self.last = given
-        if dt != self.dt:
+        if isinstance(dt, np.ndarray):
+            self.timestep[:rows] = dt.reshape(rows, *self.timestep.shape[1:])
+            self.dt = np.nan
+        elif dt != self.dt:
             self.timestep[:] = dt
             self.dt = dt
         qpos, qvel, act, applied = self.qpos[:rows], self.qvel[:rows], self.act[:rows], self.force[:rows]

@@ -25,6 +25,20 @@ pub(crate) fn noise_levels(logs: &[Log], n_columns: usize) -> Vec<f64> {
         .collect()
 }
 
+/// Gives columns that never change, which say nothing of their noise, the largest noise of the columns of the same unit: a joint at rest is
+/// read by the same kind of sensor. Without such a column it is a billionth of what counts as large there.
+pub(crate) fn still_levels(noise: &mut [f64], logs: &[Log], units: &[&str], scale: &[f64]) {
+    let is_still = |column: usize| {
+        let mut values = logs.iter().flat_map(|l| l.measured[column].iter()).filter(|v| v.is_finite());
+        values.next().is_none_or(|first| values.all(|v| v == first))
+    };
+    let still: Vec<bool> = (0..noise.len()).map(is_still).collect();
+    for column in (0..noise.len()).filter(|&c| still[c]) {
+        let alike = (0..noise.len()).filter(|&c| !still[c] && units[c] == units[column]).map(|c| noise[c]);
+        noise[column] = alike.fold(noise[column].max(1e-9 * scale[column]), f64::max);
+    }
+}
+
 fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
     let binomial = |k: usize| (0..k).fold(1.0, |b, i| b * (order - i) as f64 / (i + 1) as f64);
     let weights: Vec<f64> = (0..=order).map(|k| if k % 2 == 0 { binomial(k) } else { -binomial(k) }).collect();
@@ -127,6 +141,19 @@ mod tests {
         let in_turns = noise_levels(&[log(1200, |row| row % 2 == 1)], 1);
         assert!(alone[0] > 0.05 && alone[0] < 0.1, "{alone:?}");
         assert_eq!((&between, &in_turns), (&alone, &alone));
+    }
+
+    #[test]
+    fn a_column_that_never_changes_has_the_noise_of_its_kind() {
+        let mut log = log(600, |_| false);
+        let moving = log.measured[0].clone();
+        log.measured.extend([vec![0.0; 600], vec![3.0; 600], moving.iter().map(|v| 2.0 * v).collect()]);
+        let logs = [log];
+        let mut noise = noise_levels(&logs, 4);
+        let alone = noise.clone();
+        still_levels(&mut noise, &logs, &["rad", "rad", "V", "rad/s"], &[1.0, 1.0, 2.0, 1.0]);
+        assert_eq!((noise[0], noise[1], noise[3]), (alone[0], alone[0], alone[3]));
+        assert_eq!(noise[2], 3e-9, "without a column of its unit as it was");
     }
 
     #[test]

@@ -6,14 +6,15 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::substeps::choose_substeps;
 use crate::diagnose::fit::tolerance::tolerated;
 use crate::diagnose::limits::{
-    Budget, DENSE_NOISE, DENSE_SPREAD, INTEGRATION, MOST_SAMPLES, STRETCHES, TURN, VERY_LONG, WRAPPED, WRAPPED_BELOW,
+    Budget, DENSE_NOISE, DENSE_SPREAD, INTEGRATION, LOWERED, MOST_SAMPLES, OVERSTATED, STRETCHES, TURN, VERY_LONG,
+    WRAPPED, WRAPPED_BELOW,
 };
 use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::affordable::affordable;
 use crate::diagnose::steps::logs::check;
-use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers};
+use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, still_levels};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
 use crate::error::Result;
 use crate::excitation::{choose, excitation, variance};
@@ -72,11 +73,33 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     let budget = Budget::Thorough;
     let stage = run.stage("nominal model: fitting", budget.refine().max_iterations)?;
     let watch = |done: usize| stage.reach(done);
-    let nominal = fitter.nominal_watched(system.clone(), experiment, tolerated(model), budget, &watch)?;
+    let mut nominal = fitter.nominal_watched(system.clone(), experiment, tolerated(model), budget, &watch)?;
     check::nominal(&nominal)?;
+    for _ in 0..LOWERED {
+        let Some(noise) = quieter(&nominal) else { break };
+        let experiment = Experiment { noise, ..nominal.experiment.clone() };
+        nominal = fitter.redrawn(fitter.on(&nominal, &experiment, budget)?, budget)?;
+    }
     // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
     let may_interpolate = known.hold.is_none() && !is_averaged;
     Ok(Prepared { train, holdout, nominal, fitter, may_interpolate, notes })
+}
+
+/// The noise of the columns where differences of samples overstate it, as they do where the motion is faster than the samples: a fit cannot
+/// leave less than noise. `None` where they do nowhere.
+fn quieter(nominal: &Contestant) -> Option<Vec<f64>> {
+    let Contestant { experiment, refined, .. } = nominal;
+    let columns = experiment.noise.len();
+    let mean = |column: usize| {
+        let own = refined.residuals.iter().flat_map(|window| window.iter().skip(column).step_by(columns));
+        let (sum, count) =
+            own.filter(|e| e.is_finite()).fold((0.0, 0_usize), |(sum, count), e| (sum + e * e, count + 1));
+        sum / count.max(1) as f64
+    };
+    let shares: Vec<f64> = (0..columns).map(mean).collect();
+    let lower = |(noise, share): (&f64, &f64)| if OVERSTATED.contains(share) { noise * share.sqrt() } else { *noise };
+    let is_lower = shares.iter().any(|share| OVERSTATED.contains(share));
+    is_lower.then(|| experiment.noise.iter().zip(&shares).map(lower).collect())
 }
 
 /// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen; and what is left of the logs.
@@ -87,12 +110,20 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
     // What is chosen below depends on what the control does between the samples.
     experiment.hold = hold.unwrap_or_default();
     let n_columns = experiment.columns.len();
-    experiment.noise = noise_levels(&experiment.logs, n_columns);
+    let model = system.model();
+    let units: Vec<&str> = experiment.columns.iter().map(|&j| model.states[j].unit.as_str()).collect();
+    let scale: Vec<f64> = experiment.columns.iter().map(|&j| experiment.scale[j]).collect();
+    let levels = |experiment: &Experiment| {
+        let mut noise = noise_levels(&experiment.logs, n_columns);
+        still_levels(&mut noise, &experiment.logs, &units, &scale);
+        noise
+    };
+    experiment.noise = levels(&experiment);
     let noise = experiment.noise.clone();
     let removed = remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &noise);
     if removed > 0 {
         notes.push(Note::Outliers { count: removed });
-        experiment.noise = noise_levels(&experiment.logs, n_columns);
+        experiment.noise = levels(&experiment);
     }
     if let Some((sparser, stride)) = decimated(&experiment) {
         experiment = sparser;
@@ -225,6 +256,8 @@ fn is_dense(experiment: &Experiment, stride: usize) -> bool {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::diagnose::fixture::{drive, fitted};
+
     use crate::data::{Channel, Run as Log};
     use crate::expression::Expression;
     use crate::model::{Control, State};
@@ -255,5 +288,17 @@ mod tests {
         };
         assert_eq!(windows(Hold::Linear), 1);
         assert!(windows(Hold::Zero) > 1);
+    }
+
+    #[test]
+    fn noise_that_a_fit_undercuts_is_lowered_to_what_it_leaves() {
+        let (model, data) = drive(None, |x| x, 0.02, (3, 120));
+        let (_, nominal) = fitted(&model, &data, 0.02);
+        assert_eq!(quieter(&nominal), None);
+        let (_, overstated) = fitted(&model, &data, 0.1);
+        let noise = quieter(&overstated).unwrap()[0];
+        assert!((noise / 0.02 - 1.0).abs() < 0.15, "{noise}");
+        let (_, without_noise) = fitted(&model, &data, 100.0);
+        assert_eq!(quieter(&without_noise), None, "arithmetic is no noise");
     }
 }
