@@ -6,6 +6,7 @@ mod decide;
 use crate::data::Dataset;
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Cause, Diagnosis};
+use crate::diagnose::run::Ending;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::findings::{Judged, StatedProcess};
 use crate::diagnose::steps::verdict::causes::{Causes, random_force};
@@ -34,7 +35,7 @@ pub(crate) fn report(
 ) -> (Diagnosis, Model, Vec<Note>) {
     let decided = Decided::of(contest, &found);
     let causes = stated(confidence, contest, &found, &decided);
-    let notes = notes(&found, &decided, &causes);
+    let notes = notes(contest, &found, &decided, &causes);
     let (diagnosis, augmented) = assemble(confidence, contest, found, (decided, causes), logs, augmented);
     (diagnosis, augmented, notes)
 }
@@ -57,12 +58,14 @@ fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &D
 }
 
 /// What the notes say of the outcome.
-fn notes(found: &Found<'_>, decided: &Decided, causes: &[Cause]) -> Vec<Note> {
+fn notes(contest: &Contest<'_>, found: &Found<'_>, decided: &Decided, causes: &[Cause]) -> Vec<Note> {
     let Judged { nominal, detected, outcome, forcing, .. } = found.judged;
     let model = nominal.system.model();
     let random = forcing.iter().flat_map(|f| f.forces.iter().map(|stated| random(model, stated)));
     let coloured = forcing.iter().flat_map(|f| f.errors.iter().map(|stated| coloured(model, stated)));
-    let nothing = (detected.gap && outcome.best.hypotheses.is_empty()).then_some(Note::NothingExplains);
+    // A search that ended early does not know.
+    let has_nothing = detected.gap && outcome.best.hypotheses.is_empty() && contest.run.ending() == Ending::Complete;
+    let nothing = has_nothing.then_some(Note::NothingExplains);
     let kept = causes.iter().filter_map(disagreement).chain(astray(&found.verification)).filter(|_| decided.keep);
     random.chain(coloured).chain(nothing).chain(kept).collect()
 }
