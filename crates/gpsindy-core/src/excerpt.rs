@@ -53,6 +53,12 @@ fn cut(run: usize, end: usize, window: usize) -> impl Iterator<Item = Window> {
     (0..parts).map(move |k| Window { run, first: k * end / parts, end: (k + 1) * end / parts })
 }
 
+/// The recording of a run that is perhaps a window of it.
+pub(crate) fn recording(run: &str) -> &str {
+    let of_window = run.rsplit_once(" from ").filter(|(_, place)| place.ends_with(" s"));
+    of_window.map_or(run, |(recording, _)| recording)
+}
+
 fn part(data: &Dataset, window: &Window) -> Run {
     let run = &data.runs()[window.run];
     let (first, end) = (window.first, window.end);

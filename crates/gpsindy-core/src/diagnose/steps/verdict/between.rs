@@ -8,8 +8,10 @@
 
 use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::report::{BetweenRuns, RunValue};
+use crate::excerpt::recording;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
+use std::collections::HashSet;
 
 /// A size of a cause by run.
 pub(crate) struct Sizes {
@@ -25,11 +27,13 @@ pub(crate) struct Sizes {
 }
 
 impl Sizes {
-    /// By run and pooled; `None` where fewer than two runs show it.
+    /// By run and pooled; `None` where fewer than two runs show it, or where several of them are windows of one recording, whose spread is
+    /// none between runs.
     pub(crate) fn stated(&self, confidence: f64) -> Option<BetweenRuns> {
         let Self { values, information, .. } = self;
         let count = values.len();
-        if count < 2 {
+        let recordings: HashSet<&str> = self.runs.iter().map(|run| recording(run)).collect();
+        if count < 2 || recordings.len() < count {
             return None;
         }
         let own = information.clone().cholesky()?.inverse();
@@ -98,6 +102,16 @@ mod tests {
         // Three runs: Student's factor of two degrees of freedom, 4.303.
         assert!(found.high - found.pooled > 4.3 / star.iter().sum::<f64>().sqrt());
         assert!((found.runs[1].high - 1.5 - 1.96 * 0.2).abs() < 1e-3);
+    }
+
+    #[test]
+    fn windows_of_one_recording_are_no_runs() {
+        let mut found = sizes(&[1.0, 1.5], DMatrix::identity(2, 2));
+        assert!(found.stated(0.95).is_some());
+        found.runs = vec!["arm.csv from 2.000 s".into(), "arm.csv from 7.500 s".into()];
+        assert!(found.stated(0.95).is_none());
+        found.runs = vec!["arm.csv from 2.000 s".into(), "wrist.csv from 7.500 s".into()];
+        assert!(found.stated(0.95).is_some());
     }
 
     #[test]
