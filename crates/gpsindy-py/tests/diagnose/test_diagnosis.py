@@ -141,7 +141,7 @@ def test_an_error_of_the_simulator_ends_the_diagnosis_unchanged():
         ({"effects": ["magic"]}, "effect `magic` is unknown; known: parameter_error"),
         ({"confidence": 2.0}, "`confidence` must be between 0.5 and 0.999"),
         ({"most_effects": 0}, "`most_effects` must be between 1 and 6"),
-        ({"time_limit": 0.0}, "`time_limit` must be above 0 s"),
+        ({"time_limit": -1.0}, "`time_limit` must be above 0 s"),
         ({"hold": "cubic"}, "`hold` must be"),
     ],
 )
