@@ -34,7 +34,7 @@ class Copies:
     def step(self, x: Array, inputs: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
         """States (n, n_states) ``count`` steps of ``dt`` s, of all copies or of each (n,), after ``x``."""
         lengths = np.broadcast_to(dt, len(x)).tolist()
-        found = x.copy()
+        found: Array = x.copy()
         for i in range(len(x)):
             instance, own = self._instance(parameters[i]), inputs[i].tolist()
             for _ in range(count):
