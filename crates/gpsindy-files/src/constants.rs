@@ -3,8 +3,9 @@
 use crate::error::{Error, Result};
 use crate::header::Header;
 use crate::options::{LogOptions, plain};
-use crate::topic::{Reading, Source};
+use crate::topic::{Reading, Source, Topic};
 use gpsindy_core::Progress;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A log with columns of one value each behind its own.
@@ -68,19 +69,18 @@ impl Source for WithConstants {
             *column = places[*column];
         }
         // A constant goes with every stamp: once in each run it stands in the topic that begins first.
-        let first = |topic: &crate::topic::Topic| topic.stamps.first().copied().unwrap_or(f64::INFINITY);
-        let runs: Vec<(String, f64)> = reading.topics.iter().map(|topic| (topic.run.clone(), first(topic))).collect();
-        for at in 0..reading.topics.len() {
-            let (run, begins) = &runs[at];
-            let is_before = |(i, (other, begun)): (usize, &(String, f64))| {
-                other == run && (begun < begins || begun == begins && i < at)
-            };
-            if runs.iter().enumerate().any(is_before) {
-                continue;
+        let begins = |topic: &Topic| topic.stamps.first().copied().unwrap_or(f64::INFINITY);
+        let mut first: HashMap<&str, usize> = HashMap::new();
+        for (at, topic) in reading.topics.iter().enumerate() {
+            let known = first.entry(&topic.run).or_insert(at);
+            if begins(topic) < begins(&reading.topics[*known]) {
+                *known = at;
             }
-            let topic = &mut reading.topics[at];
-            let of_topic = constants.iter().map(|&(place, value)| (place, vec![value; topic.stamps.len()]));
-            topic.columns.extend(of_topic);
+        }
+        let first: Vec<usize> = first.into_values().collect();
+        for at in first {
+            let Topic { stamps, columns, .. } = &mut reading.topics[at];
+            columns.extend(constants.iter().map(|&(place, value)| (place, vec![value; stamps.len()])));
         }
         Ok(reading)
     }

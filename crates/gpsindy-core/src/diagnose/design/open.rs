@@ -116,15 +116,10 @@ fn name_apart(candidates: &mut [Candidate], fits: &[&Contestant]) {
         }
         let model = fit.system.model();
         let placed = fit.hypotheses.iter().map(|h| {
-            let own = || std::iter::once(&model.states[h.state].name).chain(&h.variables);
             let place = h.place().unwrap_or_else(|| {
-                let mut names: Vec<&str> = Vec::new();
-                own().for_each(|name| {
-                    if !names.contains(&name.as_str()) {
-                        names.push(name)
-                    }
-                });
-                names.join(" and ")
+                let state = model.states[h.state].name.as_str();
+                let others = h.variables.iter().map(String::as_str).filter(|name| *name != state);
+                std::iter::once(state).chain(others).collect::<Vec<_>>().join(" and ")
             });
             format!("{} ({place})", h.id())
         });

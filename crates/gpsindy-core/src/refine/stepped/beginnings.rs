@@ -7,7 +7,8 @@
 use crate::error::{Error, Result};
 use crate::model::System;
 use crate::random::normal;
-use crate::refine::{Experiment, Job, Refine, Window, guess_initial, roll_together};
+use crate::refine::stepped::slopes::Scene;
+use crate::refine::{Experiment, Job, Point, Refine, Window, guess_initial};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 
@@ -86,21 +87,11 @@ pub(crate) fn drawn_starts(
 
 /// Sums of squared residuals, in units of the noise, of rollouts of all windows; infinite where one fails.
 fn squares(system: &System, experiment: &Experiment, parameters: &[f64], starts: &[Vec<f64>]) -> Vec<f64> {
-    let job = |(window, initial): (usize, &Vec<f64>)| Job {
-        window,
-        parameters: parameters.to_vec(),
-        initial: initial.clone(),
-    };
-    let jobs: Vec<Job> = starts.iter().enumerate().map(job).collect();
-    let mut sums = vec![0.0; jobs.len()];
-    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
-        let measured = experiment.logs[experiment.windows[job].log].measured[c][sample];
-        if measured.is_finite() {
-            sums[job] += ((measured - value) / experiment.noise[c]).powi(2);
-        }
-    });
-    sums.iter_mut().filter(|sum| !sum.is_finite()).for_each(|sum| *sum = f64::INFINITY);
-    sums
+    let point = Point { parameters: parameters.to_vec(), initial: starts.to_vec() };
+    let jobs: Vec<Job> = (0..starts.len()).map(|window| Scene::job(&point, window)).collect();
+    let residuals = Scene { system, experiment, free: &[] }.residuals(&jobs);
+    let sums = residuals.iter().map(|residual| residual.norm_squared());
+    sums.map(|sum| if sum.is_finite() { sum } else { f64::INFINITY }).collect()
 }
 
 /// What the first samples of every window determine; of a system that steps on its own, the first readings as they are.
