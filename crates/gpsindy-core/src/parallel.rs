@@ -1,20 +1,9 @@
 //! Independent tasks: on all processors with the feature `parallel`, one after another without it, with the same results.
 
-use crate::error::Result;
-
 #[cfg(feature = "parallel")]
 pub(crate) use rayon::prelude::*;
 #[cfg(not(feature = "parallel"))]
 pub(crate) use serial::*;
-
-/// `one` of every item, in their order; `in_turn`: one after another.
-pub(crate) fn each<T: Send, R: Send>(
-    in_turn: bool,
-    items: Vec<T>,
-    one: impl Fn(T) -> Result<R> + Send + Sync,
-) -> Result<Vec<R>> {
-    if in_turn { items.into_iter().map(one).collect() } else { items.into_par_iter().map(one).collect() }
-}
 
 /// The two words of rayon that this crate uses, as ordinary iterators.
 #[cfg(not(feature = "parallel"))]

@@ -2,7 +2,8 @@
 
 use crate::watch::{Watch, lock};
 use gpsindy_core::{Dynamics, Error, Result, Rows, Steps};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::ndarray::IntoDimension;
+use numpy::{PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex};
@@ -21,7 +22,7 @@ pub(crate) enum Kind {
     /// `f(t, x, u)` gives rates; of many samples at once, as rows, or of one.
     Rates { vectorized: bool },
     /// `step(x, u, force, parameters, dt)` gives the next states of many rows.
-    /// With `several` it takes a number of steps as its last argument, and `dt` may be one a row.
+    /// With `several` it takes commands and forces of many samples and as its last argument the steps of each, and `dt` may be one a row.
     Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool },
 }
 
@@ -85,40 +86,47 @@ impl Simulator {
         Ok(())
     }
 
-    fn step(
+    /// One step of many rows.
+    fn step(&self, py: Python<'_>, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> PyResult<()> {
+        let array = |values: &[f64]| table(py, values, [rows.count, values.len() / rows.count.max(1)]);
+        let (x, u, force) = (array(rows.states)?, array(rows.commands)?, array(rows.forces)?);
+        let answer = self.function.bind(py).call1((x, u, force, array(rows.parameters)?, dt))?;
+        let array = answer.cast::<PyArray2<f64>>().ok().filter(|a| a.shape() == [rows.count, self.n_states]);
+        let array = array.ok_or_else(|| self.wrong_step(&[rows.count, self.n_states], &answer))?.readonly();
+        next.iter_mut().zip(array.as_array().iter()).for_each(|(to, from)| *to = *from);
+        Ok(())
+    }
+
+    /// So many samples of so many steps.
+    fn rollout(
         &self,
         py: Python<'_>,
         rows: &Rows<'_>,
-        (dt, count): (Length<'_>, Option<usize>),
+        (dt, samples, count): (Length<'_>, usize, usize),
         next: &mut [f64],
     ) -> PyResult<()> {
-        let array =
-            |values: &[f64]| PyArray1::from_slice(py, values).reshape([rows.count, values.len() / rows.count.max(1)]);
-        let (x, u, force, parameters) =
-            (array(rows.states)?, array(rows.commands)?, array(rows.forces)?, array(rows.parameters)?);
+        let array = |values: &[f64]| table(py, values, [rows.count, values.len() / rows.count.max(1)]);
+        let of_samples =
+            |values: &[f64]| table(py, values, [rows.count, samples, values.len() / (rows.count * samples).max(1)]);
         let dt = match dt {
             Length::Of(dt) => dt.into_pyobject(py)?.into_any(),
             Length::Each(dt) => PyArray1::from_slice(py, dt).into_any(),
         };
-        let function = self.function.bind(py);
-        let answer = match count {
-            Some(count) => function.call1((x, u, force, parameters, dt, count))?,
-            None => function.call1((x, u, force, parameters, dt))?,
-        };
-        let wrong = || {
-            let (states, count) = (self.n_states, rows.count);
-            PyValueError::new_err(format!(
-                "simulator: step must return the next states as an array of floats of shape ({count}, {states}), found {}",
-                described(&answer)
-            ))
-        };
-        let Ok(array) = answer.cast::<PyArray2<f64>>() else { return Err(wrong()) };
-        if array.shape() != [rows.count, self.n_states] {
-            return Err(wrong());
-        }
-        let array = array.readonly();
+        let (x, u, force) = (array(rows.states)?, of_samples(rows.commands)?, of_samples(rows.forces)?);
+        let answer = self.function.bind(py).call1((x, u, force, array(rows.parameters)?, dt, count))?;
+        let shape = [rows.count, samples, self.n_states];
+        let array = answer.cast::<PyArray3<f64>>().ok().filter(|a| a.shape() == shape);
+        let array = array.ok_or_else(|| self.wrong_step(&shape, &answer))?.readonly();
         next.iter_mut().zip(array.as_array().iter()).for_each(|(to, from)| *to = *from);
         Ok(())
+    }
+
+    fn wrong_step(&self, shape: &[usize], answer: &Bound<'_, PyAny>) -> PyErr {
+        let shape = shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        PyValueError::new_err(format!(
+            "simulator: step must return the next states as an array of floats of shape ({shape}), found {}",
+            described(answer)
+        ))
     }
 
     fn wrong(&self, found: &str) -> PyErr {
@@ -136,6 +144,15 @@ impl Simulator {
             controls = self.n_controls,
         ))
     }
+}
+
+/// Numbers as an array of a shape.
+fn table<'py, D: IntoDimension>(
+    py: Python<'py>,
+    values: &[f64],
+    shape: D,
+) -> PyResult<Bound<'py, PyArray<f64, D::Dim>>> {
+    PyArray1::from_slice(py, values).reshape(shape)
 }
 
 fn is_complex(answer: &Bound<'_, PyAny>) -> bool {
@@ -187,21 +204,28 @@ impl Steps for Callable {
     }
 
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
-        self.call(|py| self.simulator.step(py, rows, (Length::Of(dt), None), next))
+        match self.simulator.kind {
+            Kind::Steps { several: true, .. } => {
+                self.call(|py| self.simulator.rollout(py, rows, (Length::Of(dt), 1, 1), next))
+            }
+            _ => self.call(|py| self.simulator.step(py, rows, dt, next)),
+        }
     }
 
-    fn steps(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
+    fn rollout(&self, rows: &Rows<'_>, (samples, count): (usize, usize), next: &mut [f64]) -> Result<()> {
         let Kind::Steps { period, several: true, .. } = self.simulator.kind else {
-            return self.one_by_one(rows, count, next);
+            return self.one_by_one(rows, (samples, count), next);
         };
-        self.call(|py| self.simulator.step(py, rows, (Length::Of(period), Some(count)), next))
+        self.call(|py| self.simulator.rollout(py, rows, (Length::Of(period), samples, count), next))
     }
 
     fn unequal_steps(&self, rows: &Rows<'_>, dt: &[f64], next: &mut [f64]) -> Result<()> {
-        if let Kind::Steps { several: true, .. } = self.simulator.kind {
-            return self.call(|py| self.simulator.step(py, rows, (Length::Each(dt), Some(1)), next));
+        match self.simulator.kind {
+            Kind::Steps { several: true, .. } => {
+                self.call(|py| self.simulator.rollout(py, rows, (Length::Each(dt), 1, 1), next))
+            }
+            _ => self.by_length(rows, dt, next),
         }
-        self.by_length(rows, dt, next)
     }
 }
 

@@ -7,6 +7,7 @@ use super::{Expression, Function, Operator, elementary};
 use crate::error::{Error, Result};
 use pulp::Simd;
 use std::collections::HashMap;
+use std::ops::Range;
 
 type Register = u32;
 
@@ -143,6 +144,25 @@ impl Tape {
                 Step::Compute(instruction, _) => instruction.operands.contains(&register),
                 Step::Simulate(call) => call.arguments.contains(&register),
             })
+    }
+
+    /// Whether one result depends on any of some `variables`.
+    pub(crate) fn output_reads(&self, output: usize, variables: &Range<usize>) -> bool {
+        let mut read = vec![self.outputs[output]];
+        // Operands come before what is made of them.
+        for step in self.instructions.iter().rev() {
+            match step {
+                Step::Compute(instruction, result) if read.contains(result) => read.extend(instruction.operands),
+                Step::Simulate(call) => {
+                    let own = call.first_output..call.first_output + call.n_outputs as Register;
+                    if read.iter().any(|register| own.contains(register)) {
+                        read.extend(&call.arguments);
+                    }
+                }
+                Step::Compute(..) => {}
+            }
+        }
+        read.iter().any(|&register| variables.contains(&(register as usize)))
     }
 
     /// Registers for [`Tape::evaluate`], with the constants in place.

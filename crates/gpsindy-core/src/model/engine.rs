@@ -30,13 +30,13 @@ pub trait Steps: Send + Sync {
     /// [`crate::Error::Callback`] with the simulator's own error.
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()>;
 
-    /// States `next` after `count` whole steps, commands and forces held throughout. A simulator that can make several steps in one call
-    /// spares the calls.
+    /// States `next` (r x s x n) after each of `samples` s, of `count` whole steps each; `rows` has the commands (r x s x m) and forces
+    /// (r x s x f) that are held within each sample. A simulator that makes them in one call spares thousands of calls.
     ///
     /// # Errors
     /// As [`Steps::step`].
-    fn steps(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
-        self.one_by_one(rows, count, next)
+    fn rollout(&self, rows: &Rows<'_>, (samples, count): (usize, usize), next: &mut [f64]) -> Result<()> {
+        self.one_by_one(rows, (samples, count), next)
     }
 
     /// States `next` one step after `x`, of `dt[i]` s (at most the period) for row i. A simulator whose copies have steps of their own spares
@@ -79,15 +79,29 @@ pub trait Steps: Send + Sync {
         Ok(())
     }
 
-    /// [`Steps::steps`] by as many calls of [`Steps::step`].
+    /// [`Steps::rollout`] by as many calls of [`Steps::step`].
     ///
     /// # Errors
     /// As [`Steps::step`].
-    fn one_by_one(&self, rows: &Rows<'_>, count: usize, next: &mut [f64]) -> Result<()> {
+    fn one_by_one(&self, rows: &Rows<'_>, (samples, count): (usize, usize), next: &mut [f64]) -> Result<()> {
         let mut states = rows.states.to_vec();
-        for _ in 0..count {
-            self.step(&Rows { states: &states, ..*rows }, self.period(), next)?;
-            states.copy_from_slice(next);
+        let width = states.len() / rows.count.max(1);
+        let mut found = vec![f64::NAN; states.len()];
+        for sample in 0..samples {
+            let of_sample = |all: &[f64]| -> Vec<f64> {
+                let width = all.len() / (rows.count * samples).max(1);
+                let at = |row: usize| (row * samples + sample) * width;
+                (0..rows.count).flat_map(|row| all[at(row)..at(row) + width].iter().copied()).collect()
+            };
+            let (commands, forces) = (of_sample(rows.commands), of_sample(rows.forces));
+            for _ in 0..count {
+                let held = Rows { states: &states, commands: &commands, forces: &forces, ..*rows };
+                self.step(&held, self.period(), &mut found)?;
+                states.copy_from_slice(&found);
+            }
+            for (row, state) in states.chunks(width.max(1)).enumerate() {
+                next[(row * samples + sample) * width..][..width].copy_from_slice(state);
+            }
         }
         Ok(())
     }
@@ -343,7 +357,7 @@ mod tests {
         };
         let twice = step(&Rows { states: &step(&rows, servo.period()), ..rows }, servo.period());
         let mut found = [0.0; 6];
-        servo.steps(&rows, 2, &mut found).unwrap();
+        servo.rollout(&rows, (1, 2), &mut found).unwrap();
         assert_eq!(found[..], twice);
         let lengths = [1.0, 0.3, 1.0].map(|part| part * servo.period());
         servo.unequal_steps(&rows, &lengths, &mut found).unwrap();

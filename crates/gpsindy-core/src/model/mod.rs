@@ -14,9 +14,11 @@ mod port;
 pub(crate) mod stepping;
 pub(crate) mod sticking;
 mod system;
+pub(crate) mod together;
 pub(crate) mod unit;
 
 pub use check::shows;
+pub(crate) use engine::Drive;
 pub use engine::{Rows, Steps};
 pub use export::{Export, Language};
 pub use inputs::{Input, InputKind};

@@ -11,11 +11,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The next place and speed, from place and speed, the command, the parameter and the length of the step.
 type Rule = fn([f64; 2], f64, f64, f64) -> [f64; 2];
 
-/// A simulator of a place and a speed with one command and one parameter, which counts the rows that it steps.
+/// A simulator of a place and a speed with one command and one parameter, which counts its calls and the rows that it steps.
 pub(crate) struct Stepping {
     period: f64,
     rule: Rule,
     rows: AtomicUsize,
+    calls: AtomicUsize,
 }
 
 impl Stepping {
@@ -45,12 +46,17 @@ impl Stepping {
     }
 
     fn new(period: f64, rule: Rule) -> Self {
-        Self { period, rule, rows: AtomicUsize::new(0) }
+        Self { period, rule, rows: AtomicUsize::new(0), calls: AtomicUsize::new(0) }
     }
 
     /// Rows that it has stepped.
     pub(crate) fn rows(&self) -> usize {
         self.rows.load(Ordering::Relaxed)
+    }
+
+    /// Calls by which it stepped them.
+    pub(crate) fn calls(&self) -> usize {
+        self.calls.load(Ordering::Relaxed)
     }
 
     /// A system of `place`, its speed `v`, the command `u`, and the parameter with its value.
@@ -113,6 +119,7 @@ impl Steps for Stepping {
 
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
         self.rows.fetch_add(rows.count, Ordering::Relaxed);
+        self.calls.fetch_add(1, Ordering::Relaxed);
         let inputs = rows.commands.iter().zip(rows.parameters);
         for ((x, (u, parameter)), next) in rows.states.chunks(2).zip(inputs).zip(next.chunks_mut(2)) {
             next.copy_from_slice(&(self.rule)([x[0], x[1]], *u, *parameter, dt));

@@ -114,7 +114,8 @@ class Stepper:
 
 def stepping_model(step: Step, name: str, dt: float, *, source: Any = None, several: bool = False, **parts: Any) -> Model:
     """A model around a step function of many rows; ``source`` can write a corrected model in its own format. With ``several`` the function
-    takes a number of steps as its last argument, and ``dt`` may be one a row."""
+    takes commands and forces of many samples, (n, samples, ...), and as its last argument the number of steps of each, to states (n, samples,
+    n_states); ``dt`` may be one a row."""
     return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}, several), source)
 
 

@@ -152,7 +152,7 @@ def test_processes_step_the_same_numbers(pendulum, kind):
     from gpsindy import fmu
 
     rng = np.random.default_rng(0)
-    rows = (rng.normal(size=(401, 2)), rng.normal(size=(401, 1)), rng.normal(size=(401, 1)), rng.uniform(0.5, 1.0, (5, 2))[np.arange(401) % 5], 0.01)
+    rows = (rng.normal(size=(401, 2)), rng.normal(size=(401, 3, 1)), rng.normal(size=(401, 3, 1)), rng.uniform(0.5, 1.0, (5, 2))[np.arange(401) % 5], 0.01)
     alone, together = (fmu.Simulator(pendulum, kind=kind, forces={"f": "w"}, processes=count) for count in (1, 3))
     together._cost = 1.0
     assert np.array_equal(alone._step(*rows), together._step(*rows))
@@ -164,8 +164,8 @@ def test_what_a_copy_raises_in_another_process_is_raised_here(coarse):
 
     simulator = fmu.Simulator(coarse, kind="co-simulation", processes=2)
     simulator._cost = 1.0
-    rows = (np.ones((40, 2)), np.ones((40, 2)), np.zeros((40, 0)), np.tile([0.8, 0.2], (40, 1)))
+    rows = (np.ones((40, 2)), np.ones((40, 1, 2)), np.zeros((40, 1, 0)), np.tile([0.8, 0.2], (40, 1)))
     with pytest.raises(ValueError, match="its own steps are longer"):
         simulator._step(*rows, 0.005)
     # And the processes go on.
-    assert simulator._step(*rows, 0.01).shape == (40, 2)
+    assert simulator._step(*rows, 0.01).shape == (40, 1, 2)

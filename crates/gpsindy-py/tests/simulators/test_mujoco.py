@@ -210,19 +210,35 @@ def test_a_driver_turns_a_wanted_position_into_torque_at_every_step():
 
 
 @pytest.mark.parametrize("drivers", [None, {"drive": (4.0, 0.2)}])
-def test_several_steps_and_steps_of_each_row_are_those_of_single_calls(drivers):
+def test_many_samples_and_steps_of_each_row_are_those_of_single_calls(drivers):
     simulator = gm.Simulator(HINGE, drivers=drivers)
     random, period = np.random.default_rng(1), 0.002
-    x, u, force = random.standard_normal((3, 2)), random.standard_normal((3, 1)), np.zeros((3, 1))
+    x, u = random.standard_normal((3, 2)), random.standard_normal((3, 4, 1))
+    force = 0.1 * random.standard_normal((3, 4, 1))
     parameters = np.tile([s.value for s in simulator.settings], (3, 1)) * random.uniform(0.9, 1.1, (3, 1))
-    one_by_one = x
-    for _ in range(5):
-        one_by_one = simulator._step(one_by_one, u, force, parameters, period)
+    state, one_by_one = x, np.empty((3, 4, 2))
+    for sample in range(4):
+        for _ in range(5):
+            state = simulator._step(state, u[:, sample : sample + 1], force[:, sample : sample + 1], parameters, period)[:, 0]
+        one_by_one[:, sample] = state
     assert np.array_equal(simulator._step(x, u, force, parameters, period, 5), one_by_one)
     lengths = np.array([0.002, 0.0005, 0.001])
-    each = [simulator._step(x[i : i + 1], u[i : i + 1], force[:1], parameters[i : i + 1], float(lengths[i]))[0] for i in range(3)]
-    assert np.array_equal(simulator._step(x, u, force, parameters, lengths), each)
+    rows = [slice(i, i + 1) for i in range(3)]
+    each = [simulator._step(x[i], u[i, :1], force[i, :1], parameters[i], float(lengths[i.start]))[0] for i in rows]
+    assert np.array_equal(simulator._step(x, u[:, :1], force[:, :1], parameters, lengths), each)
     assert np.array_equal(simulator._step(x, u, force, parameters, period, 5), one_by_one)
+    # A copy that diverges takes no other with it, and says from when on.
+    force[1, 2] = 1e14
+    lost = simulator._step(x, u, force, parameters, period, 5)
+    assert np.isfinite(lost[1, :2]).all() and not (np.abs(lost[1, 2:, 1]) < 1e9).any()
+    assert np.array_equal(lost[[0, 2]], one_by_one[[0, 2]])
+    # A command that is no number is none to the engine, in one call as in many.
+    force[1, 2], u[1, 2] = 0.0, np.nan
+    simulator._step(x, u, force, parameters, period, 5)
+    alone = [simulator._step(x, u[:, :2], force[:, :2], parameters, period, 5)[:, 1]]
+    for s in (2, 3):
+        alone.append(simulator._step(alone[-1], u[:, s : s + 1], force[:, s : s + 1], parameters, period, 5)[:, 0])
+    assert np.array_equal(simulator._step(x, u, force, parameters, period, 5)[:, 1:], np.stack(alone, axis=1), equal_nan=True)
 
 
 def test_a_driver_has_a_delay_and_guesses_and_stands_for_all_motors_of_a_pattern():

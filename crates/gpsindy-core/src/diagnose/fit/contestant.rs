@@ -4,7 +4,9 @@ use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
+use crate::model::together::together;
 use crate::model::{Model, System};
+use crate::parallel::*;
 use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
 
 /// How many starts the search tried that an effect was chosen from: its evidence must pay for all of them (Bonferroni).
@@ -67,10 +69,17 @@ pub(crate) struct Linearised<'a> {
 }
 
 impl Contestant {
-    /// Whether fits wait for each other: a simulator that steps is one for all, and fits side by side would set its parameters in
-    /// turn at every step.
-    pub(crate) fn fits_in_turn(&self) -> bool {
-        self.system.engine().is_some()
+    /// `one` of every item, in their order, side by side: fits of models of this contestant's simulator, whose calls go together where it
+    /// steps.
+    pub(crate) fn each<T: Send, R: Send>(
+        &self,
+        items: Vec<T>,
+        one: impl Fn(T) -> Result<R> + Send + Sync,
+    ) -> Result<Vec<R>> {
+        match self.system.simulator().filter(|simulator| simulator.steps().is_some()) {
+            Some(simulator) => together(simulator, items, one),
+            None => items.into_par_iter().map(one).collect(),
+        }
     }
 
     /// Number of states without those that hypotheses added (lagging inputs).

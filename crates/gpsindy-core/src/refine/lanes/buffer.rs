@@ -1,6 +1,6 @@
 //! Rows of one call of a simulator that steps.
 
-use crate::error::Result;
+use crate::model::together::{Span, advance};
 use crate::model::{Rows, Steps, System};
 
 /// Size of a state beyond which a row counts as diverged; what a simulator makes of it is no number.
@@ -43,30 +43,28 @@ impl Buffer {
         self.count += 1;
     }
 
-    pub(super) fn step(&mut self, engine: &dyn Steps, system: &System, dt: f64) {
-        self.call(system, |rows, next| engine.step(rows, dt, next));
-    }
-
     /// A step of `dt[i]` s for row i.
     pub(super) fn step_each(&mut self, engine: &dyn Steps, system: &System, dt: &[f64]) {
-        match dt {
-            [first, rest @ ..] if rest.iter().any(|other| other != first) => {
-                self.call(system, |rows, next| engine.unequal_steps(rows, dt, next));
+        self.advance(engine, system, Span::Each(dt.to_vec()));
+    }
+
+    /// So many samples of so many whole steps each; the rows have commands and forces of every sample, and so has what comes back.
+    pub(super) fn rollout(&mut self, engine: &dyn Steps, system: &System, (samples, count): (usize, usize)) {
+        self.advance(engine, system, Span::Rollout(samples, count));
+        let n = system.simulator().map_or(0, |s| s.n_states());
+        for row in self.next.chunks_mut((samples * n).max(1)) {
+            let is_lost = |state: &[f64]| state.iter().any(|v| !(v.abs() < BOUND));
+            if let Some(sample) = row.chunks(n.max(1)).position(is_lost) {
+                row[(sample + 1) * n..].fill(f64::NAN);
             }
-            [first, ..] => self.step(engine, system, *first),
-            [] => {}
         }
     }
 
-    /// `count` whole steps.
-    pub(super) fn steps(&mut self, engine: &dyn Steps, system: &System, count: usize) {
-        self.call(system, |rows, next| engine.steps(rows, count, next));
-    }
-
-    fn call(&mut self, system: &System, step: impl FnOnce(&Rows<'_>, &mut [f64]) -> Result<()>) {
+    fn advance(&mut self, engine: &dyn Steps, system: &System, span: Span) {
         let n = system.simulator().map_or(0, |s| s.n_states());
         self.next.clear();
-        self.next.resize(self.count * n, f64::NAN);
+        let samples = if let Span::Rollout(samples, _) = span { samples } else { 1 };
+        self.next.resize(self.count * samples * n, f64::NAN);
         // A row that has left all bounds is no longer shown to the simulator.
         let lost: Vec<usize> =
             (0..self.count).filter(|r| self.states[r * n..(r + 1) * n].iter().any(|v| !(v.abs() < BOUND))).collect();
@@ -83,11 +81,11 @@ impl Buffer {
             forces: &self.forces,
             parameters: &self.parameters,
         };
-        if step(&rows, &mut self.next).is_err() {
+        if advance(engine, &rows, span, &mut self.next).is_err() {
             self.next.fill(f64::NAN);
         }
         for r in &lost {
-            self.next[r * n..(r + 1) * n].fill(f64::NAN);
+            self.next[r * samples * n..(r + 1) * samples * n].fill(f64::NAN);
         }
     }
 }

@@ -2,14 +2,15 @@
 //!
 //! A job is a window of a log with parameters and a start of its own. Jobs of many windows and perturbations go side
 //! by side, each with its own clock. A sample's period is walked in the simulator's own steps; where it is no whole
-//! number of them, the last one is shortened. Commands and forces are held over a step, as the simulator holds them; where nothing changes
-//! them within a sample, its steps are one call.
+//! number of them, the last one is shortened. Commands and forces are held over a step, as the simulator holds them; where they follow
+//! from the log alone, many samples are one call.
 
+mod ahead;
 mod beside;
 
 use super::buffer::Buffer;
 use super::{Lanes, Node};
-use crate::model::{Steps, System};
+use crate::model::{Drive, Steps, System};
 use crate::refine::history::Stages;
 use crate::refine::{Experiment, Hold};
 
@@ -18,6 +19,9 @@ pub(super) const L: usize = 4;
 
 /// Rows of one call at most, so that a call's memory stays within the processor's own.
 pub(super) const MOST_ROWS: usize = 2048;
+
+/// Steps of one call at most, over all rows: a second or two of a costly simulator, after which somebody may want to stop.
+const MOST_STEPS: usize = 1 << 15;
 
 /// Share of a step by which the last one of a sample may differ and still count as whole.
 const WHOLE: f64 = 1e-6;
@@ -43,7 +47,7 @@ pub(super) struct Group<'a> {
     sample: usize,
     last: usize,
     part: usize,
-    /// Whether nothing that goes to the simulator changes within a sample.
+    /// Whether what goes to the simulator follows from the log alone and changes with its samples only.
     is_held: bool,
     x: Vec<[f64; L]>,
     inputs: Vec<Stages<L>>,
@@ -98,34 +102,40 @@ fn walk<'a>(
 ) -> Vec<Group<'a>> {
     let (mut rows, mut lengths) = (Buffer::default(), Vec::new());
     loop {
-        let mut due: Vec<(usize, f64, usize)> = Vec::with_capacity(groups.len());
+        let held: usize = groups.iter().filter(|group| group.is_held).map(|group| group.count).sum();
+        let mut due: Vec<(usize, f64, (usize, usize))> = Vec::with_capacity(groups.len());
         for (g, group) in groups.iter_mut().enumerate() {
             group.begin(columns, receive);
             if group.sample < group.last {
-                due.push((g, group.next_step(engine.period()), group.together(engine.period())));
+                due.push((g, group.next_step(engine.period()), group.ahead(engine.period(), held)));
             }
         }
         if due.is_empty() {
             return groups;
         }
-        due.sort_by_key(|&(g, _, count)| (count, g));
+        due.sort_by_key(|&(g, _, ahead)| (ahead, g));
         for same in due.chunk_by(|a, b| a.2 == b.2) {
-            let count = same[0].2;
+            let ahead @ (samples, _) = same[0].2;
             rows.clear();
             lengths.clear();
             for &(g, dt, _) in same {
-                groups[g].put(system, dt, None, &mut rows);
+                match samples {
+                    0 => groups[g].put(system, dt, None, &mut rows),
+                    _ => groups[g].put_ahead(system, ahead, &mut rows),
+                }
                 lengths.resize(rows.count, dt);
             }
-            if count > 1 {
-                rows.steps(engine, system, count);
-            } else {
-                rows.step_each(engine, system, &lengths);
-            }
             let mut taken = 0;
-            for &(g, dt, _) in same {
-                groups[g].part += count - 1;
-                taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
+            if samples == 0 {
+                rows.step_each(engine, system, &lengths);
+                for &(g, dt, _) in same {
+                    taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
+                }
+                continue;
+            }
+            rows.rollout(engine, system, ahead);
+            for &(g, ..) in same {
+                taken += groups[g].take_ahead(system, ahead, &rows.next[taken..], columns, receive);
             }
         }
     }
@@ -155,13 +165,18 @@ impl<'a> Group<'a> {
             registers
         };
         let drive = system.drive();
-        // Neither the states nor the time, which is behind the last variable, nor a part of the past; and nothing acts outside.
+        // Neither the states nor the time, which is behind the last variable, nor a part of the past; nothing acts outside, and the
+        // simulator's own parameters stay.
         let is_held = experiment.hold == Hold::Zero
             && lanes.late.is_empty()
             && lanes.histories.len() == 0
-            && drive.is_some_and(|d| {
-                let time = d.arguments.n_variables();
-                d.rows.is_empty() && !(0..system.n_states()).chain([time]).any(|v| d.arguments.reads(v))
+            && drive.zip(system.engine()).is_some_and(|(Drive { arguments, rows, .. }, engine)| {
+                let (states, time) = (system.n_states(), arguments.n_variables());
+                let controls = states..states + system.n_controls();
+                let stays = |output| !arguments.output_reads(output, &controls);
+                rows.is_empty()
+                    && !(0..states).chain([time]).any(|v| arguments.reads(v))
+                    && (arguments.n_outputs() - engine.n_parameters()..arguments.n_outputs()).all(stays)
             });
         Self {
             is_held,
@@ -242,14 +257,6 @@ impl<'a> Group<'a> {
         let whole = time[self.sample + 1] - time[self.sample];
         let rest = whole - self.part as f64 * period;
         if self.part + 1 < self.steps(period) || (rest - period).abs() < WHOLE * period { period } else { rest }
-    }
-
-    /// How many steps of the present sample make one call: all of them where nothing changes within it and none is shortened.
-    fn together(&self, period: f64) -> usize {
-        let time = &self.lanes.log.time;
-        let whole = (time[self.sample + 1] - time[self.sample]) / period;
-        let is_whole = (whole - whole.round()).abs() < WHOLE;
-        if self.is_held && self.part == 0 && self.trail.is_none() && is_whole { self.steps(period) } else { 1 }
     }
 
     /// Steps of the present sample.

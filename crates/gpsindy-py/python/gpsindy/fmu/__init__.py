@@ -222,12 +222,13 @@ class Simulator:
         return "co-simulation"
 
     def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
-        inputs = np.hstack([u, force])
-        if self._processes == 1 or not len(x) * count * self._cost >= _WORTH_PROCESSES:
+        inputs = np.concatenate([u, force], axis=2)
+        steps = inputs.shape[0] * inputs.shape[1] * count
+        if self._processes == 1 or not steps * self._cost >= _WORTH_PROCESSES:
             begun = time.perf_counter()
             found = self._copies.step(x, inputs, parameters, dt, count)
             # An instance is made where parameters are new, so the least is what a step takes.
-            taken = (time.perf_counter() - begun) / max(len(x) * count, 1)
+            taken = (time.perf_counter() - begun) / max(steps, 1)
             self._cost = taken if math.isnan(self._cost) else min(self._cost, taken)
             return found
         own, *others = shared(len(x), self._processes)
@@ -237,7 +238,7 @@ class Simulator:
             first = self._copies.step(x[own], inputs[own], parameters[own], lengths[own], count)
         finally:
             rest = self._workers.end(len(others))
-        return np.vstack([first, *rest])
+        return np.concatenate([first, *rest])
 
     def __repr__(self) -> str:
         return f"gpsindy.fmu.Simulator of {self._description.modelName}, {self._kind}"

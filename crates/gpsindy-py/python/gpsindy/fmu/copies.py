@@ -32,13 +32,17 @@ class Copies:
         self._instances: OrderedDict[bytes, Instance] = OrderedDict()
 
     def step(self, x: Array, inputs: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
-        """States (n, n_states) ``count`` steps of ``dt`` s, of all copies or of each (n,), after ``x``."""
-        lengths = np.broadcast_to(dt, len(x)).tolist()
-        found: Array = x.copy()
-        for i in range(len(x)):
-            instance, own = self._instance(parameters[i]), inputs[i].tolist()
-            for _ in range(count):
-                found[i] = instance.step(found[i], own, lengths[i])
+        """States (n, samples, n_states) of samples of ``count`` steps of ``dt`` s, of all copies or of each (n,), after ``x``; inputs (n,
+        samples, n_inputs) are held within a sample."""
+        rows, samples = inputs.shape[:2]
+        lengths = np.broadcast_to(dt, rows).tolist()
+        found = np.empty((rows, samples, x.shape[1]))
+        for i in range(rows):
+            instance, state = self._instance(parameters[i]), x[i]
+            for sample, own in enumerate(inputs[i].tolist()):
+                for _ in range(count):
+                    state = instance.step(state, own, lengths[i])
+                found[i, sample] = state
         return found
 
     def _instance(self, parameters: Array) -> Instance:

@@ -94,7 +94,7 @@ class Simulator:
         self._base = Base(self._mj, base)
         self._ids = self._base.joints
         self._threads = threads
-        self._batches: dict[int, Copies] = {}
+        self._batches: dict[tuple[int, int], Copies] = {}
         self._cost = seconds_a_step(self._mj)
         self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in self._ids]
         self._actuators = [name_of(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
@@ -262,11 +262,11 @@ class Simulator:
 
     def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
         size = max(16, 1 << (len(x) - 1).bit_length())
-        if size not in self._batches:
-            # A thread that waits for few rows costs more than it does.
-            threads = self._threads if size * self._cost >= WORTH_THREADS else 1
-            self._batches[size] = Copies(self._mj, self._settings, self._drivers, self._base, size, threads)
-        return self._batches[size].step(x, u, force, parameters, dt, count)
+        # A thread that waits for little work costs more than it does.
+        threads = self._threads if size * u.shape[1] * count * self._cost >= WORTH_THREADS else 1
+        if (size, threads) not in self._batches:
+            self._batches[size, threads] = Copies(self._mj, self._settings, self._drivers, self._base, size, threads)
+        return self._batches[size, threads].step(x, u, force, parameters, dt, count)
 
     def corrected(self, model: Model) -> str:
         """The MJCF text with the corrections of an augmented model in it.

@@ -9,16 +9,23 @@ from typing import Any
 import numpy as np
 
 from gpsindy.data._tables import Array
-from gpsindy.mujoco._engine import batch
+from gpsindy.mujoco._engine import batch, mujoco
 from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.drivers import Drivers
 from gpsindy.mujoco.settings import OF_A_DOF, Setting, first
 
-#: Work of a call, s, from which on threads share it: measured with models of 2 and of 8 us a step, from 200 and 32 copies on.
-WORTH_THREADS = 4e-4
+#: Work of a call, s, from which on threads share it: handing a part over takes 6 us, and with 40 us of work two threads need two thirds of
+#: the time of one.
+WORTH_THREADS = 4e-5
+
+#: What is held within a step, in the engine's order.
+HELD = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+
+#: What the engine warns of where a copy diverges.
+DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 
 #: Steps by which a model's cost is measured.
-TRIAL = 50
+TRIAL = 100
 
 
 def seconds_a_step(model: Any) -> float:
@@ -26,8 +33,7 @@ def seconds_a_step(model: Any) -> float:
     one = batch.Batch(model, 1, nthread=1)
     quiet(one)
     begun = time.perf_counter()
-    for _ in range(TRIAL):
-        one.step()
+    one.step(nstep=TRIAL)
     return (time.perf_counter() - begun) / TRIAL
 
 
@@ -66,8 +72,9 @@ class Copies:
         self.ids = np.arange(size, dtype=np.int32)
 
     def step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
-        """States (n, n_states) after ``count`` steps of ``dt`` s, of all copies or of each (n,), commands and forces held."""
-        rows, joints = len(x), self.joints
+        """States (n, samples, n_states) of samples of ``count`` steps of ``dt`` s, of all copies or of each (n,); commands (n, samples,
+        n_commands) and forces are held within a sample."""
+        rows, samples = u.shape[:2]
         given = parameters.tobytes()
         if given != self.last:
             self._set(parameters)
@@ -78,29 +85,72 @@ class Copies:
         elif dt != self.dt:
             self.timestep[:] = dt
             self.dt = dt
-        qpos, qvel, act, applied = self.qpos[:rows], self.qvel[:rows], self.act[:rows], self.force[:rows]
-        qpos[:, self.position] = x[:, :joints]
-        qvel[:, self.velocity] = x[:, joints : 2 * joints]
-        act[:] = x[:, 2 * joints :]
+        self._put(x)
+        # A base is placed and a driver's loop closed anew at every step.
+        is_free = self.base.is_still and not self.drivers.around
+        if samples > 1 and is_free:
+            found = self._rollout(rows, u, force, count)
+            if found is not None:
+                return found
+            self._put(x)
+        found = np.empty((rows, samples, x.shape[1]))
+        lost = np.zeros(rows, dtype=bool)
+        for sample in range(samples):
+            self._hold(rows, u[:, sample], force[:, sample], parameters, (1, count) if is_free else (count, 1), lost)
+            self._read(found[:, sample])
+            found[lost, sample] = np.nan
+        return found
+
+    def _put(self, x: Array) -> None:
+        rows, joints = len(x), self.joints
+        self.qpos[:rows, self.position] = x[:, :joints]
+        self.qvel[:rows, self.velocity] = x[:, joints : 2 * joints]
+        self.act[:rows] = x[:, 2 * joints :]
+
+    def _read(self, into: Array) -> None:
+        rows, joints = len(into), self.joints
+        into[:, :joints] = self.qpos[:rows, self.position]
+        into[:, joints : 2 * joints] = self.qvel[:rows, self.velocity]
+        into[:, 2 * joints :] = self.act[:rows]
+
+    def _hold(self, rows: int, u: Array, force: Array, parameters: Array, calls: tuple[int, int], lost: Array) -> None:
+        """So many calls of so many steps under the same commands; which copies diverge is noted in ``lost``."""
+        qpos, qvel, applied = self.qpos[:rows], self.qvel[:rows], self.force[:rows]
         applied[:, self.velocity] = force
         commands = self.ctrl.shape[1]
         ctrl, columns, ids = self.ctrl[:rows], u[:, commands:], self.ids[:rows]
-        # A base is placed and a driver's loop closed anew at every step.
-        together = count if self.base.is_still and not self.drivers.around else 1
-        failed: Any = ()
-        for _ in range(0, count, together):
+        for _ in range(calls[0]):
             self.base.place(columns, qpos, qvel, applied)
             ctrl[:] = self.drivers.commands(qpos[:, self.position], qvel[:, self.velocity], u[:, :commands], parameters)
             try:
-                self.batch.step(ids=ids, nstep=together)
+                self.batch.step(ids=ids, nstep=calls[1])
             except batch.SimulationError as error:
-                failed = [*failed, *error.ids]
-        found = np.empty_like(x)
-        found[:, :joints] = qpos[:, self.position]
-        found[:, joints : 2 * joints] = qvel[:, self.velocity]
-        found[:, 2 * joints :] = act
-        if len(failed):
-            found[failed] = np.nan
+                lost[error.ids] = True
+
+    def _rollout(self, rows: int, u: Array, force: Array, count: int) -> Array | None:
+        """The samples in one call of the engine; none where it would stop at what single steps pass over."""
+        samples, joints, commands = u.shape[1], self.joints, self.ctrl.shape[1]
+        held = np.zeros((rows, samples, commands + self.force.shape[1]))
+        held[:, :, :commands] = u[:, :, :commands]
+        held[:, :, commands:][:, :, self.velocity] = force
+        try:
+            made = self.batch.rollout(
+                samples * count, np.repeat(held, count, axis=1), HELD, record=("qpos", "qvel", "act"), ids=self.ids[:rows]
+            )
+        except batch.SimulationError:
+            return None
+        rose = self.batch.warning[:rows, :, 1] > 1
+        quiet(self.batch)
+        if np.delete(rose, DIVERGED, axis=1).any():
+            return None
+        found = np.empty((rows, samples, 2 * joints + self.act.shape[1]))
+        found[:, :, :joints] = made["qpos"][:, count - 1 :: count, self.position]
+        found[:, :, joints : 2 * joints] = made["qvel"][:, count - 1 :: count, self.velocity]
+        found[:, :, 2 * joints :] = made["act"][:, count - 1 :: count]
+        for lost in np.flatnonzero(rose.any(axis=1)):
+            # The engine repeats what it had when it gave up.
+            moves = (found[lost] != found[lost, -1]).any(axis=1)
+            found[lost, np.flatnonzero(moves).max(initial=-1) + 1 :] = np.nan
         return found
 
     def _set(self, parameters: Array) -> None:

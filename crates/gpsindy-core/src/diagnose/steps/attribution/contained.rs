@@ -19,17 +19,15 @@ pub(crate) fn contained(
 ) -> Result<Vec<Contestant>> {
     let wide = &best.hypotheses[place];
     let values = best.values(place);
-    let mut all = Vec::new();
-    for &effect in wide.effect().into_iter().flat_map(Effect::contains) {
-        let Some((hypothesis, own)) = narrow(contest, base, wide, effect, &values) else { continue };
-        if best.hypotheses.contains(hypothesis) {
-            continue;
-        }
-        let mut effects = others.to_vec();
-        effects.push((Entrant { hypothesis, searches: best.searches[place] }, own));
-        all.extend(contest.again_with(base, best, &effects)?);
-    }
-    Ok(all)
+    let contained = wide.effect().into_iter().flat_map(Effect::contains);
+    let narrow = contained.filter_map(|&effect| narrow(contest, base, wide, effect, &values));
+    let new = narrow.filter(|(hypothesis, _)| !best.hypotheses.contains(hypothesis));
+    let sets = new.map(|(hypothesis, own)| {
+        let entrant = Entrant { hypothesis, searches: best.searches[place] };
+        others.iter().cloned().chain([(entrant, own)]).collect::<Vec<_>>()
+    });
+    let fits = base.each(sets.collect(), |effects| contest.again_with(base, best, &effects))?;
+    Ok(fits.into_iter().flatten().collect())
 }
 
 /// The hypothesis of `effect` where `wide` acts, and its values: a number of the simulator's own where that carries the effect.

@@ -169,7 +169,7 @@ impl<'a> Contest<'a> {
     /// `best` without each of its effects in turn, fitted again from the nominal model; none where the others can't be fitted.
     pub(crate) fn without_each(&self, nominal: &Contestant, best: &Contestant) -> Result<Vec<Option<Contestant>>> {
         let without = |place| self.again_with(nominal, best, &best.entrants_without(&[place]));
-        (0..best.hypotheses.len()).map(without).collect()
+        nominal.each((0..best.hypotheses.len()).collect(), without)
     }
 }
 

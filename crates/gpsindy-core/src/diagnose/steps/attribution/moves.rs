@@ -18,7 +18,6 @@ use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
-use crate::parallel::each;
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
 struct Move<'a> {
@@ -55,8 +54,7 @@ pub(crate) fn moves(
         stage.advance()?;
         Ok(fit)
     };
-    let in_turn = base.fits_in_turn();
-    let fits = each(in_turn, moves, first)?.into_iter().flatten();
+    let fits = base.each(moves, first)?.into_iter().flatten();
     // What can't be followed to the end of the logs is no account of them.
     let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
     let fits = raced(contest, base, fits, &promises)?;
@@ -147,7 +145,6 @@ fn raced(
     fits: Vec<Contestant>,
     promises: &[(Vec<&Hypothesis>, f64)],
 ) -> Result<Vec<Contestant>> {
-    let in_turn = base.fits_in_turn();
     let fitter = contest.fitter;
     let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
         true => fitter.carried_on(fit, Budget::Rough),
@@ -156,7 +153,7 @@ fn raced(
     let held_back = held_back(base, &fits, promises);
     let mut runners = leading(contest, fits, (RACED, RACED));
     held_back.into_iter().for_each(|place| runners[place].1 = true);
-    let mut fits = each(in_turn, runners, rough)?;
+    let mut fits = base.each(runners, rough)?;
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
     let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
@@ -167,7 +164,7 @@ fn raced(
         let may_win = (leads || contest.score(&fit) >= best - IN_SIGHT) && may_gain;
         if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
     };
-    let mut fits = each(in_turn, leading(contest, fits, (FINALISTS, 1)), finish)?;
+    let mut fits = base.each(leading(contest, fits, (FINALISTS, 1)), finish)?;
     contest.sort(&mut fits);
     Ok(fits)
 }

@@ -5,7 +5,6 @@ use crate::diagnose::limits::{Budget, IN_SIGHT};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::error::Result;
-use crate::parallel::each;
 
 /// The place of one effect of the winner.
 pub(crate) struct Place {
@@ -54,7 +53,7 @@ fn at(
         true => contest.fitter.carried_on(f, Budget::Thorough),
         false => Ok(f),
     };
-    let mut fits = each(best.fits_in_turn(), fits, finish)?;
+    let mut fits = best.each(fits, finish)?;
     contest.sort(&mut fits);
     let without = rest.as_ref().map_or(nominal, |rest| rest);
     let removed = (without.evidence.misfit() - best.evidence.misfit()).max(0.0);
