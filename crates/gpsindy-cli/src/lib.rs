@@ -36,12 +36,12 @@ pub fn run(line: impl IntoIterator<Item = OsString>, engines: &dyn Engines) -> u
         Err(error) => return refuse(&error),
     };
     let screen = Screen::new(&arguments.global);
-    let first_ctrl_c = stop::FirstCtrlC::default();
+    let first_request = stop::FirstRequest::default();
     let seed = arguments.global.seed.unwrap_or(0);
-    let session = Session { screen, engines, line: &line, seed, first_ctrl_c: first_ctrl_c.clone() };
+    let session = Session { screen, engines, line: &line, seed, first_request: first_request.clone() };
     stop::outlive_size_limits();
     if !commands::ends_by_itself(&arguments.command) {
-        stop::listen(screen, first_ctrl_c);
+        stop::listen(screen, first_request);
     }
     match commands::run(&arguments, &session) {
         // Whoever read the output has seen enough.

@@ -1,5 +1,5 @@
 //! Ctrl-C and other requests to end: the program ends at once, says so, and leaves no file half-written. A search that can end with the
-//! best that it has does so at the first Ctrl-C.
+//! best that it has does so at the first request.
 
 use crate::screen::Screen;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -13,21 +13,21 @@ const LOOK: Duration = Duration::from_millis(20);
 /// The signals that ask for an end, and who sends them.
 const REQUESTS: [(i32, &str); 2] = [(SIGINT, "Ctrl-C"), (SIGTERM, "the system or another program (SIGTERM)")];
 
-/// The first Ctrl-C, where a command makes something of it.
+/// The first request to end, where a command makes something of it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct FirstCtrlC {
+pub(crate) struct FirstRequest {
     is_heeded: Arc<AtomicBool>,
     came: Arc<AtomicBool>,
 }
 
-impl FirstCtrlC {
-    /// From now on the first Ctrl-C sets this flag and ends nothing; the next one ends the program.
+impl FirstRequest {
+    /// From now on the first request sets this flag and ends nothing; the next one ends the program.
     pub(crate) fn heed(&self) -> Arc<AtomicBool> {
         self.is_heeded.store(true, Ordering::Relaxed);
         Arc::clone(&self.came)
     }
 
-    /// Whether a Ctrl-C that has just come is the command's own.
+    /// Whether a request that has just come is the command's own.
     fn takes(&self) -> bool {
         self.is_heeded.load(Ordering::Relaxed) && !self.came.swap(true, Ordering::Relaxed)
     }
@@ -36,7 +36,7 @@ impl FirstCtrlC {
 /// Listens to Ctrl-C and SIGTERM until the process ends. Work that is under way is not asked to stop: it may be within a long step.
 ///
 /// Where the system lets nobody listen, they end the process as they always do, without a word.
-pub(crate) fn listen(screen: Screen, first: FirstCtrlC) {
+pub(crate) fn listen(screen: Screen, first: FirstRequest) {
     // Position of the request and 1; 0 before there is one.
     let pressed = Arc::new(AtomicUsize::new(0));
     for (k, (signal, _)) in REQUESTS.iter().enumerate() {
@@ -47,8 +47,9 @@ pub(crate) fn listen(screen: Screen, first: FirstCtrlC) {
     std::thread::spawn(move || {
         let (signal, who) = loop {
             match pressed.swap(0, Ordering::Relaxed).checked_sub(1) {
-                Some(k) if REQUESTS[k].0 == SIGINT && first.takes() => {
-                    screen.stopping("stopping with the best so far; Ctrl-C again ends at once");
+                Some(k) if first.takes() => {
+                    let again = if REQUESTS[k].0 == SIGINT { "Ctrl-C again" } else { "a second SIGTERM" };
+                    screen.stopping(&format!("stopping with the best so far; {again} ends at once"));
                 }
                 Some(k) => break REQUESTS[k],
                 None => std::thread::sleep(LOOK),

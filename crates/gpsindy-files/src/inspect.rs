@@ -74,6 +74,8 @@ pub(crate) struct Sheet {
     pub(crate) single: bool,
     /// What speaks against stamps in seconds.
     pub(crate) doubt: Option<String>,
+    /// Whether stamps are numbers whose unit nobody stated.
+    pub(crate) has_plain_time: bool,
 }
 
 /// Looks through a log of any format.

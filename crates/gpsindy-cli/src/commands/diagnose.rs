@@ -125,7 +125,7 @@ pub(crate) struct Options {
     /// How a control behaves between its samples
     #[arg(long, value_enum, default_value_t = AutoHold::Auto)]
     hold: AutoHold,
-    /// Stop the search after so many seconds, keep the best result so far and say so; 0: no limit. The first Ctrl-C does the same. Of logs that
+    /// Stop the search after so many seconds, keep the best result so far and say so; 0: no limit. The first Ctrl-C or SIGTERM does the same. Of logs that
     /// a MuJoCo model or an FMU can't pass through in time only the most exciting windows are used
     // Ten minutes: what one waits for at a desk. Most diagnoses take seconds.
     #[arg(long, value_name = "S", default_value_t = 600.0, allow_negative_numbers = true)]
@@ -196,7 +196,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
             logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
         provenance.time_unit.clone_from(&time_unit);
         provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
-        let progress = screen.progress().ending_with(session.first_ctrl_c.heed());
+        let progress = screen.progress().ending_with(session.first_request.heed());
         let mut diagnosed = nominal.run(|| {
             Ok(match nominal.dynamics() {
                 Some(dynamics) => settings.run_simulator(model, dynamics, &train, &holdout, &progress)?,

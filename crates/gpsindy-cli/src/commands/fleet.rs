@@ -2,6 +2,7 @@
 
 use crate::args::Columns;
 use crate::commands::diagnose::Options;
+use crate::commands::given::nominal;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::count;
@@ -77,6 +78,14 @@ pub(crate) fn run(command: &Fleet, screen: &Screen) -> Outcome {
         return Err(Failure::input("fleet needs a manifest and --out"));
     };
     let manifest = Manifest::read(path)?;
+    if let Some(task) = manifest.tasks.iter().find(|task| nominal::kind(&task.model).is_some()) {
+        return Err(Failure::input(format!(
+            "{}: entry of unit `{}`: {} is a simulator's own file, and a fleet needs equations (TOML or JSON); diagnose its units one by one",
+            path.display(),
+            task.unit,
+            task.model.display()
+        )));
+    }
     let fleet = command.each.run(command.shard)?;
     let store = folder(out)?;
     let progress = screen.progress();

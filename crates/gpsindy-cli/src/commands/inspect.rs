@@ -10,7 +10,7 @@ use gpsindy_files::{Finding, Inspection, LogOptions, Stamp, inspect};
 use std::path::PathBuf;
 
 /// Kinds of flaws, as [`gpsindy_files::Finding`] names them.
-const KINDS: [&str; 14] = [
+const KINDS: [&str; 17] = [
     "time_unit",
     "jitter",
     "gaps",
@@ -21,17 +21,20 @@ const KINDS: [&str; 14] = [
     "constant",
     "quantised",
     "held",
+    "clipped",
     "wrapped",
     "difference",
     "missing",
+    "text",
+    "short",
     "unread",
 ];
 
 /// Show what a log holds, and which of its flaws would harm an identification
 ///
 /// Lists every topic, field and column with type, unit, rate, jitter, gaps, missing values and quantisation step. Then reports flaws: jitter,
-/// gaps, repeated and float32 stamps, clock drift, quantised and held signals, constant columns, wrapped angles, and columns that are
-/// differences of other columns.
+/// gaps, repeated and float32 stamps, clock drift, quantised, held and clipped signals, constant columns, wrapped angles, text among numbers,
+/// runs of fewer than 30 samples, and columns that are differences of other columns.
 #[derive(Debug, Args)]
 #[command(
     before_help = "Example: gpsindy inspect flight.mcap\n         gpsindy inspect run_*.csv --json\n         gpsindy inspect recording.mcap --strict"
@@ -55,15 +58,15 @@ pub(crate) struct Inspect {
     /// With --strict: kinds of flaws that are accepted, such as `held` for commands or `constant` for unused columns
     #[arg(long, value_name = "KIND", value_delimiter = ',', requires = "strict", value_parser = PossibleValuesParser::new(KINDS))]
     allow: Vec<String>,
-    /// With --strict: columns that are commands, which may be held or rest
+    /// With --strict: columns that are commands, which may be held, limited or at rest
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',', requires = "strict")]
     control: Vec<String>,
     #[command(flatten)]
     output: Output,
 }
 
-/// What is no flaw of a command: a controller holds it, and may leave it where it is.
-const OF_COMMANDS: [&str; 2] = ["held", "constant"];
+/// What is no flaw of a command: a controller holds it, limits it, and may leave it where it is.
+const OF_COMMANDS: [&str; 3] = ["held", "constant", "clipped"];
 
 pub(crate) fn run(command: &Inspect, screen: &Screen) -> Outcome {
     check_out(command.output.out.as_deref(), &command.logs)?;

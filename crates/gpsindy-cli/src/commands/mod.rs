@@ -23,7 +23,7 @@ use crate::args::{Arguments, Columns, Command};
 use crate::engine::Engines;
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
-use crate::stop::FirstCtrlC;
+use crate::stop::FirstRequest;
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{Log, Logs, Task, TopicOffset};
 use output::{check_out, deliver};
@@ -37,7 +37,7 @@ pub(crate) struct Session<'a> {
     /// The command line, the program's name first.
     pub(crate) line: &'a [OsString],
     pub(crate) seed: u64,
-    pub(crate) first_ctrl_c: FirstCtrlC,
+    pub(crate) first_request: FirstRequest,
 }
 
 /// Runs the command that was asked for.

@@ -77,11 +77,18 @@ fn parts_of_a_fleet_are_done_apart_and_the_last_one_compares() {
 #[test]
 fn a_fleet_without_a_diagnosis_says_nothing_of_its_units() {
     let folder = Folder::new();
-    folder.write("robot.xml", "<mujoco/>").write("log.csv", "t,x\n0,0\n1,1\n");
-    folder.write("fleet.toml", "[[unit]]\nunit = \"a\"\nlogs = [\"log.csv\"]\nmodel = \"robot.xml\"\n");
+    folder.write("model.toml", "schema = \"gpsindy.model/2\"\n").write("log.csv", "t,x\n0,0\n1,1\n");
+    let manifest = "[[unit]]\nunit = \"a\"\nlogs = [\"log.csv\"]\nmodel = \"model.toml\"\n";
+    folder.write("fleet.toml", manifest);
     let ran = folder.run("fleet fleet.toml --out fleet").ended(1);
-    assert!(ran.stderr.contains("robot.xml: a simulator's own file"), "{ran:?}");
+    assert!(ran.stderr.contains("unit a: no diagnosis: "), "{ran:?}");
     assert!(ran.stdout.contains("0 reports, 1 failed") && !ran.stdout.contains("stands out"), "{ran:?}");
+    // A simulator's own file is refused once, whatever the number of units.
+    let one = manifest.replace("model.toml", "robot.xml");
+    let other = one.replace("unit = \"a\"", "unit = \"b\"");
+    folder.write("robot.xml", "<mujoco/>").write("fleet.toml", &format!("{one}{other}"));
+    let ran = folder.run("fleet fleet.toml --out other").ended(2);
+    assert!(ran.stderr.contains("robot.xml is a simulator's own file") && ran.stderr.lines().count() == 1, "{ran:?}");
 }
 
 #[test]

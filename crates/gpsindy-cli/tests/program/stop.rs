@@ -81,7 +81,13 @@ fn oscillator(folder: &Folder) -> Vec<String> {
 }
 
 #[test]
-fn the_first_ctrl_c_ends_a_diagnosis_with_the_best_so_far() {
+fn the_first_request_ends_a_diagnosis_with_the_best_so_far() {
+    for (signal, again) in [(SIGINT, "Ctrl-C again"), (SIGTERM, "a second SIGTERM")] {
+        ends_with_the_best_so_far(signal, again);
+    }
+}
+
+fn ends_with_the_best_so_far(signal: i32, again: &str) {
     let folder = Folder::new();
     let logs = oscillator(&folder);
     let mut child = Command::new(env!("CARGO_BIN_EXE_gpsindy"))
@@ -100,11 +106,11 @@ fn the_first_ctrl_c_ends_a_diagnosis_with_the_best_so_far() {
         assert!(stated.read_line(&mut line).unwrap() > 0, "no note about the columns");
     }
     std::thread::sleep(std::time::Duration::from_millis(300));
-    let sent = Command::new("kill").args(["-2", &child.id().to_string()]).status().unwrap();
+    let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     let mut rest = String::new();
     stated.read_to_string(&mut rest).unwrap();
-    assert!(rest.contains("stopping with the best so far"), "{rest}");
+    assert!(rest.contains(&format!("stopping with the best so far; {again} ends at once")), "{rest}");
     assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
     let report: serde_json::Value = serde_json::from_str(&folder.read("report/report.json")).unwrap();
     assert!(report["interrupted"].as_f64().unwrap() > 0.0, "{report}");

@@ -62,6 +62,8 @@ pub enum Note {
     Restarted {
         /// Their length, s.
         length: f64,
+        /// Whether the model is a simulator that steps, whose rollouts grow only while it follows the logs within their noise.
+        steps: bool,
     },
     /// Rollouts of the fits became longer once causes were in the model.
     Lengthened,
@@ -161,7 +163,11 @@ impl std::fmt::Display for Note {
             Self::OnlyParts { parts } => {
                 write!(f, "only effects in {} were suspects; what other parts cause is not reported", parts.join(", "))
             }
-            Self::Restarted { length } => write!(
+            Self::Restarted { length, steps: true } => write!(
+                f,
+                "the fits use rollouts of {length:.3} s; longer ones cost a simulator more, and are used while the nominal model follows the logs within their noise"
+            ),
+            Self::Restarted { length, steps: false } => write!(
                 f,
                 "the fits use rollouts of {length:.3} s; in longer ones the nominal model diverges from the logs or only accumulates its error"
             ),
@@ -229,7 +235,7 @@ mod tests {
             Note::Unwrapped { column: "phi".into() },
             Note::Thinned { samples: 9, length: 1.0, windows: 1, of: 2 },
             Note::Afforded { samples: 9, used: 2, windows: 1 },
-            Note::Restarted { length: 1.0 },
+            Note::Restarted { length: 1.0, steps: true },
             Note::StillHoldout,
             Note::HoldoutRestarted { length: 1.0 },
             Note::ChargedParameter { name: "k".into() },

@@ -149,16 +149,11 @@ impl Tape {
     /// Whether one result depends on any of some `variables`.
     pub(crate) fn output_reads(&self, output: usize, variables: &Range<usize>) -> bool {
         let mut read = vec![self.outputs[output]];
-        // Operands come before what is made of them.
+        // Operands come before what is made of them. A simulator's outputs may read all that goes into any.
         for step in self.instructions.iter().rev() {
             match step {
                 Step::Compute(instruction, result) if read.contains(result) => read.extend(instruction.operands),
-                Step::Simulate(call) => {
-                    let own = call.first_output..call.first_output + call.n_outputs as Register;
-                    if read.iter().any(|register| own.contains(register)) {
-                        read.extend(&call.arguments);
-                    }
-                }
+                Step::Simulate(call) => read.extend(&call.arguments),
                 Step::Compute(..) => {}
             }
         }

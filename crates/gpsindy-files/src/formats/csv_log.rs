@@ -15,7 +15,7 @@ mod headers;
 mod scan;
 
 pub(crate) use cell::Row;
-use cell::{cell, number, shown};
+use cell::{Cells, cell, number, shown};
 pub(crate) use headers::separator;
 use headers::{headers, missing, names};
 use scan::Body;
@@ -45,8 +45,8 @@ pub(crate) struct CsvLog {
     /// Runs in their order, and of several the one of each row.
     run_names: Vec<String>,
     run_of_row: Vec<u32>,
-    /// Which headers are over nothing but numbers, once asked for.
-    numeric: OnceLock<Vec<bool>>,
+    /// What the cells under each header are, once asked for.
+    cells: OnceLock<Vec<Cells>>,
 }
 
 impl CsvLog {
@@ -111,7 +111,7 @@ impl CsvLog {
             times: Vec::new(),
             run_names: Vec::new(),
             run_of_row: Vec::new(),
-            numeric: OnceLock::new(),
+            cells: OnceLock::new(),
         })
     }
 
@@ -135,6 +135,25 @@ impl CsvLog {
         let time = &self.headers[self.time];
         let of_clock = self.clock.note(time, &self.first_stamp);
         of_clock.into_iter().chain(self.doubt()).map(|note| format!("{}: {note}", self.file)).collect()
+    }
+
+    /// Whether times are numbers whose unit nobody stated.
+    pub(crate) fn has_plain_time(&self) -> bool {
+        matches!(self.clock, Clock::Plain) && self.headers[self.time].unit.is_empty()
+    }
+
+    /// What the cells of a column are, by one pass over all columns when first asked for.
+    pub(crate) fn cells_of(&self, column: usize) -> Option<&Cells> {
+        let (input, body) = self.body.as_ref()?;
+        let all = self.cells.get_or_init(|| {
+            let mut all = vec![Cells::default(); self.headers.len()];
+            let done = scan::rows(input, *body, &gpsindy_core::Silent, &mut |row| {
+                all.iter_mut().enumerate().for_each(|(i, cells)| cells.take(cell(row, i)));
+                Ok(())
+            });
+            if done.is_ok() { all } else { Vec::new() }
+        });
+        all.get(self.places[column])
     }
 
     /// What speaks against times in seconds.
@@ -347,20 +366,9 @@ impl Source for CsvLog {
         &self.columns
     }
 
-    /// An infinite value is a number, if a bad one. Found by one pass over all columns, when first asked for.
+    /// An infinite value is a number, if a bad one.
     fn is_numeric(&self, column: usize) -> bool {
-        let Some((input, body)) = &self.body else { return true };
-        let numeric = self.numeric.get_or_init(|| {
-            let mut numeric = vec![true; self.headers.len()];
-            let done = scan::rows(input, *body, &gpsindy_core::Silent, &mut |row| {
-                for (i, numeric) in numeric.iter_mut().enumerate() {
-                    *numeric = *numeric && number(cell(row, i)).is_ok();
-                }
-                Ok(())
-            });
-            if done.is_ok() { numeric } else { Vec::new() }
-        });
-        numeric.get(self.places[column]).copied().unwrap_or(false)
+        self.body.is_none() || self.cells_of(column).is_some_and(|cells| cells.texts == 0)
     }
 
     fn read(&self, columns: &[usize], progress: &dyn Progress) -> Result<Reading> {

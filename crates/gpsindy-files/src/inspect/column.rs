@@ -8,6 +8,11 @@ pub(crate) const KEPT: usize = 5_000;
 /// Levels below which steps between values count as quantisation: 16 bits. Finer ones are a number's own digits.
 const LEVELS: f64 = 65_536.0;
 
+/// By how many times a stay at an end must be longer than all others, and how often it must occur, for a column to be called clipped: noise
+/// repeats a value by chance where its steps are coarse, and a machine rests once at a stop.
+const STAY: usize = 3;
+const TWICE: usize = 2;
+
 /// What a field or column holds.
 #[derive(Debug, Clone, Serialize)]
 pub struct ColumnReport {
@@ -50,6 +55,8 @@ pub(crate) struct Column {
     pub(crate) unit: String,
     pub(crate) numeric: bool,
     pub(crate) kept: Vec<f64>,
+    /// How many cells are no numbers among numbers, and the first of them.
+    pub(crate) texts: Option<(usize, String)>,
     samples: usize,
     count: usize,
     min: f64,
@@ -71,6 +78,11 @@ impl Column {
         let (name, column, kind, unit) = (name.into(), column.into(), kind.into(), unit.into());
         let (min, max, last) = (f64::INFINITY, f64::NEG_INFINITY, f64::NAN);
         Self { name, column, kind, unit, numeric, min, max, last, ..Self::default() }
+    }
+
+    /// The same where some cells are no numbers: how many, and the first.
+    pub(crate) fn with_texts(self, texts: Option<(usize, String)>) -> Self {
+        Self { texts, ..self }
     }
 
     /// Takes the next sample.
@@ -167,6 +179,24 @@ impl Column {
         };
         let slack = slack + 0.02 * step;
         (levels.iter().filter(|v| off(v) > slack).count() * 50 <= levels.len()).then_some(step)
+    }
+
+    /// Whether it stays again and again at its largest or smallest value, and nowhere else: which, and how often.
+    pub(crate) fn clipped(&self) -> Option<(f64, usize)> {
+        let values: Vec<f64> = self.kept.iter().copied().filter(|v| !v.is_nan()).collect();
+        let mut stays: Vec<(f64, usize)> = Vec::new();
+        for &value in &values {
+            match stays.last_mut() {
+                Some((last, count)) if *last == value => *count += 1,
+                _ => stays.push((value, 1)),
+            }
+        }
+        let is_end = |value: f64| value == self.min || value == self.max;
+        // What a column begins or ends with says nothing of where its values would have gone.
+        let inner = stays.get(1..stays.len().saturating_sub(1)).unwrap_or_default();
+        let elsewhere = inner.iter().filter(|(value, _)| !is_end(*value)).map(|(_, count)| *count).max()?;
+        let times = |end: f64| inner.iter().filter(|(value, count)| *value == end && *count > STAY * elsewhere).count();
+        [self.max, self.min].into_iter().map(|end| (end, times(end))).find(|(_, times)| *times >= TWICE)
     }
 
     /// Of the changes between kept samples: the share that is a level at most (repeats included), and the mean number of

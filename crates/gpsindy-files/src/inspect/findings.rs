@@ -22,6 +22,13 @@ const HELD: f64 = 0.2;
 /// Share of the samples for which a column may be silent at one end: a fourth is what a diagnosis holds out to verify on.
 const SILENT: f64 = 0.25;
 
+/// Rows below which a run hardly says more than its own start: by then the chance of a wrong name grows, whatever the noise.
+const FEW: usize = 30;
+
+/// Steps of whole numbers that may count milliseconds: machines are logged at 1 kHz and less, slow processes once a minute and less often.
+/// A step of one is left alone: years, hours and seconds have it, too.
+const MILLISECONDS: std::ops::Range<f64> = 2.0..60.0;
+
 /// Something that spoils an identification.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
@@ -30,7 +37,7 @@ pub struct Finding {
     /// The field or column, where one is at fault.
     pub column: Option<String>,
     /// `time_unit`, `jitter`, `gaps`, `repeated_stamps`, `backward_stamps`, `float32_stamps`, `clock_drift`, `constant`, `quantised`,
-    /// `held`, `wrapped`, `difference`, `missing` or `unread`.
+    /// `held`, `clipped`, `wrapped`, `difference`, `missing`, `text`, `short` or `unread`.
     pub kind: String,
     /// A sentence.
     pub text: String,
@@ -61,11 +68,19 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
         flaws.stamps("time_unit", doubt.clone());
     }
     clock(report, &mut flaws);
+    lengths(sheet, &mut flaws);
     for (column, report) in sheet.columns.iter().zip(&report.columns) {
+        let name = &report.name;
+        if let Some((count, first)) = &column.texts {
+            let are = if *count == 1 { "1 cell is".into() } else { format!("{count} cells are") };
+            let text = format!(
+                "{are} no number among numbers, the first {first}; the column can't be used, leave such cells empty"
+            );
+            flaws.column(name, "text", text);
+        }
         if !report.numeric {
             continue;
         }
-        let name = &report.name;
         if report.count == 0 {
             flaws.column(name, "missing", "holds no value".into());
             continue;
@@ -98,6 +113,11 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
             );
         }
         let changes = column.changes();
+        if let Some((end, times)) = column.clipped() {
+            let text =
+                format!("stays at {} {times} times and nowhere else; its sensor or its range ends there", short(end));
+            flaws.column(name, "clipped", text);
+        }
         // A ramp moves by a level every time; a coarse sensor also stays on one.
         let moves = changes.same > 0.1 && changes.small > changes.same + 0.1;
         let coarse = report.step.filter(|_| changes.small > COARSE && moves);
@@ -180,6 +200,30 @@ fn clock(report: &TopicReport, flaws: &mut Flaws<'_>) {
             1e6 * drift
         );
         flaws.stamps("clock_drift", text);
+    }
+}
+
+/// Runs that are too short, and stamps that may count milliseconds.
+fn lengths(sheet: &Sheet, flaws: &mut Flaws<'_>) {
+    let ends = sheet.runs.iter().skip(1).copied().chain([sheet.stamps.len()]);
+    let few: Vec<usize> = sheet.runs.iter().zip(ends).map(|(&begin, end)| end - begin).filter(|&n| n < FEW).collect();
+    if let Some(fewest) = few.iter().min() {
+        let runs = if sheet.runs.len() == 1 {
+            "the log has".into()
+        } else {
+            format!("{} of {} runs have", few.len(), sheet.runs.len())
+        };
+        let fewest = if few.len() == 1 { format!("{fewest} samples") } else { format!("{fewest} samples and more") };
+        flaws.stamps("short", format!("{runs} {fewest}, fewer than {FEW}: names and sizes from so few are guesses"));
+    }
+    let steps = sheet.stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    let step = median(steps.collect());
+    if sheet.doubt.is_none()
+        && sheet.has_plain_time
+        && MILLISECONDS.contains(&step)
+        && sheet.stamps.iter().all(|t| t.fract() == 0.0)
+    {
+        flaws.stamps("time_unit", format!("stamps are whole numbers, {step} from one to the next, and are taken for seconds; milliseconds must be divided by 1e3, and seconds can be named in the header: t [s]"));
     }
 }
 

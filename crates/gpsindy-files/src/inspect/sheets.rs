@@ -79,11 +79,15 @@ fn of_csv(input: &Input, options: &LogOptions, progress: &dyn Progress) -> Resul
     let doubt = log.doubt();
     let mut notes = log.notes();
     notes.retain(|note| !doubt.as_ref().is_some_and(|doubt| note.ends_with(doubt)));
-    let mut sheet = Sheet { clock: log.time_name().into(), origin: log.origin(), doubt, ..Sheet::default() };
+    let has_plain_time = log.has_plain_time();
+    let mut sheet =
+        Sheet { clock: log.time_name().into(), origin: log.origin(), doubt, has_plain_time, ..Sheet::default() };
     let column = |(index, header): (usize, &Header)| {
         let numeric = log.is_numeric(index);
         let kind = if numeric { "number" } else { "text" };
-        Column::new(&header.name, &header.name, kind, &header.unit, numeric)
+        let cells = log.cells_of(index).filter(|cells| cells.texts > 0 && cells.texts <= cells.numbers);
+        let texts = cells.map(|cells| (cells.texts, cells.text.clone()));
+        Column::new(&header.name, &header.name, kind, &header.unit, numeric).with_texts(texts)
     };
     sheet.columns = log.columns().enumerate().map(column).collect();
     let numeric: Vec<usize> = (0..sheet.columns.len()).filter(|&i| sheet.columns[i].numeric).collect();

@@ -63,6 +63,14 @@ fn each_fault_is_named() {
     assert_eq!(one("wrapped", &|i| (i as f64 * 0.05).sin().atan2((i as f64 * 0.05).cos())), "wrapped");
     assert_eq!(one("quantised", &|i| ((i as f64 * 0.01).sin() * 50.0).round() * 0.02), "quantised");
     assert_eq!(one("held", &|i| smooth(i / 4 * 4)), "held");
+    assert_eq!(one("clipped", &|i| (1.5 * (i as f64 * 0.05).sin() + 1e-3 * noise(i)).clamp(-2.0, 1.0)), "clipped");
+    assert_eq!(kinds(&table("ms.csv", |i| 10.0 * i as f64, &[x])), ["time_unit"]);
+    let short = inspected("short.csv", b"t,x\n0,0.1\n0.1,0.3\n0.2,0.2\n");
+    assert_eq!(kinds(&short), ["short"]);
+    let words = (0..40).map(|i| format!("{},{}\n", even(i), if i == 7 { "off".into() } else { smooth(i).to_string() }));
+    let words = inspected("words.csv", format!("t,x\n{}", words.collect::<String>()).as_bytes());
+    assert_eq!(kinds(&words), ["text"]);
+    assert!(words.findings[0].text.starts_with("1 cell is no number among numbers, the first \"off\""), "{words:?}");
     assert_eq!(kinds(&table("jitter.csv", |i| even(i) + 0.004 * noise(i), &[x])), ["jitter"]);
     assert_eq!(kinds(&table("milliseconds.csv", |i| 1e3 * i as f64, &[x])), ["time_unit"]);
     assert_eq!(kinds(&table("gap.csv", |i| even(i) + if i > 200 { 0.5 } else { 0.0 }, &[x])), ["gaps"]);
@@ -89,10 +97,17 @@ fn what_only_looks_like_a_fault_is_left_alone() {
     assert_eq!(one("swings", &|i| 3.1 * (i as f64 * 0.05).sin() + 1e-3 * noise(i)), "");
     assert_eq!(one("fine", &|i| ((i as f64 * 0.05).sin() * 1e4).round() * 1e-4), "");
     assert_eq!(one("repeats", &|i| smooth(i - usize::from(i % 10 == 9))), "");
+    // Rest at the ends of a travel, noise apart; one stop; a coarse sine.
+    assert_eq!(one("rest", &|i| (1.5 * (i as f64 * 0.05).sin()).clamp(-1.0, 1.0) + 1e-3 * noise(i)), "");
+    assert_eq!(one("stop", &|i| (i as f64 * 0.01).min(2.0)), "held");
+    assert_eq!(one("coarse", &|i| ((i as f64 * 0.05).sin() * 50.0).round() * 0.02), "");
     // Jitter of 2 %, one lost sample, whole numbers that float32 holds as well, an epoch.
     assert_eq!(kinds(&table("no-jitter.csv", |i| even(i) + 4e-4 * noise(i), &[x])), none);
     assert_eq!(kinds(&table("no-gap.csv", |i| even(i + usize::from(i > 200)), &[x])), none);
     assert_eq!(kinds(&table("no-single.csv", |i| i as f64 * 0.25, &[x])), none);
+    for step in [1.0, 60.0, 600.0] {
+        assert_eq!(kinds(&table("no-ms.csv", |i| step * i as f64, &[x])), none);
+    }
     assert_eq!(kinds(&table("no-epoch.csv", |i| 1_763_000_000.0 + even(i), &[x])), none);
     // A speed by a sensor of its own.
     let speed = |i: usize| 1.3 * (i as f64 * 0.013).cos() + 0.01 * noise(i + 1000);

@@ -114,6 +114,11 @@ def test_numbers_of_the_engine_that_no_log_can_part_are_twins_in_both_directions
     assert sizes["elbow.kv"] - 2.0 == pytest.approx(0.3, abs=0.02)
     assert sizes["elbow.damping"] - 0.2 == pytest.approx(0.3, abs=0.02)
     assert "cannot distinguish it from wrong parameter elbow." in found.summary(200)
+    assert cause.next_experiment is not None and "the servo off" in cause.next_experiment
+    drawn = found.randomization()
+    (twin,) = {"elbow.kv", "elbow.damping"} - {cause.variables[0]}
+    assert drawn[cause.variables[0]].identified and twin not in {one.name for one in drawn.ranges}
+    assert any(note.startswith(f"No range: {twin} does on these logs what {cause.variables[0]} does") for note in drawn.notes)
 
 
 def test_a_size_that_differs_between_recordings_is_told_by_run_and_pooled():

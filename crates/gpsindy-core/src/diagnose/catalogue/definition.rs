@@ -101,6 +101,8 @@ pub(crate) mod experiment {
     pub(crate) const AMPLITUDES: &str = "one frequency at several amplitudes";
     pub(crate) const THE_SAME_AGAIN: &str = "the identical run repeated three times";
     pub(crate) const LARGER: &str = "a larger amplitude, or a second mean position";
+    /// Of two numbers of a simulator: a servo's damping and its joint's are one as long as the servo is on.
+    pub(crate) const ONE_CHANGED: &str = "a run with one of the two changed on purpose (another gain, the servo off and the joint moved by hand, another load), or with another amplitude, offset and speed";
     /// Where no pair has one of its own.
     pub(crate) const ANOTHER_RUN: &str = "a run with another amplitude, offset and speed than the given logs";
 }

@@ -176,6 +176,9 @@ impl Effect {
 
 /// The experiment that distinguishes two effects, by their ids, where the given logs cannot.
 pub(crate) fn separating_experiment(one: &str, other: &str) -> &'static str {
+    if one == Effect::ParameterError.id() && other == one {
+        return experiment::ONE_CHANGED;
+    }
     let known = Effect::from_id(one).zip(Effect::from_id(other));
     let found = known.and_then(|(one, other)| one.twins().into_iter().find(|(twin, _)| *twin == other));
     found.map_or(experiment::ANOTHER_RUN, |(_, experiment)| experiment)
@@ -201,6 +204,7 @@ mod tests {
             separating_experiment("input_dead_zone", "backlash")
         );
         assert_eq!(separating_experiment("backlash", "tyre_slip"), experiment::ANOTHER_RUN);
+        assert_eq!(separating_experiment("parameter_error", "parameter_error"), experiment::ONE_CHANGED);
     }
 
     #[test]

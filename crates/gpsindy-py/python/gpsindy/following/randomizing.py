@@ -1,7 +1,8 @@
 """Ranges for domain randomisation out of a diagnosis: as numbers, and as a Python file for mjlab and Isaac Lab.
 
-What the logs identify keeps their error, with what differs from run to run added to it. Of the rest, an error that they would have shown is
-left out of its range, and the rest keeps its prior range.
+What the logs identify keeps their error, with what differs from run to run added to it. What would do on these logs what another number does
+has no range: both errors together would be twice the machine's. Of the rest, an error that the logs would have shown is left out of its
+range, and the rest keeps its prior range.
 """
 
 from __future__ import annotations
@@ -192,7 +193,7 @@ def randomization(
     for key, between in _between_runs(diagnosis).items():
         if deviations.get(key, 0.0) > 0.0:
             deviations[key] = math.hypot(deviations[key], between)
-    excluded = _excluded(diagnosis)
+    excluded, twins = _excluded(diagnosis), _twins(diagnosis)
     ranges, notes = [], []
     # A delay is an actuator's, whatever its column is called.
     acting: Mapping[str, str] = getattr(source, "_acting", {})
@@ -205,6 +206,9 @@ def randomization(
             low, high = value - z * deviation, value + z * deviation
             low = max(low, 0.0) if _POSITIVE.search(name) else low
             ranges.append(Range(name, low, high, parameter.unit, parameter.value, True))
+            continue
+        if name in twins and name not in given:
+            notes.append(f"No range: {name} does on these logs what {twins[name]} does, which has one; both together would double the error.")
             continue
         one = _untold(name, parameter, given.get(name), share, excluded.get(name))
         if one is None:
@@ -267,6 +271,18 @@ def _excluded(diagnosis: Diagnosis) -> dict[str, float]:
         name = _number(diagnosis, row["effect"], row.get("place"), row.get("variables", ()))
         if name is not None:
             found[name] = max(found.get(name, 0.0), float(row["above"]))
+    return found
+
+
+def _twins(diagnosis: Diagnosis) -> dict[str, str]:
+    """Numbers of the simulator that would do as well as the one that a cause changes, and that one."""
+    found: dict[str, str] = {}
+    for cause in diagnosis.included:
+        own = _number(diagnosis, cause.effect, cause.place, cause.variables)
+        for twin in cause.twins:
+            name = _number(diagnosis, twin["effect"], twin.get("place"), twin["variables"])
+            if own is not None and name is not None and name != own:
+                found[name] = own
     return found
 
 

@@ -140,7 +140,7 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
         experiment = thinner;
         notes.push(note);
     }
-    notes.extend(cut.map(|length| Note::Restarted { length }));
+    notes.extend(cut.map(|length| Note::Restarted { length, steps: system.engine().is_some() }));
     Ok((experiment, notes))
 }
 
