@@ -88,6 +88,9 @@ fn says(found: &PartFound, model: &Model, diagnosis: &Diagnosis) -> String {
     }
     match bounds.is_empty() {
         true if !found.measured => "not measured".into(),
+        true if diagnosis.is_cut() && found.share > ON_JOINT => {
+            format!("{:.0} % of the gap, not decided before the search ended", PERCENT * found.share)
+        }
         true if diagnosis.is_cut() => "not decided before the search ended".into(),
         true => "nothing found; these logs do not bound how large it could be".into(),
         false => format!("nothing above {}{unseen}", bounds.join(", ")),

@@ -11,11 +11,13 @@ use std::collections::HashMap;
 use std::sync::OnceLock;
 
 mod cell;
+mod cells;
 mod headers;
 mod scan;
 
 pub(crate) use cell::Row;
-use cell::{Cells, cell, number, shown};
+use cell::{cell, number, shown};
+use cells::Cells;
 pub(crate) use headers::separator;
 use headers::{headers, missing, names};
 use scan::Body;
@@ -145,14 +147,7 @@ impl CsvLog {
     /// What the cells of a column are, by one pass over all columns when first asked for.
     pub(crate) fn cells_of(&self, column: usize) -> Option<&Cells> {
         let (input, body) = self.body.as_ref()?;
-        let all = self.cells.get_or_init(|| {
-            let mut all = vec![Cells::default(); self.headers.len()];
-            let done = scan::rows(input, *body, &gpsindy_core::Silent, &mut |row| {
-                all.iter_mut().enumerate().for_each(|(i, cells)| cells.take(cell(row, i)));
-                Ok(())
-            });
-            if done.is_ok() { all } else { Vec::new() }
-        });
+        let all = self.cells.get_or_init(|| Cells::of_columns(input, *body, self.headers.len()));
         all.get(self.places[column])
     }
 

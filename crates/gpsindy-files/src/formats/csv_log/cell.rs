@@ -21,29 +21,6 @@ pub(super) fn number(text: &str) -> std::result::Result<f64, ()> {
     text.parse().map_err(|_| ())
 }
 
-/// What the cells of a column are.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Cells {
-    pub(crate) numbers: usize,
-    pub(crate) texts: usize,
-    /// The first text, in quotes.
-    pub(crate) text: String,
-}
-
-impl Cells {
-    pub(super) fn take(&mut self, cell: &str) {
-        match number(cell) {
-            Ok(value) => self.numbers += usize::from(!value.is_nan()),
-            Err(()) => {
-                if self.texts == 0 {
-                    self.text = shown(cell);
-                }
-                self.texts += 1;
-            }
-        }
-    }
-}
-
 /// A cell in quotes, cut where it is long.
 pub(super) fn shown(text: &str) -> String {
     let mut short: String = text.chars().take(40).collect();
