@@ -317,7 +317,8 @@ mod tests {
         let shared: Arc<dyn Dynamics> = simulator.clone();
         assert_eq!(together(&shared, (0..40).collect(), of).unwrap(), alone);
         let calls = simulator.calls() - apart;
-        assert!(8 * calls < apart, "{calls} of {apart}");
+        // Sixteen seats, two kinds of calls in a round, and the last items have the table for themselves.
+        assert!(4 * calls < apart, "{calls} of {apart}");
     }
 
     #[test]
