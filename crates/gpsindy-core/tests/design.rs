@@ -5,8 +5,10 @@ use faer::Mat;
 use gpsindy_beside::random::Random;
 use gpsindy_core::diagnose::{Candidate, Design, Diagnose, Diagnosed, Open};
 use gpsindy_core::{
-    Channel, Control, Dataset, Error, Excitation, Expression, Hold, Model, Parameter, Run, Silent, Simulate, State,
+    Channel, Control, Dataset, Error, Excitation, Expression, Hold, Model, Parameter, Progress, Run, Silent, Simulate,
+    State,
 };
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SAMPLES: usize = 201;
 const PERIOD: f64 = 0.05;
@@ -233,6 +235,30 @@ fn states_stay_within_their_bounds() {
     }
 }
 
+/// A listener whose clock goes on by a second at every look.
+#[derive(Default)]
+struct Clock(AtomicUsize);
+
+impl Progress for Clock {
+    fn report(&self, _stage: &str, _done: usize, _total: usize) -> bool {
+        true
+    }
+
+    fn seconds(&self) -> Option<f64> {
+        Some(self.0.fetch_add(1, Ordering::Relaxed) as f64)
+    }
+}
+
+#[test]
+fn a_time_limit_leaves_the_best_signal_so_far() {
+    let whole = Design { duration: 2.0, ..limits() };
+    let found = whole.run(&open(), None, &Clock::default()).unwrap();
+    let cut = Design { time_limit: Some(2.0), ..whole }.run(&open(), None, &Clock::default()).unwrap();
+    assert!(found.is_complete && !cut.is_complete);
+    assert!(cut.values[0].len() == found.values[0].len() && cut.pairs[0].nats > 0.0);
+    assert!(cut.pairs[0].nats <= found.pairs[0].nats, "{:?} {:?}", cut.pairs, found.pairs);
+}
+
 #[test]
 fn the_same_seed_gives_the_same_signal_and_wrong_settings_are_stated() {
     let short = Design { duration: 2.0, ..limits() };
@@ -240,6 +266,7 @@ fn the_same_seed_gives_the_same_signal_and_wrong_settings_are_stated() {
     for (wrong, words) in [
         (Design { limits: Vec::new(), ..limits() }, "control `u` has no limit"),
         (Design { duration: 0.0, ..limits() }, "duration"),
+        (Design { time_limit: Some(0.0), ..limits() }, "time limit"),
         (Design { bounds: vec![("z".into(), 0.0, 1.0)], ..limits() }, "`z`"),
         (Design { bounds: vec![("x".into(), 1.0, 2.0)], ..limits() }, "within its bounds"),
     ] {

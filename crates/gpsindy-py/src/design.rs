@@ -61,13 +61,14 @@ pub(crate) struct Settings {
     start: Vec<(String, f64)>,
     separate: Option<(String, String)>,
     seed: u64,
+    time_limit: Option<f64>,
 }
 
 /// (one, other, nats, seconds to 95 %)
 type Pairs = Vec<(String, String, f64, Option<f64>)>;
-type Signal<'py> = (Bound<'py, PyArray1<f64>>, Vec<String>, Bound<'py, PyArray2<f64>>, &'static str, Pairs);
+type Signal<'py> = (Bound<'py, PyArray1<f64>>, Vec<String>, Bound<'py, PyArray2<f64>>, &'static str, Pairs, bool);
 
-/// Times, controls, their values (one row a control), form, pairs. `model` brings the simulator, where there is one.
+/// Times, controls, their values (one row a control), form, pairs, and whether all signals were tried. `model` brings the simulator, where there is one.
 #[pyfunction]
 pub(crate) fn design<'py>(
     py: Python<'py>,
@@ -76,8 +77,8 @@ pub(crate) fn design<'py>(
     settings: Settings,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Signal<'py>> {
-    let Settings { limits, rate_limits, bounds, duration, rate, start, separate, seed } = settings;
-    let design = Design { limits, rate_limits, bounds, duration, rate, start, seed };
+    let Settings { limits, rate_limits, bounds, duration, rate, start, separate, seed, time_limit } = settings;
+    let design = Design { limits, rate_limits, bounds, duration, rate, start, seed, time_limit };
     let open = &open.get().0;
     let open = match separate {
         Some((one, other)) => {
@@ -100,5 +101,5 @@ pub(crate) fn design<'py>(
     let designed = model.run(py, &watch, progress.as_ref(), move || design.run(&open, dynamics, listening.as_ref()))?;
     let pairs = designed.pairs.into_iter().map(|p| (p.one, p.other, p.nats, p.seconds)).collect();
     let values = rows(py, &designed.values, designed.time.len());
-    Ok((array1(py, &designed.time), designed.controls, values, designed.form, pairs))
+    Ok((array1(py, &designed.time), designed.controls, values, designed.form, pairs, designed.is_complete))
 }

@@ -13,6 +13,9 @@ const INDENT: usize = 9;
 /// Rows of a list before it is cut; the page and the JSON carry all.
 const ROWS: usize = 4;
 
+/// Share of a residual from which noise is as large.
+const AS_LARGE: f64 = 0.9;
+
 /// The diagnosis as a screenful of text, `width` characters wide (at least 40), in colour on request.
 ///
 /// Ends with a newline. Colour marks the verdict and the headings only; the words say everything.
@@ -66,12 +69,16 @@ fn place(report: &Diagnosis, time_unit: &str, text: &mut Text) {
     let mut rows: Vec<String> = Vec::new();
     for row in gap.by_state.iter().filter(|_| gap.detected).take(ROWS) {
         let residual = with_unit(&number(row.residual_rms), &row.unit);
+        // Two equal numbers would look like a gap of nothing: the gap is elsewhere than in a function of this row's variables.
+        let noise = match row.noise_rms > AS_LARGE * row.residual_rms {
+            true => "no larger than noise gives".into(),
+            false => format!("noise {}", number(row.noise_rms)),
+        };
         rows.push(format!(
-            "{:>6}  {}  {}': residual {residual}, noise {}",
+            "{:>6}  {}  {}': residual {residual}, {noise}",
             percent(row.share),
             bar(row.share),
             row.state,
-            number(row.noise_rms)
         ));
     }
     for row in largest(&gap.by_region, |r| r.share).into_iter().filter(|_| gap.detected) {

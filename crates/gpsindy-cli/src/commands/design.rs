@@ -55,6 +55,9 @@ pub(crate) struct Design {
     /// Distinguish these two effects, or models, instead of what was left open
     #[arg(long, value_name = "A,B")]
     separate: Option<String>,
+    /// Stop after so many seconds with the best signal so far; 0: no limit. The first Ctrl-C or SIGTERM does the same
+    #[arg(long, value_name = "S", default_value_t = 600.0, allow_negative_numbers = true)]
+    time_limit: f64,
     /// Standard deviation of a column's noise, where models are given in place of a diagnosis
     #[arg(long, value_name = "STATE=SD", value_parser = amount)]
     noise: Vec<(String, f64)>,
@@ -75,10 +78,15 @@ pub(crate) fn run(command: &Design, session: &Session<'_>) -> Outcome {
         rate: command.rate,
         start: command.initial.iter().flatten().cloned().collect(),
         seed: session.seed,
+        time_limit: (command.time_limit != 0.0).then_some(command.time_limit),
     };
-    let progress = screen.progress();
+    let progress = screen.progress().ending_with(session.first_request.heed());
     let designed = settings.run(&open, None, &progress)?;
     drop(progress);
+    if !designed.is_complete {
+        screen
+            .warn("the search ended early; this is the best signal so far, and a longer search may find a better one");
+    }
     for pair in designed.pairs.iter().filter(|pair| pair.seconds.is_none()) {
         screen.warn(&format!(
             "{} and {} are not distinguished with 95 % within the run; make it longer, widen --limit, or log another column",
@@ -175,6 +183,7 @@ fn deliver_signal(command: &Design, designed: &Designed, model: &Model, screen: 
             "form": designed.form,
             "duration": command.duration,
             "rate": command.rate,
+            "complete": designed.is_complete,
             "pairs": pairs.collect::<Vec<_>>(),
             "controls": designed.controls,
             "columns": csv.to_json(),

@@ -45,7 +45,10 @@ fn a_signal_that_parts_two_models_is_a_log_within_the_limits() {
     let json = folder.run(&format!("{line} --json")).done();
     let found: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
     assert_eq!(found["columns"]["u"].as_array().unwrap().len(), 201);
-    assert!(found["pairs"][0]["nats"].as_f64().unwrap() > 1.0);
+    assert!(found["pairs"][0]["nats"].as_f64().unwrap() > 1.0 && found["complete"] == true);
+    let cut = folder.run(&format!("{line} --json --time-limit 1e-9")).done();
+    let found: serde_json::Value = serde_json::from_str(&cut.stdout).unwrap();
+    assert!(found["complete"] == false && cut.stderr.contains("this is the best signal so far"), "{cut:?}");
     // What was designed can be simulated.
     let rollout = folder.run("simulate drag.toml --data next.csv --initial x=0,v=0").done();
     assert_eq!(rollout.stdout.lines().count(), 202);

@@ -3,6 +3,7 @@
 //! The nominal simulator of a user, the model that `identify` learns and the corrected simulator
 //! that `diagnose` writes are the same [`Model`]. [`System`] is a model compiled for evaluation.
 
+pub(crate) mod batched;
 pub(crate) mod change;
 mod check;
 mod engine;
@@ -14,7 +15,6 @@ mod port;
 pub(crate) mod stepping;
 pub(crate) mod sticking;
 mod system;
-pub(crate) mod together;
 pub(crate) mod unit;
 
 pub use check::shows;

@@ -199,7 +199,7 @@ def design(
     model: Model,
     settings: dict[str, Any],
     progress: _Progress,
-) -> tuple[_Array, list[str], _Array, str, list[tuple[str, str, float, float | None]]]: ...
+) -> tuple[_Array, list[str], _Array, str, list[tuple[str, str, float, float | None]], bool]: ...
 def diagnose(
     model: Model,
     train: Dataset,

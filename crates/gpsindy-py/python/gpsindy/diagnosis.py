@@ -184,6 +184,7 @@ class Diagnosis:
         start: Mapping[str, float] | None = None,
         separate: tuple[str, str] | None = None,
         seed: int = 0,
+        time_limit: float | None = 600.0,
         progress: Progress | None = None,
     ) -> Experiment:
         """The control signal that best distinguishes what the logs left open.
@@ -210,6 +211,8 @@ class Diagnosis:
             Distinguish these two effects instead. Default: every pair of :attr:`open`; where there is none, all accounts.
         seed : int
             Of the signals that are tried.
+        time_limit : float or None, default 600
+            Seconds after which the best signal so far is taken, see :attr:`Experiment.complete`; None or 0: no limit.
         progress : callable, optional
             Called with (stage, done, total).
 
@@ -237,10 +240,11 @@ class Diagnosis:
             "start": [(name, float(value)) for name, value in (start or {}).items()],
             "separate": separate,
             "seed": seed,
+            "time_limit": float(time_limit) if time_limit else None,
         }
-        t, names, values, form, pairs = _gpsindy.design(self._open, self._augmented._inner, settings, progress)
+        t, names, values, form, pairs, complete = _gpsindy.design(self._open, self._augmented._inner, settings, progress)
         units = {control.name: control.unit for control in self._augmented.controls}
-        return Experiment(t, dict(zip(names, values)), form, tuple(Separation(*pair) for pair in pairs), units)
+        return Experiment(t, dict(zip(names, values)), form, tuple(Separation(*pair) for pair in pairs), complete, units)
 
     def to_dict(self) -> dict[str, Any]:
         """The whole report."""

@@ -51,7 +51,9 @@ def test_a_signal_within_the_limits_parts_two_accounts(diagnosis, tmp_path):
     assert pair.nats > 20 and pair.seconds is not None and pair.seconds < 4.0
     found.save(tmp_path / "next.csv")
     assert np.array_equal(gpsindy.read_csv(tmp_path / "next.csv")[0]["u"], u)
-    assert "viscous_friction" in repr(found)
+    assert "viscous_friction" in repr(found) and found.complete
+    cut = diagnosis.design(LIMITS, duration=4.0, separate=("viscous_friction", "quadratic_drag"), time_limit=1e-9)
+    assert not cut.complete and len(cut.t) == 201 and "ended early" in repr(cut)
 
 
 def test_mistakes_are_stated(diagnosis):

@@ -18,6 +18,7 @@ use separation::{Bench, Part};
 use settings::{Design, Designed, Separation};
 use signals::{Form, Frame, Signal};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 impl Design {
     /// The signal that best distinguishes the candidates of `open`; `simulator` where they call one.
@@ -31,14 +32,31 @@ impl Design {
         let bench = Bench::new(self, open, simulator, &frame)?;
         let total = Form::ALL.len() + DESIGN_ROUNDS;
         let mut best: Option<(Signal, f64)> = None;
+        let enough = progress.enough();
+        let begun = progress.seconds().unwrap_or(0.0);
+        let is_over = || {
+            let limit = self.time_limit.zip(progress.seconds());
+            limit.is_some_and(|(limit, now)| now - begun >= limit)
+                || enough.as_ref().is_some_and(|enough| enough.load(Ordering::Relaxed))
+        };
+        let mut is_complete = true;
         for (done, form) in Form::ALL.into_iter().enumerate() {
             step(progress, "experiment: drawing", done, total)?;
+            // One form at least: without a signal there is no answer.
+            if best.is_some() && is_over() {
+                is_complete = false;
+                break;
+            }
             let drawn = (0..DRAWN_SIGNALS).map(|draw| frame.draw(form, draw)).collect();
             keep_best(&mut best, &bench, drawn)?;
         }
         for round in 0..DESIGN_ROUNDS {
             step(progress, "experiment: refining", Form::ALL.len() + round, total)?;
             let Some((signal, _)) = &best else { break };
+            if is_over() {
+                is_complete = false;
+                break;
+            }
             let varied = (0..VARIATIONS).map(|draw| frame.vary(signal, round, draw)).collect();
             keep_best(&mut best, &bench, varied)?;
         }
@@ -51,7 +69,8 @@ impl Design {
         let separated = bench.part(std::slice::from_ref(&signal))?.swap_remove(0).unwrap_or_default();
         let mut pairs: Vec<Separation> = separated.iter().map(|part| self.separation(open, part)).collect();
         pairs.sort_by(|a, b| a.nats.total_cmp(&b.nats));
-        Ok(Designed { time: frame.time, controls: frame.names, form: signal.form.name(), values: signal.values, pairs })
+        let (time, controls, form, values) = (frame.time, frame.names, signal.form.name(), signal.values);
+        Ok(Designed { time, controls, form, values, pairs, is_complete })
     }
 
     fn separation(&self, open: &Open, part: &Part) -> Separation {

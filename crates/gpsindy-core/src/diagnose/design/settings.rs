@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 /// | `rate` | 50 | above 0 | samples a second; at least 16 in all |
 /// | `start` | the logs' own | | states where the run begins |
 /// | `seed` | 0 | | of the signals that are tried |
+/// | `time_limit` | none | above 0 | s on the listener's clock, after which the best signal so far is taken |
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
     /// Control, lowest and highest value.
@@ -31,6 +32,8 @@ pub struct Design {
     pub start: Vec<(String, f64)>,
     /// Seed of the signals that are tried.
     pub seed: u64,
+    /// Seconds on the listener's clock, after which the best signal so far is taken.
+    pub time_limit: Option<f64>,
 }
 
 impl Default for Design {
@@ -43,6 +46,7 @@ impl Default for Design {
             rate: RATE,
             start: Vec::new(),
             seed: 0,
+            time_limit: None,
         }
     }
 }
@@ -61,6 +65,8 @@ pub struct Designed {
     pub form: &'static str,
     /// How far every pair is separated, the least first.
     pub pairs: Vec<Separation>,
+    /// Whether all signals were tried: time was not up, and nobody had waited long enough.
+    pub is_complete: bool,
 }
 
 /// How far a pair of simulators is separated.
@@ -87,6 +93,9 @@ impl Design {
             if !(value.is_finite() && value > 0.0) {
                 return Err(Error::range(name, "above 0", value));
             }
+        }
+        if let Some(limit) = self.time_limit.filter(|limit| !(*limit > 0.0)) {
+            return Err(Error::range("time limit", "above 0", limit));
         }
         if !(16..=1_000_000).contains(&self.samples()) {
             return Err(Error::range("duration times rate", "between 16 and 1,000,000 samples", self.samples()));

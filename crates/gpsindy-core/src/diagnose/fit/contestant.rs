@@ -4,7 +4,7 @@ use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
-use crate::model::together::together;
+use crate::model::batched::batched;
 use crate::model::{Model, System};
 use crate::parallel::*;
 use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
@@ -77,7 +77,7 @@ impl Contestant {
         one: impl Fn(T) -> Result<R> + Send + Sync,
     ) -> Result<Vec<R>> {
         match self.system.simulator().filter(|simulator| simulator.steps().is_some()) {
-            Some(simulator) => together(simulator, items, one),
+            Some(simulator) => batched(simulator, self.experiment.windows.len(), items, one),
             None => items.into_par_iter().map(one).collect(),
         }
     }

@@ -1,6 +1,6 @@
 //! Rows of one call of a simulator that steps.
 
-use crate::model::together::{Span, advance};
+use crate::model::batched::{Span, advance};
 use crate::model::{Rows, Steps, System};
 
 /// Size of a state beyond which a row counts as diverged; what a simulator makes of it is no number.

@@ -47,12 +47,15 @@ class Experiment:
         What it began as: ``multisine``, ``chirp``, ``steps`` or ``free form``.
     pairs : tuple of Separation
         The pairs that it distinguishes, the hardest first.
+    complete : bool
+        All signals were tried; False: time was up, and a longer search may find a better one.
     """
 
     t: Array
     controls: Mapping[str, Array]
     form: str
     pairs: tuple[Separation, ...]
+    complete: bool
     _units: Mapping[str, str]
 
     def to_csv(self) -> str:
@@ -71,4 +74,6 @@ class Experiment:
         for pair in self.pairs:
             after = "not within the run" if pair.seconds is None else f"after {pair.seconds:.3g} s"
             lines.append(f"  {pair.one} or {pair.other}: {pair.nats:.3g} nats expected, 95 % {after}")
+        if not self.complete:
+            lines.append("  The search ended early; a longer one may find a better run.")
         return "\n".join(lines)

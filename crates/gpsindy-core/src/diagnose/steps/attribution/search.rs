@@ -18,6 +18,11 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
         if is_richer && next.evidence.misfit() > NOISE && !counts(nominal, next, &best, NAMED) {
             break;
         }
+        // A round that was cut short has fitted neither its leaders nor what they stand beside to the end.
+        if is_richer && !best.hypotheses.is_empty() && contest.run.is_out_of_time() {
+            round.fits.clear();
+            break;
+        }
         best = next.clone();
         if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
             round.fits.clear();

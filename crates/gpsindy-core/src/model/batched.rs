@@ -1,8 +1,8 @@
 //! Tasks side by side whose calls of one simulator go together.
 //!
 //! A call of a simulator in another language costs as much as many of its steps, and a fit needs thousands of calls of a few rows each.
-//! So each task has a thread of its own. When every task waits for the simulator, one call serves all of them. What a task gets does not depend on
-//! the others, and the order of the rows does not depend on the threads' pace: a simulator whose solver starts from its last solution
+//! So each task has a thread of its own, and once all threads wait for the simulator, one call answers them all. What a task gets does not
+//! depend on the others. Nor does the order of the rows depend on the threads' pace: a simulator whose solver starts from its last solution
 //! gives the same numbers every time.
 
 use super::{Dynamics, Rows, Steps};
@@ -10,12 +10,16 @@ use crate::error::{Error, Result};
 use std::cell::RefCell;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Threads at most: with sixteen rows or more the steps of most simulators cost more than the call.
+/// Rows of a call at which its steps cost more than itself, with most simulators: tasks side by side are to fill it.
+const FULL: usize = 32;
+
+/// Tasks side by side, at most and at least. Each of them ends its step where time is up, and as many steps are then still to be made.
 const MOST: usize = 16;
+const LEAST: usize = 2;
 
 thread_local! {
-    /// Where the task of this thread sits.
-    static SEAT: RefCell<Option<Seat>> = const { RefCell::new(None) };
+    /// The worker on this thread, where it is one of a batch.
+    static WORKER: RefCell<Option<Worker>> = const { RefCell::new(None) };
 }
 
 /// How long the rows of a call go on.
@@ -36,87 +40,90 @@ struct Call {
     span: Span,
 }
 
-/// What a task waits for.
+/// What a worker waits for.
 #[derive(Debug)]
-enum Want {
+enum Request {
     /// Nothing: it computes.
-    Nothing,
+    Computing,
     /// Another item.
     Item,
-    Answer(Call),
+    Call(Call),
     /// Nothing any more.
-    Gone,
+    Ended,
 }
 
-/// What a task gets.
+/// What a worker gets.
 #[derive(Debug)]
-enum Served {
+enum Response {
     /// The number of its item, and none where all are given away.
     Item(Option<usize>),
-    Answer(Result<Vec<f64>>),
+    Call(Result<Vec<f64>>),
 }
 
-struct Table {
+/// Tasks under way, and the simulator whose calls they share.
+struct Batch {
     simulator: Arc<dyn Dynamics>,
-    orders: Mutex<Orders>,
-    /// One a seat: threads that wait at one place are woken for nothing.
-    places: Vec<(Mutex<Option<Served>>, Condvar)>,
+    requests: Mutex<Requests>,
+    /// One a worker: threads that wait at one place are woken in vain.
+    mailboxes: Vec<(Mutex<Option<Response>>, Condvar)>,
 }
 
-struct Orders {
-    wants: Vec<Want>,
+/// What every worker waits for.
+struct Requests {
+    all: Vec<Request>,
     /// The next item, and how many there are.
     next: usize,
     count: usize,
 }
 
-/// A thread's place at the table; gives it up when dropped, so that no one waits for a task that panicked.
-struct Seat {
-    table: Arc<Table>,
+/// A thread of the batch; it has ended when dropped, so that no one waits for a task that panicked.
+struct Worker {
+    batch: Arc<Batch>,
     number: usize,
 }
 
 /// Calls that are being answered; a panic of the simulator leaves no one without an answer.
-struct Unanswered<'a> {
-    table: &'a Table,
-    seats: Vec<usize>,
+struct Pending<'a> {
+    batch: &'a Batch,
+    workers: Vec<usize>,
 }
 
-/// `one` of every item, in their order, by threads whose calls of the simulator go together.
-pub(crate) fn together<T: Send, R: Send>(
+/// `one` of every item, in their order, by threads whose calls of the simulator go together; each calls it for so many `rows`.
+pub(crate) fn batched<T: Send, R: Send>(
     simulator: &Arc<dyn Dynamics>,
+    rows: usize,
     items: Vec<T>,
     one: impl Fn(T) -> Result<R> + Send + Sync,
 ) -> Result<Vec<R>> {
     let count = items.len();
-    let is_alone = count < 2 || cfg!(not(feature = "parallel")) || SEAT.with_borrow(Option::is_some);
-    if is_alone {
+    let is_serial = count < 2 || cfg!(not(feature = "parallel")) || WORKER.with_borrow(Option::is_some);
+    if is_serial {
         return items.into_iter().map(one).collect();
     }
-    let threads = 0..count.min(MOST);
-    let wants = threads.clone().map(|_| Want::Nothing).collect();
-    let table = Arc::new(Table {
+    let threads = 0..count.min((FULL / rows.max(1)).clamp(LEAST, MOST));
+    let all = threads.clone().map(|_| Request::Computing).collect();
+    let batch = Arc::new(Batch {
         simulator: simulator.clone(),
-        orders: Mutex::new(Orders { wants, next: 0, count }),
-        places: threads.clone().map(|_| Default::default()).collect(),
+        requests: Mutex::new(Requests { all, next: 0, count }),
+        mailboxes: threads.clone().map(|_| Default::default()).collect(),
     });
     let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     let found: Vec<Mutex<Option<Result<R>>>> = (0..count).map(|_| Mutex::new(None)).collect();
     std::thread::scope(|scope| {
         for number in threads {
-            let seat = Seat { table: table.clone(), number };
-            let (table, items, found, one) = (&table, &items, &found, &one);
+            let worker = Worker { batch: batch.clone(), number };
+            let (batch, items, found, one) = (&batch, &items, &found, &one);
             scope.spawn(move || {
-                SEAT.set(Some(seat));
-                while let Some(next) = SEAT.with_borrow(|seat| seat.as_ref().and_then(Seat::next)) {
+                WORKER.set(Some(worker));
+                while let Some(next) = WORKER.with_borrow(|worker| worker.as_ref().and_then(Worker::next)) {
                     let item = lock(&items[next]).take();
                     let done = item.map(one);
                     if matches!(done, Some(Err(_))) {
-                        table.end();
+                        batch.end();
                     }
                     *lock(&found[next]) = done;
                 }
-                SEAT.set(None);
+                WORKER.set(None);
             });
         }
     });
@@ -125,10 +132,10 @@ pub(crate) fn together<T: Send, R: Send>(
 
 /// States `next` after `span`, in one call with what other tasks wait for where this thread's task is one of several.
 pub(crate) fn advance(engine: &dyn Steps, rows: &Rows<'_>, span: Span, next: &mut [f64]) -> Result<()> {
-    SEAT.with_borrow(|seat| match seat {
-        Some(seat) if seat.table.is_for(engine) => {
+    WORKER.with_borrow(|worker| match worker {
+        Some(worker) if worker.batch.is_for(engine) => {
             let parts = [rows.states, rows.commands, rows.forces, rows.parameters].map(<[f64]>::to_vec);
-            seat.answer(Call { count: rows.count, parts, span }).map(|answer| next.copy_from_slice(&answer))
+            worker.answer(Call { count: rows.count, parts, span }).map(|answer| next.copy_from_slice(&answer))
         }
         _ => call(engine, rows, &span, next),
     })
@@ -145,96 +152,96 @@ fn call(engine: &dyn Steps, rows: &Rows<'_>, span: &Span, next: &mut [f64]) -> R
     }
 }
 
-impl Seat {
+impl Worker {
     /// The number of the next item; none where there is none left.
     fn next(&self) -> Option<usize> {
-        match self.wait(Want::Item) {
-            Served::Item(next) => next,
-            Served::Answer(_) => None,
+        match self.wait(Request::Item) {
+            Response::Item(next) => next,
+            Response::Call(_) => None,
         }
     }
 
     fn answer(&self, call: Call) -> Result<Vec<f64>> {
-        match self.wait(Want::Answer(call)) {
-            Served::Answer(answer) => answer,
-            Served::Item(_) => Err(Error::Cancelled),
+        match self.wait(Request::Call(call)) {
+            Response::Call(answer) => answer,
+            Response::Item(_) => Err(Error::Cancelled),
         }
     }
 
-    /// Waits for what this seat wants; the last to come serves all.
-    fn wait(&self, want: Want) -> Served {
-        self.table.order(self.number, want);
-        let (place, is_served) = &self.table.places[self.number];
-        let mut served = lock(place);
+    /// Waits for what this worker wants; the last to ask serves all.
+    fn wait(&self, request: Request) -> Response {
+        self.batch.request(self.number, request);
+        let (mailbox, has_come) = &self.batch.mailboxes[self.number];
+        let mut response = lock(mailbox);
         loop {
-            match served.take() {
+            match response.take() {
                 Some(own) => return own,
-                None => served = is_served.wait(served).unwrap_or_else(PoisonError::into_inner),
+                None => response = has_come.wait(response).unwrap_or_else(PoisonError::into_inner),
             }
         }
     }
 }
 
-impl Drop for Seat {
+impl Drop for Worker {
     fn drop(&mut self) {
-        self.table.order(self.number, Want::Gone);
+        self.batch.request(self.number, Request::Ended);
     }
 }
 
-impl Drop for Unanswered<'_> {
+impl Drop for Pending<'_> {
     fn drop(&mut self) {
-        self.seats.iter().for_each(|&seat| self.table.serve(seat, Served::Answer(Err(Error::Cancelled))));
+        self.workers.iter().for_each(|&worker| self.batch.respond(worker, Response::Call(Err(Error::Cancelled))));
     }
 }
 
-impl Table {
+impl Batch {
     fn is_for(&self, engine: &dyn Steps) -> bool {
         self.simulator.steps().is_some_and(|own| std::ptr::addr_eq(own, engine))
     }
 
     /// Gives no more items away.
     fn end(&self) {
-        let mut orders = lock(&self.orders);
-        orders.next = orders.count;
+        let mut requests = lock(&self.requests);
+        requests.next = requests.count;
     }
 
-    /// Notes what a seat wants, and serves all where no one computes.
-    fn order(&self, seat: usize, want: Want) {
-        let mut orders = lock(&self.orders);
-        orders.wants[seat] = want;
-        if orders.wants.iter().any(|want| matches!(want, Want::Nothing)) {
+    /// Notes what a worker wants, and answers all once no one computes.
+    fn request(&self, worker: usize, request: Request) {
+        let mut requests = lock(&self.requests);
+        requests.all[worker] = request;
+        if requests.all.iter().any(|request| matches!(request, Request::Computing)) {
             return;
         }
-        let Orders { wants, next, count } = &mut *orders;
+        let Requests { all, next, count } = &mut *requests;
         let (mut items, mut calls) = (Vec::new(), Vec::new());
-        for (seat, want) in wants.iter_mut().enumerate() {
-            match std::mem::replace(want, Want::Nothing) {
-                Want::Item => {
-                    items.push((seat, (*next < *count).then_some(*next)));
+        for (worker, request) in all.iter_mut().enumerate() {
+            match std::mem::replace(request, Request::Computing) {
+                Request::Item => {
+                    items.push((worker, (*next < *count).then_some(*next)));
                     *next += 1;
                 }
-                Want::Answer(call) => calls.push((seat, call)),
-                Want::Gone | Want::Nothing => *want = Want::Gone,
+                Request::Call(call) => calls.push((worker, call)),
+                Request::Ended | Request::Computing => *request = Request::Ended,
             }
         }
-        // Whoever gets something goes on at once, and may want something new before all are served.
-        drop(orders);
-        items.into_iter().for_each(|(seat, item)| self.serve(seat, Served::Item(item)));
-        let mut unanswered = Unanswered { table: self, seats: calls.iter().map(|(seat, _)| *seat).collect() };
+        // Whoever gets something goes on at once, and may ask again before all are answered.
+        drop(requests);
+        items.into_iter().for_each(|(worker, item)| self.respond(worker, Response::Item(item)));
+        let mut pending = Pending { batch: self, workers: calls.iter().map(|(worker, _)| *worker).collect() };
         let kind = |call: &Call| if let Span::Rollout(samples, count) = call.span { (samples, count) } else { (0, 0) };
-        calls.sort_by_key(|(seat, call)| (kind(call), *seat));
+        calls.sort_by_key(|(worker, call)| (kind(call), *worker));
         for same in calls.chunk_by(|a, b| kind(&a.1) == kind(&b.1)) {
-            for ((seat, _), answer) in same.iter().zip(self.answers(same)) {
-                unanswered.seats.retain(|other| other != seat);
-                self.serve(*seat, Served::Answer(answer));
+            for ((worker, _), answer) in same.iter().zip(self.answers(same)) {
+                pending.workers.retain(|other| other != worker);
+                self.respond(*worker, Response::Call(answer));
             }
         }
     }
 
-    fn serve(&self, seat: usize, served: Served) {
-        let (place, is_served) = &self.places[seat];
-        *lock(place) = Some(served);
-        is_served.notify_one();
+    fn respond(&self, worker: usize, response: Response) {
+        let (mailbox, has_come) = &self.mailboxes[worker];
+        *lock(mailbox) = Some(response);
+        has_come.notify_one();
     }
 
     /// What each of some calls of one kind gets: by one call, and where that fails each by its own.
@@ -315,9 +322,9 @@ mod tests {
         let alone: Vec<Vec<f64>> = (0..40).map(|item| of(item).unwrap()).collect();
         let apart = simulator.calls();
         let shared: Arc<dyn Dynamics> = simulator.clone();
-        assert_eq!(together(&shared, (0..40).collect(), of).unwrap(), alone);
+        assert_eq!(batched(&shared, 1, (0..40).collect(), of).unwrap(), alone);
         let calls = simulator.calls() - apart;
-        // Sixteen seats, two kinds of calls in a round, and the last items have the table for themselves.
+        // Sixteen workers, two kinds of calls in a round, and the last items are alone.
         assert!(4 * calls < apart, "{calls} of {apart}");
     }
 
@@ -329,13 +336,13 @@ mod tests {
             steps(&*simulator, 5, 0.0)?;
             if item == 3 { Err(Error::Cancelled) } else { Ok(item) }
         };
-        assert!(matches!(together(&shared, (0..200).collect(), failing), Err(Error::Cancelled)));
+        assert!(matches!(batched(&shared, 1, (0..200).collect(), failing), Err(Error::Cancelled)));
         let panicking = |item: usize| {
             assert!(item != 3, "as it should");
             steps(&*simulator, 5, 0.0)
         };
         let caught =
-            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| together(&shared, (0..8).collect(), panicking)));
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| batched(&shared, 1, (0..8).collect(), panicking)));
         assert!(caught.is_err());
     }
 }
