@@ -99,7 +99,7 @@ fn what_only_looks_like_a_fault_is_left_alone() {
     assert_eq!(one("repeats", &|i| smooth(i - usize::from(i % 10 == 9))), "");
     // Rest at the ends of a travel, noise apart; one stop; a coarse sine.
     assert_eq!(one("rest", &|i| (1.5 * (i as f64 * 0.05).sin()).clamp(-1.0, 1.0) + 1e-3 * noise(i)), "");
-    assert_eq!(one("stop", &|i| (i as f64 * 0.01).min(2.0)), "held");
+    assert_eq!(one("stop", &|i| if (100..160).contains(&i) { 1.2 } else { smooth(i) }), "");
     assert_eq!(one("coarse", &|i| ((i as f64 * 0.05).sin() * 50.0).round() * 0.02), "");
     // Jitter of 2 %, one lost sample, whole numbers that float32 holds as well, an epoch.
     assert_eq!(kinds(&table("no-jitter.csv", |i| even(i) + 4e-4 * noise(i), &[x])), none);
