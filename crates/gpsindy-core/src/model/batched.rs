@@ -23,11 +23,11 @@ thread_local! {
 }
 
 /// How long the rows of a call go on.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Span {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Span<'a> {
     /// A step of so many seconds for each row.
-    Each(Vec<f64>),
-    /// So many samples of so many whole steps each, with commands and forces of every sample.
+    Each(&'a [f64]),
+    /// So many commands and forces one after another, each held for so many whole steps.
     Rollout(usize, usize),
 }
 
@@ -37,7 +37,10 @@ struct Call {
     count: usize,
     /// States, commands, forces and parameters, row after row.
     parts: [Vec<f64>; 4],
-    span: Span,
+    /// How often commands and forces change, and for how many steps each of them is held; none where each row makes one step.
+    rollout: Option<(usize, usize)>,
+    /// Lengths of the steps, s, one a row, without a rollout.
+    lengths: Vec<f64>,
 }
 
 /// What a worker waits for.
@@ -131,20 +134,25 @@ pub(crate) fn batched<T: Send, R: Send>(
 }
 
 /// States `next` after `span`, in one call with what other tasks wait for where this thread's task is one of several.
-pub(crate) fn advance(engine: &dyn Steps, rows: &Rows<'_>, span: Span, next: &mut [f64]) -> Result<()> {
+pub(crate) fn advance(engine: &dyn Steps, rows: &Rows<'_>, span: Span<'_>, next: &mut [f64]) -> Result<()> {
     WORKER.with_borrow(|worker| match worker {
         Some(worker) if worker.batch.is_for(engine) => {
             let parts = [rows.states, rows.commands, rows.forces, rows.parameters].map(<[f64]>::to_vec);
-            worker.answer(Call { count: rows.count, parts, span }).map(|answer| next.copy_from_slice(&answer))
+            let (rollout, lengths) = match span {
+                Span::Each(lengths) => (None, lengths.to_vec()),
+                Span::Rollout(samples, count) => (Some((samples, count)), Vec::new()),
+            };
+            let call = Call { count: rows.count, parts, rollout, lengths };
+            worker.answer(call).map(|answer| next.copy_from_slice(&answer))
         }
-        _ => call(engine, rows, &span, next),
+        _ => call(engine, rows, span, next),
     })
 }
 
-fn call(engine: &dyn Steps, rows: &Rows<'_>, span: &Span, next: &mut [f64]) -> Result<()> {
+fn call(engine: &dyn Steps, rows: &Rows<'_>, span: Span<'_>, next: &mut [f64]) -> Result<()> {
     match span {
-        Span::Rollout(samples, count) => engine.rollout(rows, (*samples, *count), next),
-        Span::Each(dt) => match &dt[..] {
+        Span::Rollout(samples, count) => engine.rollout(rows, (samples, count), next),
+        Span::Each(dt) => match dt {
             [first, rest @ ..] if rest.iter().any(|other| other != first) => engine.unequal_steps(rows, dt, next),
             [first, ..] => engine.step(rows, *first, next),
             [] => Ok(()),
@@ -228,9 +236,8 @@ impl Batch {
         drop(requests);
         items.into_iter().for_each(|(worker, item)| self.respond(worker, Response::Item(item)));
         let mut pending = Pending { batch: self, workers: calls.iter().map(|(worker, _)| *worker).collect() };
-        let kind = |call: &Call| if let Span::Rollout(samples, count) = call.span { (samples, count) } else { (0, 0) };
-        calls.sort_by_key(|(worker, call)| (kind(call), *worker));
-        for same in calls.chunk_by(|a, b| kind(&a.1) == kind(&b.1)) {
+        calls.sort_by_key(|(worker, call)| (call.rollout, *worker));
+        for same in calls.chunk_by(|a, b| a.1.rollout == b.1.rollout) {
             for ((worker, _), answer) in same.iter().zip(self.answers(same)) {
                 pending.workers.retain(|other| other != worker);
                 self.respond(*worker, Response::Call(answer));
@@ -250,7 +257,7 @@ impl Batch {
         let Some(engine) = self.simulator.steps() else { return Vec::new() };
         let answer = |call: &Call| {
             let mut next = vec![f64::NAN; call.count * call.samples() * width];
-            self::call(engine, &call.rows(), &call.span, &mut next).map(|()| next)
+            self::call(engine, &call.rows(), call.span(), &mut next).map(|()| next)
         };
         let [(_, first), rest @ ..] = calls else { return Vec::new() };
         if rest.is_empty() {
@@ -259,10 +266,8 @@ impl Batch {
         let all = Call {
             count: calls.iter().map(|(_, call)| call.count).sum(),
             parts: std::array::from_fn(|part| calls.iter().flat_map(|(_, call)| &call.parts[part]).copied().collect()),
-            span: match first.span {
-                Span::Rollout(samples, count) => Span::Rollout(samples, count),
-                Span::Each(_) => Span::Each(calls.iter().flat_map(|(_, call)| call.lengths()).copied().collect()),
-            },
+            rollout: first.rollout,
+            lengths: calls.iter().flat_map(|(_, call)| &call.lengths).copied().collect(),
         };
         let Ok(next) = answer(&all) else { return calls.iter().map(|(_, call)| answer(call)).collect() };
         let mut rest = &next[..];
@@ -282,11 +287,11 @@ impl Call {
     }
 
     fn samples(&self) -> usize {
-        if let Span::Rollout(samples, _) = self.span { samples } else { 1 }
+        self.rollout.map_or(1, |(samples, _)| samples)
     }
 
-    fn lengths(&self) -> &[f64] {
-        if let Span::Each(lengths) = &self.span { lengths } else { &[] }
+    fn span(&self) -> Span<'_> {
+        self.rollout.map_or(Span::Each(&self.lengths), |(samples, count)| Span::Rollout(samples, count))
     }
 }
 
@@ -306,8 +311,8 @@ mod tests {
         for step in 0..count {
             let mut next = vec![f64::NAN; 2];
             let rows = Rows { count: 1, states: &x, commands: &[command], forces: &[], parameters: &[0.03] };
-            let span =
-                if step % 3 == 2 { Span::Rollout(1, 2) } else { Span::Each(vec![0.001 * (step % 2 + 1) as f64]) };
+            let length = [0.001 * (step % 2 + 1) as f64];
+            let span = if step % 3 == 2 { Span::Rollout(1, 2) } else { Span::Each(&length) };
             advance(engine, &rows, span, &mut next)?;
             x = next;
         }

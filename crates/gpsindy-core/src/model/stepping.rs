@@ -17,6 +17,7 @@ pub(crate) struct Stepping {
     rule: Rule,
     rows: AtomicUsize,
     calls: AtomicUsize,
+    rollouts: AtomicUsize,
 }
 
 impl Stepping {
@@ -46,7 +47,8 @@ impl Stepping {
     }
 
     fn new(period: f64, rule: Rule) -> Self {
-        Self { period, rule, rows: AtomicUsize::new(0), calls: AtomicUsize::new(0) }
+        let [rows, calls, rollouts] = Default::default();
+        Self { period, rule, rows, calls, rollouts }
     }
 
     /// Rows that it has stepped.
@@ -57,6 +59,11 @@ impl Stepping {
     /// Calls by which it stepped them.
     pub(crate) fn calls(&self) -> usize {
         self.calls.load(Ordering::Relaxed)
+    }
+
+    /// Calls for many samples at once.
+    pub(crate) fn rollouts(&self) -> usize {
+        self.rollouts.load(Ordering::Relaxed)
     }
 
     /// A system of `place`, its speed `v`, the command `u`, and the parameter with its value.
@@ -125,6 +132,11 @@ impl Steps for Stepping {
             next.copy_from_slice(&(self.rule)([x[0], x[1]], *u, *parameter, dt));
         }
         Ok(())
+    }
+
+    fn rollout(&self, rows: &Rows<'_>, span: (usize, usize), next: &mut [f64]) -> Result<()> {
+        self.rollouts.fetch_add(1, Ordering::Relaxed);
+        self.one_by_one(rows, span, next)
     }
 }
 

@@ -45,7 +45,7 @@ impl Buffer {
 
     /// A step of `dt[i]` s for row i.
     pub(super) fn step_each(&mut self, engine: &dyn Steps, system: &System, dt: &[f64]) {
-        self.advance(engine, system, Span::Each(dt.to_vec()));
+        self.advance(engine, system, Span::Each(dt));
     }
 
     /// So many samples of so many whole steps each; the rows have commands and forces of every sample, and so has what comes back.
@@ -60,7 +60,7 @@ impl Buffer {
         }
     }
 
-    fn advance(&mut self, engine: &dyn Steps, system: &System, span: Span) {
+    fn advance(&mut self, engine: &dyn Steps, system: &System, span: Span<'_>) {
         let n = system.simulator().map_or(0, |s| s.n_states());
         self.next.clear();
         let samples = if let Span::Rollout(samples, _) = span { samples } else { 1 };

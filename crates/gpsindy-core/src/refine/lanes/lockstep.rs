@@ -10,9 +10,10 @@ mod beside;
 
 use super::buffer::Buffer;
 use super::{Lanes, Node};
-use crate::model::{Drive, Steps, System};
+use crate::model::{Steps, System};
+use crate::refine::Experiment;
 use crate::refine::history::Stages;
-use crate::refine::{Experiment, Hold};
+use ahead::{Ahead, Known};
 
 /// Lanes that run through a tape together.
 pub(super) const L: usize = 4;
@@ -47,8 +48,7 @@ pub(super) struct Group<'a> {
     sample: usize,
     last: usize,
     part: usize,
-    /// Whether what goes to the simulator follows from the log alone and changes with its samples only.
-    is_held: bool,
+    known: Known,
     x: Vec<[f64; L]>,
     inputs: Vec<Stages<L>>,
     arguments: Vec<[f64; L]>,
@@ -101,41 +101,44 @@ fn walk<'a>(
     receive: &mut dyn FnMut(usize, usize, usize, f64),
 ) -> Vec<Group<'a>> {
     let (mut rows, mut lengths) = (Buffer::default(), Vec::new());
+    let mut under_way: Vec<usize> = (0..groups.len()).collect();
     loop {
-        let held: usize = groups.iter().filter(|group| group.is_held).map(|group| group.count).sum();
-        let mut due: Vec<(usize, f64, (usize, usize))> = Vec::with_capacity(groups.len());
-        for (g, group) in groups.iter_mut().enumerate() {
+        let known: usize = groups.iter().filter(|g| g.known != Known::Nothing).map(|g| g.count).sum();
+        let mut due: Vec<(usize, Option<Ahead>)> = Vec::with_capacity(groups.len());
+        under_way.retain(|&g| {
+            let group = &mut groups[g];
             group.begin(columns, receive);
-            if group.sample < group.last {
-                due.push((g, group.next_step(engine.period()), group.ahead(engine.period(), held)));
+            let goes_on = group.sample < group.last;
+            if goes_on {
+                due.push((g, group.ahead(engine.period(), known)));
             }
-        }
+            goes_on
+        });
         if due.is_empty() {
             return groups;
         }
-        due.sort_by_key(|&(g, _, ahead)| (ahead, g));
-        for same in due.chunk_by(|a, b| a.2 == b.2) {
-            let ahead @ (samples, _) = same[0].2;
+        due.sort_by_key(|&(g, ahead)| (ahead, g));
+        for same in due.chunk_by(|a, b| a.1 == b.1) {
             rows.clear();
-            lengths.clear();
-            for &(g, dt, _) in same {
-                match samples {
-                    0 => groups[g].put(system, dt, None, &mut rows),
-                    _ => groups[g].put_ahead(system, ahead, &mut rows),
-                }
-                lengths.resize(rows.count, dt);
-            }
             let mut taken = 0;
-            if samples == 0 {
-                rows.step_each(engine, system, &lengths);
-                for &(g, dt, _) in same {
-                    taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
+            if let Some(ahead) = same[0].1 {
+                same.iter().for_each(|&(g, _)| groups[g].put_ahead(system, ahead, &mut rows));
+                rows.rollout(engine, system, ahead.pieces());
+                for &(g, _) in same {
+                    taken += groups[g].take_ahead(system, ahead, &rows.next[taken..], columns, receive);
                 }
                 continue;
             }
-            rows.rollout(engine, system, ahead);
-            for &(g, ..) in same {
-                taken += groups[g].take_ahead(system, ahead, &rows.next[taken..], columns, receive);
+            lengths.clear();
+            for &(g, _) in same {
+                let dt = groups[g].next_step(engine.period());
+                groups[g].put(system, dt, None, &mut rows);
+                lengths.resize(rows.count, dt);
+            }
+            rows.step_each(engine, system, &lengths);
+            for &(g, _) in same {
+                let dt = groups[g].next_step(engine.period());
+                taken += groups[g].take(system, engine.period(), dt, &rows.next[taken..]);
             }
         }
     }
@@ -165,21 +168,9 @@ impl<'a> Group<'a> {
             registers
         };
         let drive = system.drive();
-        // Neither the states nor the time, which is behind the last variable, nor a part of the past; nothing acts outside, and the
-        // simulator's own parameters stay.
-        let is_held = experiment.hold == Hold::Zero
-            && lanes.late.is_empty()
-            && lanes.histories.len() == 0
-            && drive.zip(system.engine()).is_some_and(|(Drive { arguments, rows, .. }, engine)| {
-                let (states, time) = (system.n_states(), arguments.n_variables());
-                let controls = states..states + system.n_controls();
-                let stays = |output| !arguments.output_reads(output, &controls);
-                rows.is_empty()
-                    && !(0..states).chain([time]).any(|v| arguments.reads(v))
-                    && (arguments.n_outputs() - engine.n_parameters()..arguments.n_outputs()).all(stays)
-            });
+        let known = Known::of(system, experiment.hold, &lanes);
         Self {
-            is_held,
+            known,
             first,
             count,
             start: window.first,
