@@ -5,7 +5,7 @@ pub(crate) use super::blocks::{Block, Jacobian, Point, prior_cost};
 use super::blocks::difference;
 use super::lanes::Lanes;
 use super::tally::Purpose;
-use super::{Experiment, Free, Job, roll_together};
+use super::{Experiment, Free, Job, Tangent, roll_together};
 use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::{DMatrix, DVector};
@@ -118,23 +118,27 @@ fn pass<const L: usize>(
 pub(crate) fn costs(system: &System, experiment: &Experiment, points: &[Point], free: &[Free]) -> Vec<f64> {
     let columns = experiment.columns.len();
     let mut sums = vec![0.0; points.len()];
-    misses(system, experiment, points, |point, _, row, missed| {
+    misses(system, experiment, points, None, |point, _, row, missed| {
         sums[point] += experiment.starts.weight(row / columns) * (missed * missed);
     });
     let all = sums.iter().zip(points).map(|(sum, point)| sum + prior_cost(&point.parameters, free));
     all.map(|cost| if cost.is_finite() { cost } else { f64::INFINITY }).collect()
 }
 
+/// Derivatives along which a simulator that steps need not be rolled out, and which of their windows those of an experiment are.
+pub(crate) type Lines<'a> = (&'a Tangent, &'a [usize]);
+
 /// Residuals of several points: `receive(point, window, row, (measured - model)/noise)`, rows as those of a [`Block`].
 pub(crate) fn misses(
     system: &System,
     experiment: &Experiment,
     points: &[Point],
+    lines: Option<Lines<'_>>,
     mut receive: impl FnMut(usize, usize, usize, f64),
 ) {
     const L: usize = 4;
     if system.engine().is_some() {
-        return misses_in_lockstep(system, experiment, points, &mut receive);
+        return misses_in_lockstep(system, experiment, points, lines, &mut receive);
     }
     let n_columns = experiment.columns.len();
     experiment.tally.pass(Purpose::Trials, points.len().div_ceil(L) * experiment.n_samples());
@@ -173,6 +177,7 @@ fn misses_in_lockstep(
     system: &System,
     experiment: &Experiment,
     points: &[Point],
+    lines: Option<Lines<'_>>,
     receive: &mut impl FnMut(usize, usize, usize, f64),
 ) {
     let job = |window: usize, point: &Point| Job {
@@ -182,7 +187,7 @@ fn misses_in_lockstep(
     };
     let windows = 0..experiment.windows.len();
     let jobs: Vec<Job> = windows.flat_map(|w| points.iter().map(move |point| job(w, point))).collect();
-    roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
+    let mut receive = |job: usize, sample: usize, c: usize, value: f64| {
         let (w, point) = (job / points.len(), job % points.len());
         let window = experiment.windows[w];
         let measured = experiment.logs[window.log].measured[c][sample];
@@ -190,5 +195,17 @@ fn misses_in_lockstep(
             let row = (sample - window.first) * experiment.columns.len() + c;
             receive(point, w, row, (measured - value) / experiment.noise[c]);
         }
-    });
+    };
+    let columns = &experiment.columns[..];
+    let samples = points.len() * experiment.n_samples();
+    match lines {
+        Some((tangent, windows)) => {
+            experiment.tally.pass(Purpose::Responses, samples);
+            tangent.roll(system, (experiment, windows), &jobs, (columns, true), &mut receive);
+        }
+        None => {
+            experiment.tally.pass(Purpose::Trials, samples);
+            roll_together(system, experiment, &jobs, Some(columns), &mut receive);
+        }
+    }
 }

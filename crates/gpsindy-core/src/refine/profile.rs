@@ -2,8 +2,9 @@
 //!
 //! Source: Golub and Pereyra 1973, variable projection (SIAM J. Numer. Anal. 10(2)), with the derivatives of one point for all.
 
-use super::jacobian::{Jacobian, Point, misses, prior_cost};
+use super::jacobian::{Jacobian, Lines, Point, misses, prior_cost};
 use super::normal::{Normal, Solved};
+use super::stepped::{self, Kept};
 use super::{Experiment, Free};
 use crate::error::Result;
 use crate::model::System;
@@ -14,17 +15,29 @@ pub(crate) struct Profile<'a> {
     system: &'a System,
     experiment: &'a Experiment,
     free: &'a [Free],
+    lines: Option<Lines<'a>>,
     jacobian: Jacobian,
     solved: Option<Solved>,
 }
 
 impl<'a> Profile<'a> {
+    /// Trials of a simulator that steps go along `lines` where there are any, with the derivatives of an earlier fit as far as it has them.
+    ///
     /// # Errors
     /// A model that diverges at `point`.
-    pub(crate) fn new(system: &'a System, experiment: &'a Experiment, point: &Point, free: &'a [Free]) -> Result<Self> {
-        let jacobian = Jacobian::new(system, experiment, point, free)?;
+    pub(crate) fn new(
+        system: &'a System,
+        experiment: &'a Experiment,
+        (point, free): (&Point, &'a [Free]),
+        lines: Option<Lines<'a>>,
+        kept: Option<&Kept>,
+    ) -> Result<Self> {
+        let jacobian = match kept.filter(|_| system.engine().is_some()) {
+            Some(kept) => stepped::jacobian_from(system, experiment, point, free, Some(kept))?,
+            None => Jacobian::new(system, experiment, point, free)?,
+        };
         let solved = Normal::new(&jacobian, experiment, point, free).solved();
-        Ok(Self { system, experiment, free, jacobian, solved })
+        Ok(Self { system, experiment, free, lines, jacobian, solved })
     }
 
     /// Costs of `trials`, which have the initial states and free parameters of the point, once those have taken a step each;
@@ -34,7 +47,7 @@ impl<'a> Profile<'a> {
         let columns = self.experiment.columns.len();
         let mut sums = vec![0.0; trials.len()];
         let mut slopes = vec![vec![DVector::zeros(width); self.experiment.windows.len()]; trials.len()];
-        misses(self.system, self.experiment, trials, |trial, window, row, missed| {
+        misses(self.system, self.experiment, trials, self.lines, |trial, window, row, missed| {
             let weight = self.experiment.starts.weight(row / columns);
             sums[trial] += weight * missed * missed;
             let derivative = self.jacobian.blocks[window].derivative.row(row);

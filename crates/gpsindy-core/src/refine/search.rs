@@ -115,7 +115,7 @@ impl Search<'_> {
         let (factors, points): (Vec<f64>, Vec<Point>) = DAMPINGS.iter().filter_map(step).unzip();
         let empty = || self.jacobian.blocks.iter().map(|block| DVector::zeros(block.residual.len())).collect();
         let mut residuals: Vec<Vec<DVector<f64>>> = points.iter().map(|_| empty()).collect();
-        misses(self.system, self.experiment, &points, |point, window, row, missed| {
+        misses(self.system, self.experiment, &points, None, |point, window, row, missed| {
             residuals[point][window][row] = missed;
         });
         let trial = |((factor, point), residuals): ((f64, Point), Vec<DVector<f64>>)| {

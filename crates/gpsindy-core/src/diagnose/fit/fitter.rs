@@ -35,10 +35,10 @@ impl Fitter {
         free: Vec<Free>,
         budget: Budget,
     ) -> Result<Contestant> {
-        self.nominal_watched(system, experiment, free, budget, &|_| Ok(()))
+        self.redrawn(self.nominal_watched(system, experiment, free, budget, &|_| Ok(()))?, budget)
     }
 
-    /// As [`Fitter::nominal`]; `watch` is called with the number of steps done, and may end the fit with an error.
+    /// As [`Fitter::nominal`], and no start is drawn anew; `watch` is called with the number of steps done, and may end the fit with an error.
     pub(crate) fn nominal_watched(
         self,
         system: System,
@@ -60,8 +60,7 @@ impl Fitter {
             refined,
             evidence,
         };
-        let nominal = if starts(&nominal).more > 0.0 { self.carried_on(nominal, budget)? } else { nominal };
-        self.redrawn(nominal, budget)
+        if starts(&nominal).more > 0.0 { self.carried_on(nominal, budget) } else { Ok(nominal) }
     }
 
     /// The same contestant, the windows of a simulator that steps whose residuals stand out fitted once more from the best of several drawn
@@ -122,9 +121,9 @@ impl Fitter {
         let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
         let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
         let mut point = Point { parameters, initial };
-        // A search by trial costs more than all else of a first step, and most suspects take no second one.
-        if budget != Budget::Glance {
-            sampling::settle(&system, &experiment, &applied.fitted, &free, &mut point)?;
+        // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
+        if budget != Budget::Glance || system.engine().is_some() {
+            sampling::settle(base, &system, &experiment, (&applied.fitted, &free), &mut point)?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -186,8 +185,8 @@ impl Fitter {
         let Contestant { system, free, added, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
         let mut point = Point { parameters: parameters.clone(), initial: initial.clone() };
         // What was left out at the first step.
-        if budget == Budget::Rough {
-            sampling::settle(system, &experiment, &added.concat(), free, &mut point)?;
+        if budget == Budget::Rough && system.engine().is_none() {
+            sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
         }
         let at = (&point.parameters[..], &free[..]);
         let fit = budget.refine().fit_on(system, &experiment, at, &point.initial, kept.as_ref());

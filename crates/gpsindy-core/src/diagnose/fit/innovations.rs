@@ -111,7 +111,7 @@ impl Innovations {
                     block.derivative[(row, place)] = moved / by;
                 }
             };
-            self.guide.tangent.roll(system, (experiment, &windows), &jobs, &experiment.columns, &mut receive);
+            self.guide.tangent.roll(system, (experiment, &windows), &jobs, (&experiment.columns, true), &mut receive);
         }
     }
 }

@@ -7,10 +7,11 @@
 //! that is what a log has that its own controller wrote.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
+use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::sampling::{BESIDE, CELLS, FEWEST_TRIALS, FINE, KEPT, LATTICE, PAST_END, PHASES, REACH};
 use crate::error::Result;
 use crate::model::System;
-use crate::refine::{Experiment, Free, Point, Profile, Window};
+use crate::refine::{Experiment, Free, Point, Profile, Refined, Window, tangent};
 
 /// A period and a phase, s, and by how much their neighbours on the lattice differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,17 +31,24 @@ impl Sampling {
     }
 }
 
-/// Puts the periods and phases of the sample-and-holds among `fitted` in `point` where the logs fit best.
+/// Puts the periods and phases of the sample-and-holds among `fitted` in `point` where the logs fit best; hundreds of them are tried, those of
+/// a simulator that steps along straight lines from the contestant `from`, whose windows are the experiment's.
 pub(crate) fn settle(
+    from: &Contestant,
     system: &System,
     experiment: &Experiment,
-    fitted: &[(usize, Added)],
-    free: &[Free],
+    (fitted, free): (&[(usize, Added)], &[Free]),
     point: &mut Point,
 ) -> Result<()> {
+    let is_sampled = |pair: &[(usize, Added)]| matches!(pair, [(_, a), (_, b)] if is_sampling(a, b));
+    if !fitted.windows(2).any(is_sampled) {
+        return Ok(());
+    }
+    let Refined { parameters, initial, kept, .. } = &from.refined;
+    let lines = tangent(&from.system, &from.experiment, parameters, initial);
     for pair in fitted.windows(2) {
         let [(period, of_period), (phase, of_phase)] = pair else { continue };
-        if (of_period.role, of_phase.role) != (Role::Period, Role::Phase) {
+        if !is_sampling(of_period, of_phase) {
             continue;
         }
         let bounds = (of_period.lower, of_period.upper);
@@ -54,12 +62,19 @@ pub(crate) fn settle(
             };
             let here = Point { parameters: point.parameters.clone(), initial: initial.clone() };
             // What else is free moves with them: it has settled for the model that lacks the hold.
-            let profile = Profile::new(system, &part, &here, free)?;
+            let own = |all: &[usize]| windows.iter().map(|&w| all[w]).collect::<Vec<usize>>();
+            let own = lines.as_ref().map(|(tangent, all)| (tangent, own(all)));
+            let along = own.as_ref().map(|(tangent, windows)| (&***tangent, &windows[..]));
+            let profile = Profile::new(system, &part, (&here, free), along, kept.as_ref().map(AsRef::as_ref))?;
             Ok(profile.costs(&trials.iter().map(at).collect::<Vec<_>>()))
         })?;
         (point.parameters[*period], point.parameters[*phase]) = (found.period, found.phase);
     }
     Ok(())
+}
+
+fn is_sampling(period: &Added, phase: &Added) -> bool {
+    (period.role, phase.role) == (Role::Period, Role::Phase)
 }
 
 /// By how much a period or a phase may differ before a log samples another value at its end, s; nothing for other parameters.
@@ -232,7 +247,7 @@ mod tests {
             let profile = |until: f64, trials: &[Sampling]| {
                 let (part, _) = beginning(&experiment, until);
                 let at = |t: &Sampling| Point { parameters: vec![t.period, t.phase], initial: vec![vec![0.3]] };
-                Profile::new(&system, &part, &at(&trials[0]), &[])
+                Profile::new(&system, &part, (&at(&trials[0]), &[]), None, None)
                     .map(|p| p.costs(&trials.iter().map(at).collect::<Vec<_>>()))
             };
             let found = search(&experiment, start, (0.015, 0.8), profile).unwrap();

@@ -108,7 +108,7 @@ fn walk<'a>(
         under_way.retain(|&g| {
             let group = &mut groups[g];
             group.begin(columns, receive);
-            let goes_on = group.sample < group.last;
+            let goes_on = !group.is_over();
             if goes_on {
                 due.push((g, group.ahead(engine.period(), known)));
             }
@@ -198,6 +198,11 @@ impl<'a> Group<'a> {
     /// Number of the sample that begins, counted from the window's first; none within a sample.
     pub(super) fn new_sample(&self) -> Option<usize> {
         (self.part == 0).then(|| self.sample - self.start)
+    }
+
+    /// Whether its last sample has been reached.
+    pub(super) fn is_over(&self) -> bool {
+        self.sample >= self.last
     }
 
     /// Puts a state of every lane elsewhere.

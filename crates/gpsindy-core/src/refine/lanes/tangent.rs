@@ -100,13 +100,13 @@ impl Tangent {
     }
 
     /// As [`super::lockstep::roll_together`], for systems that change a little of what this one was made of; `windows` says which
-    /// of its own those of the experiment are.
+    /// of its own those of the experiment are, or begin as. Other commands may be much other ones if the simulator `answers` to them.
     pub(crate) fn roll(
         &self,
         system: &System,
         (experiment, windows): (&Experiment, &[usize]),
         jobs: &[Job],
-        columns: &[usize],
+        (columns, answers): (&[usize], bool),
         receive: &mut dyn FnMut(usize, usize, usize, f64),
     ) {
         let mut first = 0;
@@ -117,7 +117,7 @@ impl Tangent {
                 self.walk(system, group, (windows[jobs[first].window], first), columns, commands, receive)
             };
             let mut commands = Commands::Lines;
-            if self.corrections.is_some() {
+            if answers {
                 commands = Commands::Asked(Vec::new());
                 walk(&mut commands, &mut |_, _, _, _| {});
                 commands = commands.answered(system, self, windows[jobs[first].window]);
@@ -148,6 +148,9 @@ impl Tangent {
         let corrections = self.corrections.as_ref().map(|all| &all[window]);
         let mut shown = vec![[0.0; L]; columns.len()];
         for (number, step) in self.steps[window].iter().enumerate() {
+            if group.is_over() {
+                break;
+            }
             let sample = group.new_sample();
             group.begin(Some(columns), &mut |job, sample, column, value| {
                 shown[column][job - first] = value;

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::model::System;
 use crate::random::normal;
 use crate::refine::stepped::slopes::Scene;
+use crate::refine::tally::Purpose;
 use crate::refine::{Experiment, Job, Point, Refine, Window, guess_initial};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
@@ -89,7 +90,7 @@ pub(crate) fn drawn_starts(
 fn squares(system: &System, experiment: &Experiment, parameters: &[f64], starts: &[Vec<f64>]) -> Vec<f64> {
     let point = Point { parameters: parameters.to_vec(), initial: starts.to_vec() };
     let jobs: Vec<Job> = (0..starts.len()).map(|window| Scene::job(&point, window)).collect();
-    let residuals = Scene { system, experiment, free: &[] }.residuals(&jobs);
+    let residuals = Scene { system, experiment, free: &[] }.residuals(Purpose::Trials, &jobs);
     let sums = residuals.iter().map(|residual| residual.norm_squared());
     sums.map(|sum| if sum.is_finite() { sum } else { f64::INFINITY }).collect()
 }

@@ -29,12 +29,18 @@ impl Kept {
 
     /// Whether these are the derivatives of the same readings.
     pub(super) fn serves(&self, experiment: &Experiment) -> bool {
-        self.windows == experiment.windows && self.columns == experiment.columns && self.noise == experiment.noise
+        self.windows == experiment.windows && self.columns == experiment.columns
     }
 
-    /// Fills a column of a window's block in; whether it is known.
+    /// Fills a column of a window's block in; whether it is known, for the window itself or one that begins alike and goes on for longer.
     pub(super) fn fill(&self, scene: Scene<'_>, (window, column): (usize, usize), block: &mut Block) -> bool {
         let n = scene.system.n_states();
+        let wanted = scene.experiment.windows[window];
+        let begins = |own: &Window| own.log == wanted.log && own.first == wanted.first && own.last >= wanted.last;
+        let own = match self.windows.get(window) {
+            Some(same) if begins(same) => Some(window),
+            _ => self.windows.iter().position(begins),
+        };
         let place = match column.checked_sub(n) {
             None => Some(column).filter(|&column| column < self.jacobian.n_states),
             Some(free) => {
@@ -42,8 +48,14 @@ impl Kept {
                 self.parameters.iter().position(|p| *p == name).map(|place| self.jacobian.n_states + place)
             }
         };
-        let Some(place) = place else { return false };
-        block.derivative.set_column(column, &self.jacobian.blocks[window].derivative.column(place));
+        let Some((own, place)) = own.zip(place) else { return false };
+        let known = self.jacobian.blocks[own].derivative.column(place);
+        // In units of the noise, which may have been another.
+        let noise = &scene.experiment.noise;
+        for (row, (value, known)) in block.derivative.column_mut(column).iter_mut().zip(known.iter()).enumerate() {
+            let of = row % noise.len();
+            *value = known * self.noise[of] / noise[of];
+        }
         true
     }
 }

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::blocks::{Block, Jacobian, Point, difference};
+use crate::refine::stepped::Kept;
 use crate::refine::tally::Purpose;
 use crate::refine::{Experiment, Free, Job, roll_together};
 use nalgebra::{DMatrix, DVector};
@@ -33,12 +34,12 @@ pub(super) struct Scene<'a> {
 
 impl Scene<'_> {
     /// Residuals of every job: (measured - model)/noise, sample by sample; zero where a value is missing.
-    pub(super) fn residuals(self, jobs: &[Job]) -> Vec<DVector<f64>> {
+    pub(super) fn residuals(self, purpose: Purpose, jobs: &[Job]) -> Vec<DVector<f64>> {
         let Self { system, experiment, .. } = self;
         let n_columns = experiment.columns.len();
         let samples = |job: &Job| experiment.windows[job.window].last - experiment.windows[job.window].first + 1;
         let mut all: Vec<DVector<f64>> = jobs.iter().map(|job| DVector::zeros(samples(job) * n_columns)).collect();
-        experiment.tally.pass(Purpose::Trials, jobs.iter().map(samples).sum());
+        experiment.tally.pass(purpose, jobs.iter().map(samples).sum());
         roll_together(system, experiment, jobs, Some(&experiment.columns), &mut |job, sample, c, value| {
             let window = experiment.windows[jobs[job].window];
             let measured = experiment.logs[window.log].measured[c][sample];
@@ -62,25 +63,30 @@ impl Scene<'_> {
         let Self { system, experiment, free } = self;
         let (width, n_columns) = (system.n_states() + free.len(), experiment.columns.len());
         let jobs: Vec<Job> = (0..experiment.windows.len()).map(|w| Self::job(point, w)).collect();
-        let blocks = self.residuals(&jobs).into_iter().zip(&experiment.windows).map(|(residual, window)| {
-            let log = &experiment.logs[window.log];
-            let at = |row: usize| (row % n_columns, window.first + row / n_columns);
-            if let Some(row) = residual.iter().position(|e| !e.is_finite()) {
-                let (c, sample) = at(row);
-                return Err(Error::Diverged {
-                    what: format!("the simulator `{}` in run `{}`", system.model().name, log.name),
-                    time: log.time[sample],
-                    state: system.model().states[experiment.columns[c]].name.clone(),
-                    value: residual[row],
-                });
-            }
-            let present = |row: usize| {
-                let (c, sample) = at(row);
-                log.measured[c][sample].is_finite()
-            };
-            let rows = residual.len();
-            Ok(Block { residual, derivative: DMatrix::zeros(rows, width), present: (0..rows).map(present).collect() })
-        });
+        let blocks =
+            self.residuals(Purpose::Trials, &jobs).into_iter().zip(&experiment.windows).map(|(residual, window)| {
+                let log = &experiment.logs[window.log];
+                let at = |row: usize| (row % n_columns, window.first + row / n_columns);
+                if let Some(row) = residual.iter().position(|e| !e.is_finite()) {
+                    let (c, sample) = at(row);
+                    return Err(Error::Diverged {
+                        what: format!("the simulator `{}` in run `{}`", system.model().name, log.name),
+                        time: log.time[sample],
+                        state: system.model().states[experiment.columns[c]].name.clone(),
+                        value: residual[row],
+                    });
+                }
+                let present = |row: usize| {
+                    let (c, sample) = at(row);
+                    log.measured[c][sample].is_finite()
+                };
+                let rows = residual.len();
+                Ok(Block {
+                    residual,
+                    derivative: DMatrix::zeros(rows, width),
+                    present: (0..rows).map(present).collect(),
+                })
+            });
         blocks.collect()
     }
 
@@ -95,7 +101,7 @@ impl Scene<'_> {
             }
             job
         };
-        let moved = self.residuals(&wanted.iter().map(job).collect::<Vec<Job>>());
+        let moved = self.residuals(Purpose::Derivatives, &wanted.iter().map(job).collect::<Vec<Job>>());
         for (&(window, column), moved) in wanted.iter().zip(moved) {
             let by = self.by(slopes, column);
             let Block { residual, derivative, .. } = &mut blocks[window];
@@ -131,9 +137,23 @@ pub(in crate::refine) fn jacobian(
     point: &Point,
     free: &[Free],
 ) -> Result<Jacobian> {
+    jacobian_from(system, experiment, point, free, None)
+}
+
+/// The same with the derivatives of an earlier fit, as far as it has them.
+pub(in crate::refine) fn jacobian_from(
+    system: &System,
+    experiment: &Experiment,
+    point: &Point,
+    free: &[Free],
+    kept: Option<&Kept>,
+) -> Result<Jacobian> {
     let scene = Scene { system, experiment, free };
     let mut blocks = scene.blocks(point)?;
-    let all = scene.all_of(0..experiment.windows.len());
-    scene.differentiate(point, Slopes::Fine, &all, &mut blocks);
+    let mut wanted = scene.all_of(0..experiment.windows.len());
+    if let Some(kept) = kept {
+        wanted.retain(|&(window, column)| !kept.fill(scene, (window, column), &mut blocks[window]));
+    }
+    scene.differentiate(point, Slopes::Fine, &wanted, &mut blocks);
     Ok(Jacobian { blocks, n_states: system.n_states() })
 }

@@ -5,6 +5,7 @@ use super::{DAMPING, LEAST, LESS, MORE, MOST, Search};
 use crate::refine::Job;
 use crate::refine::blocks::squares;
 use crate::refine::jacobian::{Block, Point, prior_cost};
+use crate::refine::tally::Purpose;
 use nalgebra::DVector;
 
 /// Share of a step that a window tries where the whole one does not help.
@@ -57,7 +58,7 @@ impl Search<'_> {
             parameters: aim.parameters.clone(),
             initial: start.clone(),
         };
-        let residuals = self.scene.residuals(&starts.iter().map(job).collect::<Vec<Job>>());
+        let residuals = self.scene.residuals(Purpose::Trials, &starts.iter().map(job).collect::<Vec<Job>>());
         for ((window, start), residual) in starts.into_iter().zip(residuals) {
             let squares = squares(self.scene.experiment, &residual);
             tried[window].rollouts.push(Rollout { start, residual, squares });

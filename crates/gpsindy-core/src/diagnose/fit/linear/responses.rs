@@ -187,7 +187,9 @@ fn stepped(
     };
     match lines {
         Some((tangent, windows)) => {
-            tangent.roll(system, (experiment, &windows), &jobs, &experiment.columns, &mut receive);
+            // Along the logs a suspect's commands are large for what they change.
+            let how = (&experiment.columns[..], at.guide.is_some());
+            tangent.roll(system, (experiment, &windows), &jobs, how, &mut receive);
         }
         None => roll_together(system, experiment, &jobs, Some(&experiment.columns), &mut receive),
     }

@@ -73,16 +73,24 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     let budget = Budget::Thorough;
     let stage = run.stage("nominal model: fitting", budget.refine().max_iterations)?;
     let watch = |done: usize| stage.reach(done);
-    let mut nominal = fitter.nominal_watched(system.clone(), experiment, tolerated(model), budget, &watch)?;
+    let nominal = fitter.nominal_watched(system.clone(), experiment, tolerated(model), budget, &watch)?;
     check::nominal(&nominal)?;
-    for _ in 0..LOWERED {
-        let Some(noise) = quieter(&nominal) else { break };
-        let experiment = Experiment { noise, ..nominal.experiment.clone() };
-        nominal = fitter.redrawn(fitter.on(&nominal, &experiment, budget)?, budget)?;
-    }
+    // Starts are drawn within the noise as it is known then, and a better one may show that there is less of it.
+    let nominal = fitter.redrawn(with_less_noise(fitter, nominal, budget)?, budget)?;
+    let nominal = with_less_noise(fitter, nominal, budget)?;
     // Means over several samples are held exactly, but not interpolated: they would act half a step too early.
     let may_interpolate = known.hold.is_none() && !is_averaged;
     Ok(Prepared { train, holdout, nominal, fitter, may_interpolate, notes })
+}
+
+/// The nominal model with the noise lowered to what its fit leaves, the fit carried on each time.
+fn with_less_noise(fitter: Fitter, mut nominal: Contestant, budget: Budget) -> Result<Contestant> {
+    for _ in 0..LOWERED {
+        let Some(noise) = quieter(&nominal) else { break };
+        let experiment = Experiment { noise, ..nominal.experiment };
+        nominal = fitter.carried_on(Contestant { experiment, ..nominal }, budget)?;
+    }
+    Ok(nominal)
 }
 
 /// The noise of the columns where differences of samples overstate it, as they do where the motion is faster than the samples: a fit cannot
