@@ -1,7 +1,7 @@
 //! Search: from one set of effects to a better one, a move at a time.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, NO_REST, NOISE, SWAP};
+use crate::diagnose::limits::{MOST_MOVES, NAMED, NO_REST, NOISE, REST, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::findings::counts;
@@ -13,9 +13,10 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
     let (mut best, mut round) = (nominal.clone(), first);
     for number in 1..=MOST_MOVES {
         let Some(next) = better(contest, &best, &round.fits) else { break };
-        // One more effect that removes little, and leaves a rest, would be left out again at the end.
+        // One more effect that removes little, and leaves a rest, would be left out again at the end; one that removes next to nothing always.
         let is_richer = next.hypotheses.len() > best.hypotheses.len();
-        if is_richer && next.evidence.misfit() > NOISE && !counts(nominal, next, &best, NAMED) {
+        let least = if next.evidence.misfit() > NOISE { NAMED } else { REST };
+        if is_richer && !counts(nominal, next, &best, least) {
             break;
         }
         // A round that was cut short has fitted neither its leaders nor what they stand beside to the end.
