@@ -64,6 +64,7 @@ const PARTS: &[(&str, &[&str])] = &[
     ("places", &["contained"]),
     ("prepare", &["affordable", "check"]),
     ("attribute", &["search", "simplify", "lengthen", "charge", "places", "detect"]),
+    ("search", &["simplify"]),
     ("simplify", &["detect"]),
     ("hold", &["attribute", "detect"]),
     ("verify", &["curves", "floor", "spread", "start"]),

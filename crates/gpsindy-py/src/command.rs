@@ -27,14 +27,18 @@ impl Engines for InPython {
     fn open(&self, kind: FileKind, path: &Path, setup: &Setup) -> Result<Box<dyn Engine>, String> {
         let (what, module) = kind.words();
         let open = |py: Python<'_>| -> PyResult<Simulator> {
-            let module = py.import(format!("gpsindy.{module}"))?;
+            let own = py.import(format!("gpsindy.{module}"))?;
+            if matches!(kind, FileKind::MuJoCo) {
+                // It reads a clock at every step for a profile that nobody asks this process for: a fifteenth of an arm's time.
+                py.import(module)?.call_method1("set_mjcb_time", (py.None(),))?;
+            }
             let given = PyDict::new(py);
             if !setup.drivers.is_empty() {
                 let drivers = PyDict::new(py);
                 for Driver { actuator, values: [kp, kd, delay], guessed } in &setup.drivers {
                     let names = ["kp", "kd", "delay"].into_iter().zip(guessed);
                     let find: Vec<&str> = names.filter(|(_, guessed)| **guessed).map(|(name, _)| name).collect();
-                    drivers.set_item(actuator, module.getattr("Driver")?.call1((kp, kd, delay, find))?)?;
+                    drivers.set_item(actuator, own.getattr("Driver")?.call1((kp, kd, delay, find))?)?;
                 }
                 given.set_item("drivers", drivers)?;
             }
@@ -55,7 +59,7 @@ impl Engines for InPython {
                 given.set_item("forces", forces)?;
                 given.set_item("kinematic", kinematic)?;
             }
-            let simulator = module.getattr("Simulator")?.call((path,), Some(&given))?;
+            let simulator = own.getattr("Simulator")?.call((path,), Some(&given))?;
             let nominal = simulator.getattr("model")?.getattr("_inner")?.cast_into::<PyModel>()?.unbind();
             let watch = Arc::new(Watch::default());
             let dynamics = nominal.get().dynamics(py, &watch);

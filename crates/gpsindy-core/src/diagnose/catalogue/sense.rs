@@ -23,6 +23,8 @@ pub(crate) enum Sense {
     NotThermal,
     /// No parameter scales the whole equation: it would be the same suspect.
     NoScale,
+    /// The variable with this number is no command in the unit of a place: such a one is where to go, and loads nothing.
+    NoTarget(usize),
 }
 
 impl Sense {
@@ -36,6 +38,7 @@ impl Sense {
             Self::Moves(_) => "the variable moves in the logs",
             Self::NotThermal => "the equation is not that of a temperature",
             Self::NoScale => "no parameter scales the whole equation",
+            Self::NoTarget(_) => "the variable is not the target of a position servo",
         }
     }
 
@@ -55,6 +58,10 @@ impl Sense {
             Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > MOVES * e.size()),
             Self::NotThermal => !is_temperature(&model.states[state].unit),
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
+            Self::NoTarget(index) => {
+                let control = variables.get(index).and_then(|name| model.control_index(name));
+                control.is_none_or(|c| !is_place(&model.controls[c].unit))
+            }
         }
     }
 }
@@ -74,6 +81,11 @@ fn excursion<'a>(name: &str, model: &Model, scene: &'a Scene) -> Option<&'a Excu
 /// Whether a unit is one of a speed: it has no spring, no weight and no teeth. Only what may be a place or an angle does.
 pub(crate) fn is_speed(unit: &str) -> bool {
     unit.ends_with("/s")
+}
+
+/// Whether a unit is one of an angle or a length.
+fn is_place(unit: &str) -> bool {
+    matches!(unit, "rad" | "deg" | "°" | "rev" | "turn" | "m" | "cm" | "mm" | "um" | "km" | "in" | "ft")
 }
 
 /// Whether a unit is one of a temperature.
@@ -116,6 +128,32 @@ fn is_scaled(equation: &Expression, model: &Model) -> bool {
 mod tests {
     use super::*;
     use crate::model::{Control, Parameter, State};
+
+    #[test]
+    fn the_target_of_a_servo_is_no_load() {
+        let of = |unit: &str| {
+            let control = Control { unit: unit.into(), ..Control::new("u") };
+            let states = vec![State::new("v", Expression::variable("u"))];
+            let model = Model { states, controls: vec![control], ..Model::default() };
+            let variables = ["v", "u"].map(String::from);
+            let scene = Scene {
+                states: Vec::new(),
+                controls: Vec::new(),
+                turns: Vec::new(),
+                clocks: Vec::new(),
+                rates: Vec::new(),
+                period: 0.01,
+                times: (0.0, 1.0),
+                duration: 1.0,
+                window: 1.0,
+                peaks: Vec::new(),
+                reach: Default::default(),
+            };
+            Sense::NoTarget(1).holds(0, &variables, &model, &scene)
+        };
+        assert!(!of("rad") && !of("mm"));
+        assert!(of("N m") && of("A") && of("") && of("rad/s"));
+    }
 
     #[test]
     fn a_mass_scales_its_equation_and_a_stiffness_does_not() {

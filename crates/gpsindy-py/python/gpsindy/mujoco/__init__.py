@@ -23,7 +23,7 @@ from gpsindy.mujoco.copies import WORTH_THREADS, Copies, seconds_a_step
 from gpsindy.mujoco.corrections import Corrections
 from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
-from gpsindy.mujoco.settings import Setting, name_of, settings_of
+from gpsindy.mujoco.settings import Setting, is_servo, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
 __all__ = ["Driver", "Setting", "Simulator"]
@@ -213,6 +213,14 @@ class Simulator:
             found[velocity] = (joint, masses[joint], "N m" if hinge else "N")
         return found
 
+    def _unit_of_command(self, actuator: int) -> str:
+        """That of the joint for the target of a servo or of a driver's loop; none for other commands."""
+        is_target = is_servo(self._mj, actuator) or actuator in self._drivers.around
+        if not is_target or self._actuators[actuator] not in self._drives:
+            return ""
+        is_hinge = self._mj.jnt_type[self._mj.actuator_trnid[actuator, 0]] == mujoco.mjtJoint.mjJNT_HINGE
+        return "rad" if is_hinge else "m"
+
     def _made(self, sensors: dict[str, str]) -> Model:
         m = self._mj
         step = float(m.opt.timestep)
@@ -245,7 +253,7 @@ class Simulator:
                 *((v, f"{unit}/s") for v, unit in zip(self._velocities, units)),
                 *((column, "") for column in self._activations),
             ],
-            controls=[*((name, "") for name in self._commands), *self._base.columns],
+            controls=[*zip(self._commands, map(self._unit_of_command, range(m.nu))), *self._base.columns],
             kinematic=list(zip(self._positions, self._velocities)),
             ports=ports,
             parameters=[(s.name, s.value, s.unit, s.tolerance, top, s.scale) for s in self._settings],

@@ -60,6 +60,13 @@ def first(field: Any) -> Any:
     return field if field.ndim == 2 else field[..., 0]
 
 
+def is_servo(m: Any, actuator: int) -> bool:
+    """Whether its command is where to go: a position servo of the engine."""
+    gain, bias = m.actuator_gainprm[actuator], m.actuator_biasprm[actuator]
+    affine = m.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+    return bool(affine and bias[1] != 0 and bias[1] == -gain[0])
+
+
 #: Numbers of a degree of freedom.
 OF_A_DOF = ("frictionloss", "damping", "armature")
 
@@ -87,8 +94,7 @@ def settings_of(m: Any, joints: Mapping[int, str], actuators: Sequence[str]) -> 
     for a, actuator in enumerate(actuators):
         gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
         affine = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
-        servo = affine and bias[1] != 0 and bias[1] == -gain[0]
-        if servo:
+        if is_servo(m, a):
             found.append(Setting(f"{actuator}.kp", float(gain[0]), "", actuator, "kp", a, None))
         if affine and bias[2] != 0:
             # A velocity servo's gain is its damping; a position servo's damping is separate.

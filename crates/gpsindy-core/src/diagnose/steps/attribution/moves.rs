@@ -180,28 +180,26 @@ fn with_simpler(
     if !fits.first().is_some_and(is_ahead) {
         return Ok(fits);
     }
-    carry_first(contest, &mut fits)?;
-    let Some(leader) = fits.first().cloned() else { return Ok(fits) };
+    let leader = at_rest(contest, fits[0].clone())?;
+    fits[0].clone_from(&leader);
     let Some(place) = leader.hypotheses.iter().rposition(|h| !base.hypotheses.contains(h)) else { return Ok(fits) };
     let simpler = contained(contest, nominal, &leader, place, &leader.entrants_without(&[place]))?;
     let is_new = |simple: &Contestant| !fits.iter().any(|fit| fit.has_effects_of(simple));
     let simpler: Vec<Contestant> = simpler.into_iter().filter(is_new).collect();
-    if !simpler.is_empty() {
-        fits.extend(simpler);
-        contest.sort(&mut fits);
-        carry_first(contest, &mut fits)?;
-    }
+    // From where the leader came to rest, by as many steps: else they would lose to it for want of those.
+    fits.extend(base.each(simpler, |fit| at_rest(contest, fit))?);
+    contest.sort(&mut fits);
     Ok(fits)
 }
 
-/// Fits the first to the end, and once more from the starts that the logs show: others go on from it.
-fn carry_first(contest: &Contest<'_>, fits: &mut [Contestant]) -> Result<()> {
-    let Some(leader) = fits.first_mut() else { return Ok(()) };
+/// The fit carried on to the end, and once more from the starts that the logs show: others go on from it.
+fn at_rest(contest: &Contest<'_>, fit: Contestant) -> Result<Contestant> {
+    if contest.run.is_out_of_time() {
+        return Ok(fit);
+    }
     let fitter = contest.fitter;
-    let own = leader.clone();
-    let own = if own.refined.converged { own } else { fitter.carried_on(own, Budget::Thorough)? };
-    *leader = fitter.restarted(own, Budget::Usual)?;
-    Ok(())
+    let fit = if fit.refined.converged { fit } else { fitter.carried_on(fit, Budget::Thorough)? };
+    fitter.restarted(fit, Budget::Usual)
 }
 
 /// Whether each is among the first so many by score, or by sum of squares: a fit that is not at rest leaves what no noise would,

@@ -1,9 +1,10 @@
 //! Search: from one set of effects to a better one, a move at a time.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, NO_REST, NOISE, REST, SWAP};
+use crate::diagnose::limits::{MOST_MOVES, NAMED, NO_REST, NOISE, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::attribution::simplify::is_superfluous;
 use crate::diagnose::steps::findings::counts;
 use crate::error::Result;
 
@@ -13,10 +14,10 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
     let (mut best, mut round) = (nominal.clone(), first);
     for number in 1..=MOST_MOVES {
         let Some(next) = better(contest, &best, &round.fits) else { break };
-        // One more effect that removes little, and leaves a rest, would be left out again at the end; one that removes next to nothing always.
         let is_richer = next.hypotheses.len() > best.hypotheses.len();
-        let least = if next.evidence.misfit() > NOISE { NAMED } else { REST };
-        if is_richer && !counts(nominal, next, &best, least) {
+        // What would be left out again at the end is not taken, for there may be no time for that.
+        let leaves_a_rest = || next.evidence.misfit() > NOISE && !counts(nominal, next, &best, NAMED);
+        if is_richer && (leaves_a_rest() || is_superfluous(contest, nominal, next, &best)?) {
             break;
         }
         // A round that was cut short has fitted neither its leaders nor what they stand beside to the end.

@@ -16,15 +16,24 @@ pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Cont
         let rests = contest.without_each(nominal, &best)?;
         let misfit = |rest: &&Contestant| rest.evidence.misfit();
         let least = rests.iter().flatten().min_by(|a, b| misfit(a).total_cmp(&misfit(b)));
-        let rest = match least.filter(|rest| !counts(nominal, &best, rest, NAMED)) {
-            // What is left is asked for only where it decides.
-            Some(rest) if !counts(nominal, &best, rest, REST) => rest.clone(),
-            Some(rest) if is_structured(&best, &nameless(contest, &best)?) => rest.clone(),
+        match least {
+            Some(rest) if is_superfluous(contest, nominal, &best, rest)? => best = rest.clone(),
             _ => return Ok(Pruned { best, rests: Some(rests) }),
-        };
-        best = rest;
+        }
     }
     Ok(Pruned { best, rests: None })
+}
+
+/// Whether the effect that `rest` lacks of those of `fit` removes next to nothing of the gap, or little of it where structure without a name
+/// is left anyhow; what is left is asked for only where it decides.
+pub(crate) fn is_superfluous(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    fit: &Contestant,
+    rest: &Contestant,
+) -> Result<bool> {
+    let is_little = !counts(nominal, fit, rest, NAMED);
+    Ok(is_little && (!counts(nominal, fit, rest, REST) || is_structured(fit, &nameless(contest, fit)?)))
 }
 
 /// The winner, and what is left of it without each of its effects, where that was looked at.

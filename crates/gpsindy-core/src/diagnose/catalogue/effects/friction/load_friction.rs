@@ -20,7 +20,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: level without load, k: increase per unit of load, corner: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "the rate jumps at reversals, more so under load",
     places: &[Place::Load],
-    sense: &[Sense::Speed, Sense::EitherSign(0), Sense::Moves(1)],
+    sense: &[Sense::Speed, Sense::EitherSign(0), Sense::Moves(1), Sense::NoTarget(1)],
     twins: &[
         (Effect::CoulombFriction, "the same motion under two loads"),
         (Effect::StribeckFriction, "the same motion under two loads"),
