@@ -209,6 +209,15 @@ def test_a_driver_turns_a_wanted_position_into_torque_at_every_step():
     assert "not in this file: drive.kp is 3.0, of the driver" in found.corrected(softer)
 
 
+def test_a_target_has_the_unit_of_its_joint_and_another_command_none():
+    def units(text, **given):
+        return [control.unit for control in gm.Simulator(text, **given).model.controls]
+
+    assert units(SERVO) == units(HINGE, drivers={"drive": (4.0, 0.3)}) == ["rad"]
+    assert units(SERVO.replace('type="hinge"', 'type="slide"')) == ["m"]
+    assert units(HINGE) == units(SERVO.replace('kp="5"', 'kp="5" gear="50"')) == [""]
+
+
 @pytest.mark.parametrize("drivers", [None, {"drive": (4.0, 0.2)}])
 def test_many_samples_and_steps_of_each_row_are_those_of_single_calls(drivers):
     simulator = gm.Simulator(HINGE, drivers=drivers)

@@ -214,9 +214,9 @@ class Simulator:
         return found
 
     def _unit_of_command(self, actuator: int) -> str:
-        """That of the joint for the target of a servo or of a driver's loop; none for other commands."""
+        """That of the joint for the target of a servo or of a driver's loop; none for other commands, and behind a gear."""
         is_target = is_servo(self._mj, actuator) or actuator in self._drivers.around
-        if not is_target or self._actuators[actuator] not in self._drives:
+        if not is_target or self._actuators[actuator] not in self._drives or abs(self._mj.actuator_gear[actuator, 0]) != 1.0:
             return ""
         is_hinge = self._mj.jnt_type[self._mj.actuator_trnid[actuator, 0]] == mujoco.mjtJoint.mjJNT_HINGE
         return "rad" if is_hinge else "m"
