@@ -1,7 +1,9 @@
 //! Derivatives that one fit hands on to the next.
 
-use super::slopes::Scene;
-use crate::refine::jacobian::{Block, Jacobian};
+use super::slopes::{Scene, Slopes};
+use crate::error::Result;
+use crate::model::System;
+use crate::refine::jacobian::{Block, Jacobian, Point};
 use crate::refine::{Experiment, Free, Window};
 
 /// Derivatives of a fit, for another one of the same windows with other effects.
@@ -58,6 +60,34 @@ impl Kept {
         }
         true
     }
+}
+
+/// Residuals and derivatives of every window.
+pub(in crate::refine) fn jacobian(
+    system: &System,
+    experiment: &Experiment,
+    point: &Point,
+    free: &[Free],
+) -> Result<Jacobian> {
+    jacobian_from(system, experiment, point, free, None)
+}
+
+/// The same with the derivatives of an earlier fit, as far as it has them.
+pub(in crate::refine) fn jacobian_from(
+    system: &System,
+    experiment: &Experiment,
+    point: &Point,
+    free: &[Free],
+    kept: Option<&Kept>,
+) -> Result<Jacobian> {
+    let scene = Scene { system, experiment, free };
+    let mut blocks = scene.blocks(point)?;
+    let mut wanted = scene.all_of(0..experiment.windows.len());
+    if let Some(kept) = kept {
+        wanted.retain(|&(window, column)| !kept.fill(scene, (window, column), &mut blocks[window]));
+    }
+    scene.differentiate(point, Slopes::Fine, &wanted, &mut blocks);
+    Ok(Jacobian { blocks, n_states: system.n_states() })
 }
 
 fn name(scene: Scene<'_>, free: &Free) -> String {

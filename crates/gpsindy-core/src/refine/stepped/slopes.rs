@@ -2,8 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::blocks::{Block, Jacobian, Point, difference};
-use crate::refine::stepped::Kept;
+use crate::refine::blocks::{Block, Point, difference};
 use crate::refine::tally::Purpose;
 use crate::refine::{Experiment, Free, Job, roll_together};
 use nalgebra::{DMatrix, DVector};
@@ -128,32 +127,4 @@ impl Scene<'_> {
             None => least,
         }
     }
-}
-
-/// Residuals and derivatives of every window.
-pub(in crate::refine) fn jacobian(
-    system: &System,
-    experiment: &Experiment,
-    point: &Point,
-    free: &[Free],
-) -> Result<Jacobian> {
-    jacobian_from(system, experiment, point, free, None)
-}
-
-/// The same with the derivatives of an earlier fit, as far as it has them.
-pub(in crate::refine) fn jacobian_from(
-    system: &System,
-    experiment: &Experiment,
-    point: &Point,
-    free: &[Free],
-    kept: Option<&Kept>,
-) -> Result<Jacobian> {
-    let scene = Scene { system, experiment, free };
-    let mut blocks = scene.blocks(point)?;
-    let mut wanted = scene.all_of(0..experiment.windows.len());
-    if let Some(kept) = kept {
-        wanted.retain(|&(window, column)| !kept.fill(scene, (window, column), &mut blocks[window]));
-    }
-    scene.differentiate(point, Slopes::Fine, &wanted, &mut blocks);
-    Ok(Jacobian { blocks, n_states: system.n_states() })
 }
