@@ -1,7 +1,5 @@
 //! Moves from one set of effects to a better one.
 
-use crate::diagnose::limits::weigh::{REAL, REST_LEFT};
-
 /// Moves from one set of effects to another, at most: each of six effects changed twice. It ends a search that would go
 /// round in a circle, as leaving an effect out and putting several in its place can. Convention.
 pub(crate) const MOST_MOVES: usize = 12;
@@ -10,12 +8,11 @@ pub(crate) const MOST_MOVES: usize = 12;
 /// at different digits differ by. Argument.
 pub(crate) const SWAP: f64 = 0.5;
 
-/// Share of the gap below which an effect has no name while structure without one is left: by the odds of causes it is then the machine's
-/// with a chance of less than one in twenty.
+/// Share of the gap below which an effect has no name while structure without one is left.
 ///
-/// Where the whole is not explained, its residual is no noise, and evidence that counts it as noise finds a use for any flexible effect.
-/// Argument.
-pub(crate) const NAMED: f64 = REST_LEFT / REAL / 20.0;
+/// Where the whole is not explained, its residual is no noise, and evidence that counts it as noise finds a use for
+/// any flexible effect. Convention.
+pub(crate) const NAMED: f64 = 0.01;
 
 /// Share of the gap that counts: a rest below it is none, and an effect that removes less is no cause of the gap. Convention.
 pub(crate) const REST: f64 = 0.002;
