@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 impl Jacobian {
     pub(crate) fn new(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
         if system.engine().is_some() {
-            return super::stepped::jacobian(system, experiment, point, free);
+            return super::stepped::jacobian(system, experiment, point, free, None);
         }
         if 1 + system.n_states() + free.len() <= 4 {
             Self::with_lanes::<4>(system, experiment, point, free)

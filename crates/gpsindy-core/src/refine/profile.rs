@@ -32,8 +32,8 @@ impl<'a> Profile<'a> {
         lines: Option<Lines<'a>>,
         kept: Option<&Kept>,
     ) -> Result<Self> {
-        let jacobian = match kept.filter(|_| system.engine().is_some()) {
-            Some(kept) => stepped::jacobian_from(system, experiment, point, free, Some(kept))?,
+        let jacobian = match system.engine() {
+            Some(_) => stepped::jacobian(system, experiment, point, free, kept)?,
             None => Jacobian::new(system, experiment, point, free)?,
         };
         let solved = Normal::new(&jacobian, experiment, point, free).solved();

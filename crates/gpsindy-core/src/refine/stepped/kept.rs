@@ -62,18 +62,8 @@ impl Kept {
     }
 }
 
-/// Residuals and derivatives of every window.
+/// Residuals and derivatives of every window, those of an earlier fit as far as it has them.
 pub(in crate::refine) fn jacobian(
-    system: &System,
-    experiment: &Experiment,
-    point: &Point,
-    free: &[Free],
-) -> Result<Jacobian> {
-    jacobian_from(system, experiment, point, free, None)
-}
-
-/// The same with the derivatives of an earlier fit, as far as it has them.
-pub(in crate::refine) fn jacobian_from(
     system: &System,
     experiment: &Experiment,
     point: &Point,

@@ -13,7 +13,7 @@ mod trial;
 
 pub(crate) use beginnings::{drawn_starts, guess_starts};
 pub(crate) use kept::Kept;
-pub(super) use kept::{jacobian, jacobian_from};
+pub(super) use kept::jacobian;
 
 use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, prior_cost};
