@@ -158,7 +158,9 @@ fn with_results(index: &str, result: impl Fn(&str) -> Option<String>) -> String 
 
 /// The first chart of a report whose title is `wanted`, as a file of its own.
 fn picture(page: &str, wanted: impl Fn(&str) -> bool) -> Option<String> {
-    let style = page.split_once("<style>")?.1.split_once("</style>")?.0;
+    // A page may have styles of its own beside the common one.
+    let styles: Vec<&str> = page.split("<style>").skip(1).filter_map(|rest| rest.split("</style>").next()).collect();
+    let style = styles.join("\n");
     let mut charts = page.split("<svg viewBox=").skip(1).filter(|chart| chart.contains("role=\"img\""));
     let title =
         |chart: &str| chart.split_once("<title").and_then(|(_, rest)| rest.split("</title>").next()).map(&wanted);
@@ -248,11 +250,11 @@ mod tests {
         };
         let charts = ["v over time", "Residual of v in held-out run 4", "v in held-out run 4"].map(chart).concat();
         let page = format!(
-            "<style>:root {{\n  --ink: #111;\n}}\nbody {{ margin: 0 }}\nsvg text {{ fill: var(--ink); }}\n</style>{charts}"
+            "<style>:root {{\n  --ink: #111;\n}}\nbody {{ margin: 0 }}\nsvg text {{ fill: var(--ink); }}\n</style><style>svg .odd {{ stroke: red; }}</style>{charts}"
         );
         let drawn = picture(&page, |title| title.contains("in held-out run") && !title.contains("Residual")).unwrap();
         assert!(drawn.contains(">v in held-out run 4<") && drawn.contains("--ink: #111;"), "{drawn}");
-        assert!(drawn.contains("svg text") && !drawn.contains("body"), "{drawn}");
+        assert!(drawn.contains("svg text") && drawn.contains("svg .odd") && !drawn.contains("body"), "{drawn}");
         assert_eq!(picture(&page, |title| title.contains("pressure")), None);
         assert_eq!((drawn.matches("<svg").count(), drawn.matches("</svg>").count()), (2, 2), "{drawn}");
     }
