@@ -61,6 +61,11 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
         }
         if html {
             copy(whole, &folder.join(format!("reports/{name}.html")))?;
+            // The comparison of a fleet leads to the report of every machine.
+            let tasks = ran.folder.join("result/tasks");
+            if of_fleet && tasks.is_dir() {
+                copy(&tasks, &folder.join("reports/tasks"))?;
+            }
             text = text.replace(&format!("(reports/{name}.json)"), &format!("(reports/{name}.html)"));
         }
     }
@@ -231,11 +236,12 @@ mod tests {
         write(&page, "# Fleet\n\n[its comparison](reports/fleet.json)\n").unwrap();
         write(&ran.folder.join("result/fleet.json"), "{}").unwrap();
         write(&ran.folder.join("result/fleet.html"), &format!("<style>:root {{ }}\n</style>{chart}")).unwrap();
+        write(&ran.folder.join("result/tasks/a/report.html"), "").unwrap();
         for (html, link) in [(false, "(reports/fleet.json)"), (true, "(reports/fleet.html)")] {
             keep(&page, "fleet", &ran, html).unwrap();
             assert!(read(&page).unwrap().contains(link));
         }
-        for left in ["reports/fleet.json", "reports/fleet.html", "pictures/fleet.svg"] {
+        for left in ["reports/fleet.json", "reports/fleet.html", "reports/tasks/a/report.html", "pictures/fleet.svg"] {
             assert!(folder.join("docs").join(left).is_file(), "{left}");
         }
         std::fs::remove_dir_all(&folder).unwrap();
