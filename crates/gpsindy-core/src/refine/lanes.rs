@@ -9,6 +9,7 @@ mod following;
 pub(crate) mod guided;
 pub(crate) mod lockstep;
 pub(crate) mod path;
+mod product;
 mod sticking;
 pub(crate) mod tangent;
 

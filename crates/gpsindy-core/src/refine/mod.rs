@@ -21,11 +21,12 @@ pub(crate) use experiment::present;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::guided::Guided;
+
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::path::Path;
-pub(crate) use lanes::tangent::{Tangent, tangent};
+pub(crate) use lanes::tangent::{By, Tangent, tangent};
 pub(crate) use profile::Profile;
-pub(crate) use stepped::{Kept, drawn_starts, guess_starts};
+pub(crate) use stepped::{Kept, drawn_starts, first_starts, guess_starts, nearer_starts};
 
 use crate::error::{Error, Result};
 use crate::model::System;

@@ -8,6 +8,7 @@ use crate::model::batched::batched;
 use crate::model::{Model, System};
 use crate::parallel::*;
 use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
+use std::sync::Arc;
 
 /// How many starts the search tried that an effect was chosen from: its evidence must pay for all of them (Bonferroni).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -56,6 +57,8 @@ pub(crate) struct Contestant {
     pub(crate) free: Vec<Free>,
     pub(crate) refined: Refined,
     pub(crate) evidence: Evidence,
+    /// Initial states that the windows' first samples determine, from which fits with more effects may begin; none where the fit's own serve.
+    pub(crate) beginnings: Option<Arc<Vec<Vec<f64>>>>,
 }
 
 /// A contestant with its residuals and their derivatives at its fit: where straight lines start.

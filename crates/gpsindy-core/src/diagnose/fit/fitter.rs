@@ -8,7 +8,11 @@ use crate::diagnose::fit::sampling;
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::refine::{Experiment, Free, Past, Point, Refined, Starts, Window, costs, drawn_starts, guess_starts};
+use crate::refine::{
+    Experiment, Free, Past, Point, Refined, Starts, Window, costs, drawn_starts, first_starts, guess_starts,
+    nearer_starts,
+};
+use std::sync::Arc;
 
 /// Makes contestants of one diagnosis.
 #[derive(Debug, Clone, Copy, Default)]
@@ -59,6 +63,7 @@ impl Fitter {
             free,
             refined,
             evidence,
+            beginnings: None,
         };
         if starts(&nominal).more > 0.0 { self.carried_on(nominal, budget) } else { Ok(nominal) }
     }
@@ -78,6 +83,15 @@ impl Fitter {
         }
         let moved = self.carried_on(moved, budget)?;
         Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
+    }
+
+    /// The same contestant with the starts that its windows' first samples determine, for fits that go on from it. The fit of a simulator that
+    /// steps pulls its starts off where it lacks something, over stops and limits from which a better model does not find back.
+    pub(crate) fn with_beginnings(self, contestant: &Contestant) -> Result<Contestant> {
+        let Contestant { system, experiment, refined, .. } = contestant;
+        let is_wanted = system.engine().is_some();
+        let beginnings = is_wanted.then(|| first_starts(system, experiment, &refined.parameters)).transpose()?;
+        Ok(Contestant { beginnings: beginnings.map(Arc::new), ..contestant.clone() })
     }
 
     /// `base` with more hypotheses at once, fitted from the best of several `values` of their parameters.
@@ -109,7 +123,9 @@ impl Fitter {
         }
         let mut experiment = Experiment { starts: starts(base), ..base.experiment.clone() };
         scale_lagging(&mut experiment, applied);
-        let initial = with_lagging(&system, &experiment, base.refined.initial.clone(), base.system.n_states());
+        let lagging =
+            |initial: &[Vec<f64>]| with_lagging(&system, &experiment, initial.to_vec(), base.system.n_states());
+        let initial = lagging(&base.refined.initial);
         let starts = values.iter().map(|values| {
             let mut start = parameters.clone();
             for (place, ((index, added), &value)) in applied.fitted.iter().zip(values).enumerate() {
@@ -120,6 +136,10 @@ impl Fitter {
         let mut starts: Vec<Vec<f64>> = starts.collect();
         let chosen = if starts.len() > 1 { nearest(&system, &experiment, &starts, &initial, &free) } else { 0 };
         let parameters = if starts.is_empty() { parameters } else { starts.swap_remove(chosen) };
+        let initial = match &base.beginnings {
+            Some(first) => nearer_starts(&system, &experiment, &parameters, [&initial, &lagging(first)]),
+            None => initial,
+        };
         let mut point = Point { parameters, initial };
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
@@ -141,7 +161,7 @@ impl Fitter {
                 (refined, experiment) = (better, moved);
             }
         }
-        let mut with = Contestant { system, experiment, free, refined, ..base.clone() };
+        let mut with = Contestant { system, experiment, free, refined, beginnings: None, ..base.clone() };
         with.hypotheses.extend(entrants.iter().map(|e| e.hypothesis.clone()));
         with.searches.extend(entrants.iter().map(|e| e.searches));
         let mut rest = &applied.fitted[..];
@@ -195,6 +215,26 @@ impl Fitter {
         let mut carried = Contestant { refined, experiment, ..contestant };
         self.judge(&mut carried);
         if budget.only_ranks() { Ok(carried) } else { self.beyond(carried, budget) }
+    }
+
+    /// The same contestant, its fit carried on with the windows whose residuals stand out at starts along ever longer beginnings, where those
+    /// miss less. The starts of a simulator that steps end at stops and limits, over which no fit finds back by itself.
+    pub(crate) fn refollowed(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let Contestant { system, experiment, refined, .. } = &contestant;
+        let poor = if system.engine().is_some() { poor_windows(&refined.residuals) } else { Vec::new() };
+        if poor.is_empty() {
+            return Ok(contestant);
+        }
+        let windows = poor.iter().map(|&w| experiment.windows[w]).collect();
+        let few = Experiment { windows, ..experiment.clone() };
+        let old: Vec<Vec<f64>> = poor.iter().map(|&w| refined.initial[w].clone()).collect();
+        let new = guess_starts(system, &few, &refined.parameters)?;
+        let nearer = nearer_starts(system, &few, &refined.parameters, [&old, &new]);
+        let mut moved = contestant;
+        for (window, start) in poor.into_iter().zip(nearer) {
+            moved.refined.initial[window] = start;
+        }
+        self.carried_on(moved, budget)
     }
 
     /// The same contestant, fitted once more from the initial states that the logs show, where that is better.
@@ -316,6 +356,7 @@ pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
             own.copy_from_slice(&theirs[..n.min(theirs.len())]);
         }
         moved.evidence.clone_from(&other.evidence);
+        moved.beginnings.clone_from(&other.beginnings);
     }
     moved
 }

@@ -6,7 +6,7 @@
 
 use super::correction::Correction;
 use super::lockstep::{Group, Job, L};
-use super::tangent::{Step, Tangent};
+use super::tangent::{By, Step, Tangent};
 use crate::model::System;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
@@ -24,8 +24,13 @@ pub(crate) struct Guided {
 }
 
 impl Guided {
-    /// Differentiates along `path`; `None` where the simulator fails.
-    pub(crate) fn along(system: &System, experiment: &Experiment, parameters: &[f64], path: Path) -> Option<Self> {
+    /// Differentiates along `path` by what is asked for; `None` where the simulator fails.
+    pub(crate) fn along(
+        system: &System,
+        experiment: &Experiment,
+        (parameters, by): (&[f64], By),
+        path: Path,
+    ) -> Option<Self> {
         let mut pairs = Experiment { windows: Vec::new(), ..experiment.clone() };
         let mut starts = Vec::new();
         for (window, states) in experiment.windows.iter().zip(&path) {
@@ -34,7 +39,7 @@ impl Guided {
                 starts.push(state.clone());
             }
         }
-        let mut steps = Tangent::new(system, &pairs, parameters, &starts)?.steps.into_iter();
+        let mut steps = Tangent::new(system, &pairs, (parameters, &starts), by)?.steps.into_iter();
         let steps =
             experiment.windows.iter().map(|w| steps.by_ref().take(w.last - w.first).collect()).collect::<Vec<_>>();
         Some(Self { parameters: parameters.to_vec(), windows: experiment.windows.clone(), path, steps })
@@ -91,7 +96,12 @@ impl Guided {
             show(&mut group);
             let each = predicted.into_iter().zip(&shown).zip(gains);
             corrections.push(
-                each.map(|((predicted, shown), gain)| Correction { predicted, shown: shown.clone(), gain }).collect(),
+                each.map(|((predicted, shown), gain)| Correction {
+                    predicted,
+                    shown: shown.clone(),
+                    gain: gain.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>()).collect(),
+                })
+                .collect(),
             );
             readings.push(shown);
         }

@@ -353,13 +353,18 @@ impl<'a> Group<'a> {
 
     /// Takes its rows out of what the simulator answered; returns how many values that were.
     pub(super) fn take(&mut self, system: &System, period: f64, dt: f64, next: &[f64]) -> usize {
+        let (n, count) = (system.simulator().map_or(0, |s| s.n_states()), self.count);
+        self.advance(system, period, dt, |j, lane| next[lane.min(count - 1) * n + j]);
+        count * n
+    }
+
+    /// A step of `dt` s after which the simulator has `next` states, by state and lane.
+    pub(super) fn advance(&mut self, system: &System, period: f64, dt: f64, next: impl Fn(usize, usize) -> f64) {
         let n = system.simulator().map_or(0, |s| s.n_states());
         let before = (!self.lanes.late.is_empty()).then(|| self.x.clone());
         let beside = self.rates_beside(system, dt);
         for (j, x) in self.x.iter_mut().enumerate().take(n) {
-            for (lane, value) in x.iter_mut().enumerate() {
-                *value = next[lane.min(self.count - 1) * n + j];
-            }
+            *x = std::array::from_fn(|lane| next(j, lane));
         }
         for (j, moved) in beside {
             for lane in 0..L {
@@ -382,6 +387,5 @@ impl<'a> Group<'a> {
             self.part = 0;
             self.sample += 1;
         }
-        self.count * n
     }
 }

@@ -4,26 +4,30 @@
 //! rows. Any number of suspects is then screened without another call: `d' = A d + B (a - a0)`, where `d` is how far
 //! the states have moved and `a` what a suspect hands to the simulator.
 
+mod differences;
+
+pub(crate) use differences::By;
+
 use super::buffer::Buffer;
 use super::correction::Correction;
 use super::lockstep::{Group, Job, L, MOST_ROWS};
+use super::product::Product;
 use crate::model::System;
 use crate::refine::{Experiment, Window};
+use differences::{Differences, along};
 use std::sync::Arc;
 
 /// Share of a typical size by which a value is moved for a difference.
 const DIFFERENCE: f64 = 1e-5;
-
-/// Steps whose rows go to the simulator together.
-const TOGETHER: usize = 64;
 
 /// A step of the rollout: states, arguments, terms outside, and the derivatives of the next states.
 pub(super) struct Step {
     pub(super) x: Vec<f64>,
     arguments: Vec<f64>,
     pub(super) next: Vec<f64>,
-    /// Row after row: by the states (n x n), then by the arguments (n x a).
+    /// By the states (n x n), row after row.
     pub(super) by_states: Vec<f64>,
+    /// By the arguments (n x a), column after column: a suspect changes few of them.
     by_arguments: Vec<f64>,
 }
 
@@ -52,7 +56,7 @@ pub(crate) fn tangent(
     {
         return Some((found, windows));
     }
-    let made = Arc::new(Tangent::new(system, experiment, parameters, initial)?);
+    let made = Arc::new(Tangent::new(system, experiment, (parameters, initial), By::All)?);
     *kept = Some(made.clone());
     Some((made, (0..experiment.windows.len()).collect()))
 }
@@ -62,19 +66,23 @@ impl Tangent {
     pub(super) fn new(
         system: &System,
         experiment: &Experiment,
-        parameters: &[f64],
-        initial: &[Vec<f64>],
+        (parameters, initial): (&[f64], &[Vec<f64>]),
+        by: By,
     ) -> Option<Self> {
-        let mut steps = Vec::with_capacity(experiment.windows.len());
         let jobs: Vec<Job> = initial
             .iter()
             .enumerate()
             .map(|(window, start)| Job { window, parameters: parameters.to_vec(), initial: start.clone() })
             .collect();
         let paths = super::lockstep::paths(system, experiment, &jobs)?;
+        let mut differences = Differences::new(system, experiment, by)?;
+        let mut all = Vec::with_capacity(paths.iter().map(Vec::len).sum());
         for (i, path) in paths.iter().enumerate() {
-            steps.push(along(system, experiment, &jobs[i..=i], path)?);
+            along(system, experiment, &jobs[i..=i], path, (&mut differences, &mut all))?;
         }
+        differences.finish(system, &mut all)?;
+        let mut all = all.into_iter();
+        let steps = paths.iter().map(|path| all.by_ref().take(path.len()).collect()).collect();
         Some(Self {
             parameters: parameters.to_vec(),
             initial: initial.to_vec(),
@@ -157,7 +165,7 @@ impl Tangent {
                 receive(job, sample, column, value);
             });
             if let Some((correction, sample)) = corrections.zip(sample) {
-                correction[sample].apply(&mut group, &step.x, &shown);
+                correction[sample].apply(&mut group, &step.x, &shown, (&mut moved, &mut next));
             }
             let dt = group.next_step(period);
             group.arguments_at(system, dt, &step.x, &arguments, &mut changed);
@@ -167,9 +175,9 @@ impl Tangent {
             moved.clear();
             moved.extend(step.x.iter().enumerate().map(|(j, x)| group.state(j).map(|now| now - x)));
             commands.ask((number, dt), &arguments[..own], &mut changed[..own], group.count());
-            step.next(&moved, (&arguments, &changed), &mut next, group.count());
+            step.next(&moved, (&arguments, &changed), &mut next);
             commands.answer(number, &step.next, &mut next);
-            group.take(system, period, dt, &next);
+            group.advance(system, period, dt, |j, lane| next[j][lane]);
         }
         group.begin(Some(columns), receive);
     }
@@ -234,137 +242,27 @@ impl Commands {
     }
 
     /// Adds what the simulator answered for a step to the lanes' next states.
-    fn answer(&self, step: usize, base: &[f64], next: &mut [f64]) {
+    fn answer(&self, step: usize, base: &[f64], next: &mut [[f64; L]]) {
         let (Self::Answered(all, answers), n) = (self, base.len()) else { return };
         let first = all.partition_point(|asked| asked.step < step);
         for (place, asked) in all.iter().enumerate().skip(first).take_while(|(_, asked)| asked.step == step) {
-            let lane = &mut next[asked.lane * n..(asked.lane + 1) * n];
             let answer = &answers[place * n..(place + 1) * n];
-            lane.iter_mut().zip(answer.iter().zip(base)).for_each(|(next, (answer, base))| *next += answer - base);
+            next.iter_mut().zip(answer.iter().zip(base)).for_each(|(next, (a, base))| next[asked.lane] += a - base);
         }
     }
 }
 
 impl Step {
-    /// The next states of `count` lanes, one after the other, whose states are that far off and whose arguments differ by so much.
-    fn next(
-        &self,
-        moved: &[[f64; L]],
-        (arguments, changed): (&[usize], &[[f64; L]]),
-        next: &mut Vec<f64>,
-        count: usize,
-    ) {
-        let (n, a) = (self.x.len(), self.arguments.len());
+    /// The next states of lanes whose states are that far off and whose arguments differ by so much.
+    fn next(&self, moved: &[[f64; L]], (arguments, changed): (&[usize], &[[f64; L]]), next: &mut Vec<[f64; L]>) {
         next.clear();
-        next.resize(n * count, 0.0);
-        for j in 0..n {
-            let mut value = [self.next[j]; L];
-            let mut add = |by: f64, lanes: &[f64; L]| {
-                for lane in 0..L {
-                    value[lane] += by * lanes[lane];
-                }
-            };
-            moved.iter().zip(&self.by_states[j * n..(j + 1) * n]).for_each(|(lanes, &by)| add(by, lanes));
-            arguments.iter().zip(changed).for_each(|(&i, lanes)| add(self.by_arguments[j * a + i], lanes));
-            for lane in 0..count {
-                next[lane * n + j] = value[lane];
+        next.extend(self.next.iter().map(|&next| [next; L]));
+        Product { matrix: &self.by_states, vectors: moved, sums: next }.add();
+        let n = self.next.len();
+        for (&i, lanes) in arguments.iter().zip(changed) {
+            for (next, by) in next.iter_mut().zip(&self.by_arguments[i * n..(i + 1) * n]) {
+                next.iter_mut().zip(lanes).for_each(|(next, lane)| *next += by * lane);
             }
         }
     }
-}
-
-/// The derivatives along one window's path of states.
-fn along(system: &System, experiment: &Experiment, job: &[Job], path: &[Vec<f64>]) -> Option<Vec<Step>> {
-    let (engine, simulator) = (system.engine()?, system.simulator()?);
-    let (n, period) = (simulator.n_states(), engine.period());
-    let (scale, widths) = (&experiment.scale, (simulator.n_controls(), engine.n_forces()));
-    let mut group = Group::new(system, experiment, job, 0, 1);
-    let mut steps: Vec<Step> = Vec::with_capacity(path.len());
-    let sizes = argument_sizes(system);
-    let mut pending = Buffer::default();
-    let mut since = 0;
-    // Of every row.
-    let mut lengths: Vec<f64> = Vec::new();
-    for (k, x) in path.iter().enumerate() {
-        group.begin(None, &mut |_, _, _, _| {});
-        let dt = group.next_step(period);
-        if k - since >= TOGETHER {
-            finish(&mut steps[since..], engine, system, &mut lengths, &mut pending, (n, scale, &sizes))?;
-            since = k;
-        }
-        let mut own = Buffer::default();
-        group.put(system, dt, Some(&x[..n]), &mut own);
-        let arguments: Vec<f64> = own.arguments(0).collect();
-        pending.push(&x[..n], &arguments, widths);
-        for j in 0..n {
-            let mut moved = x[..n].to_vec();
-            moved[j] += DIFFERENCE * scale[j];
-            let mut there = Buffer::default();
-            group.put_again(system, &moved, &mut there);
-            let arguments: Vec<f64> = there.arguments(0).collect();
-            pending.push(&moved, &arguments, widths);
-        }
-        for (i, size) in sizes.iter().enumerate() {
-            let mut arguments = arguments.clone();
-            arguments[i] += DIFFERENCE * size;
-            pending.push(&x[..n], &arguments, widths);
-        }
-        lengths.resize(pending.count, dt);
-        steps.push(Step {
-            x: x[..n].to_vec(),
-            arguments,
-            next: Vec::new(),
-            by_states: Vec::new(),
-            by_arguments: Vec::new(),
-        });
-        // The added states go on as they did.
-        let next = path.get(k + 1).map_or_else(|| x[..n].to_vec(), |next| next[..n].to_vec());
-        group.take(system, period, dt, &next);
-    }
-    if since < steps.len() {
-        finish(&mut steps[since..], engine, system, &mut lengths, &mut pending, (n, scale, &sizes))?;
-    }
-    Some(steps)
-}
-
-/// Calls the simulator for the rows of some steps, and keeps what it says as derivatives.
-fn finish(
-    steps: &mut [Step],
-    engine: &dyn crate::model::Steps,
-    system: &System,
-    lengths: &mut Vec<f64>,
-    pending: &mut Buffer,
-    (n, scale, sizes): (usize, &[f64], &[f64]),
-) -> Option<()> {
-    pending.step_each(engine, system, lengths);
-    lengths.clear();
-    let (rows, a) = (1 + n + sizes.len(), sizes.len());
-    for (k, step) in steps.iter_mut().enumerate() {
-        let of = |row: usize, j: usize| pending.next[(k * rows + row) * n + j];
-        step.next = (0..n).map(|j| of(0, j)).collect();
-        step.by_states = vec![0.0; n * n];
-        step.by_arguments = vec![0.0; n * a];
-        for j in 0..n {
-            for i in 0..n {
-                step.by_states[j * n + i] = (of(1 + i, j) - of(0, j)) / (DIFFERENCE * scale[i]);
-            }
-            for i in 0..a {
-                step.by_arguments[j * a + i] = (of(1 + n + i, j) - of(0, j)) / (DIFFERENCE * sizes[i]);
-            }
-        }
-        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
-        if !(finite(&step.next) && finite(&step.by_states) && finite(&step.by_arguments)) {
-            return None;
-        }
-    }
-    pending.clear();
-    Some(())
-}
-
-/// Typical sizes of commands, forces and parameters of the simulator.
-fn argument_sizes(system: &System) -> Vec<f64> {
-    let model = system.model();
-    let ones = model.controls.len() + model.ports.len();
-    let own = system.engine().map_or(0, |e| e.n_parameters());
-    std::iter::repeat_n(1.0, ones).chain(model.parameters.iter().take(own).map(|p| p.typical())).collect()
 }

@@ -23,6 +23,9 @@ const LONGER: f64 = 1.4;
 /// Samples beyond which no beginning is followed: what comes later depends on the machine, and little on the start.
 const LONGEST: usize = 128;
 
+/// Samples of the longest beginning that determines a start by itself, whatever a model lacks: what is missing has not moved a state by then.
+const SHORT: usize = 8;
+
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
 const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3 };
 
@@ -38,7 +41,28 @@ const FITTED: usize = 4;
 /// A computation that was asked to stop.
 pub(crate) fn guess_starts(system: &System, experiment: &Experiment, parameters: &[f64]) -> Result<Vec<Vec<f64>>> {
     let starts = as_read(system, experiment);
-    if system.engine().is_none() { Ok(starts) } else { followed(system, experiment, parameters, starts) }
+    if system.engine().is_none() { Ok(starts) } else { followed(system, experiment, parameters, (starts, LONGEST)) }
+}
+
+/// Initial states of all windows that their first samples alone determine. A fit over whole windows pulls its starts off where a model lacks
+/// something that acts in them.
+///
+/// # Errors
+/// A computation that was asked to stop.
+pub(crate) fn first_starts(system: &System, experiment: &Experiment, parameters: &[f64]) -> Result<Vec<Vec<f64>>> {
+    followed(system, experiment, parameters, (as_read(system, experiment), SHORT))
+}
+
+/// Of every window the one of two initial states from which a rollout misses less.
+pub(crate) fn nearer_starts(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[f64],
+    [one, other]: [&[Vec<f64>]; 2],
+) -> Vec<Vec<f64>> {
+    let [of_one, of_other] = [one, other].map(|starts| squares(system, experiment, parameters, starts));
+    let nearer = |w: usize| if of_other[w] < of_one[w] { other[w].clone() } else { one[w].clone() };
+    (0..one.len()).map(nearer).collect()
 }
 
 /// Initial states of some `windows`, each the best of several that differ from the readings by as much as the noise does. Rollouts choose
@@ -117,11 +141,11 @@ fn followed(
     system: &System,
     experiment: &Experiment,
     parameters: &[f64],
-    mut starts: Vec<Vec<f64>>,
+    (mut starts, most): (Vec<Vec<f64>>, usize),
 ) -> Result<Vec<Vec<f64>>> {
     let longest = experiment.windows.iter().map(|w| w.last - w.first + 1).max().unwrap_or(0);
     let mut count = FIRST;
-    while count < longest.min(LONGEST) {
+    while count < longest.min(most) {
         let beginning = |w: &Window| Window { last: w.last.min(w.first + count - 1), ..*w };
         let cut = Experiment { windows: experiment.windows.iter().map(beginning).collect(), ..experiment.clone() };
         match STEPS.fit(system, &cut, parameters, &[], Some(&starts)) {

@@ -11,7 +11,7 @@ mod kept;
 mod slopes;
 mod trial;
 
-pub(crate) use beginnings::{drawn_starts, guess_starts};
+pub(crate) use beginnings::{drawn_starts, first_starts, guess_starts, nearer_starts};
 pub(crate) use kept::Kept;
 pub(super) use kept::jacobian;
 

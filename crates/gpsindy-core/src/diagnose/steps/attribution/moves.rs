@@ -46,6 +46,7 @@ pub(crate) fn moves(
     let promises: Vec<(Vec<&Hypothesis>, f64)> =
         moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
     let stage = contest.run.stage(stage, moves.len())?;
+    let base = &contest.fitter.with_beginnings(base)?;
     let first = |m: Move<'_>| {
         if contest.run.is_out_of_time() {
             return Ok(None);
@@ -147,7 +148,8 @@ fn raced(
 ) -> Result<Vec<Contestant>> {
     let fitter = contest.fitter;
     let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
-        true => fitter.carried_on(fit, Budget::Rough),
+        // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
+        true => fitter.refollowed(fitter.carried_on(fit, Budget::Rough)?, Budget::Rough),
         false => Ok(fit),
     };
     let held_back = held_back(base, &fits, promises);
@@ -183,7 +185,14 @@ fn with_simpler(
     let leader = at_rest(contest, fits[0].clone())?;
     fits[0].clone_from(&leader);
     let Some(place) = leader.hypotheses.iter().rposition(|h| !base.hypotheses.contains(h)) else { return Ok(fits) };
-    let simpler = contained(contest, nominal, &leader, place, &leader.entrants_without(&[place]))?;
+    let mut simpler = contained(contest, nominal, &leader, place, &leader.entrants_without(&[place]))?;
+    // Of several that came together each may do alone.
+    let new: Vec<usize> =
+        (0..leader.hypotheses.len()).filter(|&p| !base.hypotheses.contains(&leader.hypotheses[p])).collect();
+    if new.len() > 1 {
+        let without = |place| contest.again_with(nominal, &leader, &leader.entrants_without(&[place]));
+        simpler.extend(base.each(new, without)?.into_iter().flatten());
+    }
     let is_new = |simple: &Contestant| !fits.iter().any(|fit| fit.has_effects_of(simple));
     let simpler: Vec<Contestant> = simpler.into_iter().filter(is_new).collect();
     // From where the leader came to rest, by as many steps: else they would lose to it for want of those.
