@@ -9,6 +9,7 @@ mod dataset;
 mod design;
 mod diagnose;
 mod fleet;
+mod fmu;
 mod identify;
 mod model;
 mod online;
@@ -44,6 +45,8 @@ mod _gpsindy {
     };
     #[pymodule_export]
     use super::fleet::{FleetManifest, fleet_task};
+    #[pymodule_export]
+    use super::fmu::PyFmuInstance;
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

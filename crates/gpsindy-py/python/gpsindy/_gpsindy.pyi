@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 __all__ = [
     "Dataset",
     "FleetManifest",
+    "FmuInstance",
     "LogOptions",
     "Model",
     "NumericalError",
@@ -232,4 +233,19 @@ class FleetManifest:
 def fleet_task(
     task: str, place: Any, options: dict[str, Any], time: str | None, run: str | None, threads: int | None
 ) -> tuple[str | None, str | None]: ...
+@final
+class FmuInstance:
+    def __new__(
+        cls,
+        fmu: Any,
+        name: str,
+        two: bool,
+        references: dict[str, Any],
+        parameters: _Array,
+        indicators: int | None,
+    ) -> FmuInstance: ...
+    def step(self, x: _Array, inputs: _Array, dt: _Array, count: int) -> _Array: ...
+    def reset(self, parameters: _Array) -> None: ...
+    def free(self) -> None: ...
+
 def command(line: Sequence[str]) -> int: ...
