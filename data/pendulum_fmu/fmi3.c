@@ -35,7 +35,7 @@ int fmi3DoStep(void *c, double t, double h, bool k, bool *event, bool *stop, boo
   h = INTERNAL*floor(h/INTERNAL + 1e-9);
 #endif
   *last = ((Copy*)c)->v[8] = t + h;
-  return 0;
+  return STATUS;
 }
 
 /* What a library must have, though nobody calls it here. */

@@ -1,13 +1,23 @@
 /* A pendulum as an FMU of FMI 2, for model exchange and co-simulation (steps of Euler, 0.1 ms):
    th' = w, w' = (u + f - b w)/m - 9.81 sin(th).
    With -DWALL=a a wall stands at th = a, from which it bounces with half its speed, an event.
-   With -DINTERNAL=h co-simulation makes whole steps of h s only, as solvers of a fixed step do. */
+   With -DINTERNAL=h co-simulation makes whole steps of h s only, as solvers of a fixed step do.
+   With -DGRAVITY=0 it swings in a plane without weight. With -DSTATUS=s derivatives and steps return the status s, with -DRESET=s resets. */
 #include <stdlib.h>
 #include <math.h>
+#ifndef GRAVITY
+#define GRAVITY 9.81
+#endif
+#ifndef STATUS
+#define STATUS 0
+#endif
+#ifndef RESET
+#define RESET 0
+#endif
 typedef struct { double v[10]; } Copy; /* th, w, der(th), der(w), u, f, m, b; of FMI 3 time and the way to the wall, too */
 static void rates(Copy *c) {
   c->v[2] = c->v[1];
-  c->v[3] = (c->v[4] + c->v[5] - c->v[7]*c->v[1])/c->v[6] - 9.81*sin(c->v[0]);
+  c->v[3] = (c->v[4] + c->v[5] - c->v[7]*c->v[1])/c->v[6] - GRAVITY*sin(c->v[0]);
 #ifdef WALL
   c->v[9] = WALL - c->v[0];
 #endif
@@ -23,7 +33,7 @@ int fmi2SetupExperiment(void *c, int td, double t, double s, int sd, double e) {
 int fmi2EnterInitializationMode(void *c) { return 0; }
 int fmi2ExitInitializationMode(void *c) { return 0; }
 int fmi2Terminate(void *c) { return 0; }
-int fmi2Reset(void *c) { start(c); return 0; }
+int fmi2Reset(void *c) { start(c); return RESET; }
 int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *v) {
   for (size_t i = 0; i < n; i++) ((Copy*)c)->v[r[i]] = v[i];
   return 0;
@@ -67,7 +77,7 @@ int fmi2SetContinuousStates(void *c, const double *x, size_t n) {
 int fmi2GetDerivatives(void *c, double *d, size_t n) {
   rates(c);
   for (size_t i = 0; i < n; i++) d[i] = ((Copy*)c)->v[2 + i];
-  return 0;
+  return STATUS;
 }
 int fmi2DoStep(void *c, double t, double h, int k) {
   Copy *p = c;
@@ -81,7 +91,7 @@ int fmi2DoStep(void *c, double t, double h, int k) {
     p->v[0] += h/steps*p->v[1];
     bounce(p);
   }
-  return 0;
+  return STATUS;
 }
 
 /* What a library must have, though nobody calls it here. */

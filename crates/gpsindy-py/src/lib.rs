@@ -46,7 +46,7 @@ mod _gpsindy {
     #[pymodule_export]
     use super::fleet::{FleetManifest, fleet_task};
     #[pymodule_export]
-    use super::fmu::PyFmuInstance;
+    use super::fmu::PyFmuCopies;
     #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]

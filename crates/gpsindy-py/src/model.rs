@@ -2,6 +2,7 @@
 
 use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, vector};
 use crate::dataset::PyDataset;
+use crate::fmu::PyFmuCopies;
 use crate::rollout::{self, Arrays, How, NamedArrays, arrays, said, settings};
 use crate::simulator::{Kind, Simulator};
 use crate::stepper::Stepper;
@@ -94,14 +95,22 @@ impl PyModel {
     ///
     /// `kinematic` holds pairs (x, v) of states with `x' = v`; what a log's column reads is an expression of the states.
     #[staticmethod]
-    fn from_stepper(function: Py<PyAny>, name: String, period: f64, parts: Stepper, several: bool) -> PyResult<Self> {
+    fn from_stepper(
+        function: Py<PyAny>,
+        name: String,
+        period: f64,
+        parts: Stepper,
+        several: bool,
+        copies: Option<&Bound<'_, PyFmuCopies>>,
+    ) -> PyResult<Self> {
         if !(period.is_finite() && period > 0.0) {
             return Err(error(Error::range("dt", "above 0 s", period)));
         }
         let (n_states, n_controls) = parts.size();
         let parameters = parts.values();
         let model = parts.model(name)?;
-        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters, several };
+        let copies = copies.map(|copies| copies.get().0.clone());
+        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters, several, copies };
         let simulator = Simulator { function, n_states, n_controls, kind };
         Ok(Self { simulator: Some(simulator), model })
     }

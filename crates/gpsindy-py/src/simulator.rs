@@ -1,5 +1,6 @@
 //! The user's own simulator behind the core's traits: a Python callable `f(t, x, u) -> dx`, or one that steps.
 
+use crate::fmu::Copies;
 use crate::watch::{Watch, lock};
 use gpsindy_core::{Dynamics, Error, Result, Rows, Steps};
 use numpy::ndarray::IntoDimension;
@@ -23,13 +24,24 @@ pub(crate) enum Kind {
     Rates { vectorized: bool },
     /// `step(x, u, force, parameters, dt)` gives the next states of many rows.
     /// With `several` it takes commands and forces of many samples and as its last argument the steps of each, and `dt` may be one a row.
-    Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool },
+    /// Steps of an FMU are made by its copies, without the interpreter, unless so many that the callable may share them out.
+    Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool, copies: Option<Arc<Copies>> },
 }
 
 /// How long steps are, s: all of them, or each row's.
-enum Length<'a> {
+pub(crate) enum Length<'a> {
     Of(f64),
     Each(&'a [f64]),
+}
+
+impl Length<'_> {
+    /// Of a row.
+    pub(crate) fn of(&self, row: usize) -> f64 {
+        match self {
+            Self::Of(dt) => *dt,
+            Self::Each(dt) => dt[row],
+        }
+    }
 }
 
 impl Kind {
@@ -179,14 +191,29 @@ struct Callable {
 
 impl Callable {
     fn call(&self, work: impl FnOnce(Python<'_>) -> PyResult<()>) -> Result<()> {
+        self.apart(|| Python::attach(work))
+    }
+
+    /// The same without the interpreter.
+    fn apart(&self, work: impl FnOnce() -> PyResult<()>) -> Result<()> {
         let _turn = lock(&self.turn);
         if self.watch.stopped() {
             return Err(Error::Cancelled);
         }
-        Python::attach(work).map_err(|failure| {
+        work().map_err(|failure| {
             self.watch.fail(failure);
             Error::Cancelled
         })
+    }
+
+    /// So many samples of so many steps, of a callable that takes several.
+    fn several(&self, rows: &Rows<'_>, how: (Length<'_>, usize, usize), next: &mut [f64]) -> Result<()> {
+        if let Kind::Steps { copies: Some(copies), .. } = &self.simulator.kind
+            && !copies.is_long(rows.count * how.1 * how.2)
+        {
+            return self.apart(|| copies.step(rows, (&how.0, how.1, how.2), next));
+        }
+        self.call(|py| self.simulator.rollout(py, rows, how, next))
     }
 }
 
@@ -205,9 +232,7 @@ impl Steps for Callable {
 
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {
         match self.simulator.kind {
-            Kind::Steps { several: true, .. } => {
-                self.call(|py| self.simulator.rollout(py, rows, (Length::Of(dt), 1, 1), next))
-            }
+            Kind::Steps { several: true, .. } => self.several(rows, (Length::Of(dt), 1, 1), next),
             _ => self.call(|py| self.simulator.step(py, rows, dt, next)),
         }
     }
@@ -216,14 +241,12 @@ impl Steps for Callable {
         let Kind::Steps { period, several: true, .. } = self.simulator.kind else {
             return self.one_by_one(rows, (samples, count), next);
         };
-        self.call(|py| self.simulator.rollout(py, rows, (Length::Of(period), samples, count), next))
+        self.several(rows, (Length::Of(period), samples, count), next)
     }
 
     fn unequal_steps(&self, rows: &Rows<'_>, dt: &[f64], next: &mut [f64]) -> Result<()> {
         match self.simulator.kind {
-            Kind::Steps { several: true, .. } => {
-                self.call(|py| self.simulator.rollout(py, rows, (Length::Each(dt), 1, 1), next))
-            }
+            Kind::Steps { several: true, .. } => self.several(rows, (Length::Each(dt), 1, 1), next),
             _ => self.by_length(rows, dt, next),
         }
     }

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 __all__ = [
     "Dataset",
     "FleetManifest",
-    "FmuInstance",
+    "FmuCopies",
     "LogOptions",
     "Model",
     "NumericalError",
@@ -112,6 +112,7 @@ class Model:
         period: float,
         parts: dict[str, Any],
         several: bool,
+        copies: FmuCopies | None,
     ) -> Model: ...
     def simulator_inputs(self) -> list[tuple[str, str, str, float | None]]: ...
     @property
@@ -234,18 +235,22 @@ def fleet_task(
     task: str, place: Any, options: dict[str, Any], time: str | None, run: str | None, threads: int | None
 ) -> tuple[str | None, str | None]: ...
 @final
-class FmuInstance:
+class FmuCopies:
     def __new__(
         cls,
-        fmu: Any,
+        instantiate: Callable[[], Any],
         name: str,
         two: bool,
         references: dict[str, Any],
-        parameters: _Array,
         indicators: int | None,
-    ) -> FmuInstance: ...
-    def step(self, x: _Array, inputs: _Array, dt: _Array, count: int) -> _Array: ...
-    def reset(self, parameters: _Array) -> None: ...
-    def free(self) -> None: ...
+    ) -> FmuCopies: ...
+    @property
+    def cost(self) -> float: ...
+    @cost.setter
+    def cost(self, seconds: float) -> None: ...
+    def is_long(self, steps: int) -> bool: ...
+    def step(
+        self, x: _Array, u: _Array, force: _Array, parameters: _Array, dt: float | _Array, count: int = 1
+    ) -> _Array: ...
 
 def command(line: Sequence[str]) -> int: ...

@@ -112,11 +112,13 @@ class Stepper:
         return f"Stepper {self._model.name!r} of {states}"
 
 
-def stepping_model(step: Step, name: str, dt: float, *, source: Any = None, several: bool = False, **parts: Any) -> Model:
+def stepping_model(
+    step: Step, name: str, dt: float, *, source: Any = None, several: bool = False, copies: Any = None, **parts: Any
+) -> Model:
     """A model around a step function of many rows; ``source`` can write a corrected model in its own format. With ``several`` the function
     takes commands and forces of many samples, (n, samples, ...), and as its last argument the number of steps of each, to states (n, samples,
-    n_states); ``dt`` may be one a row."""
-    return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}, several), source)
+    n_states); ``dt`` may be one a row. The ``copies`` of an FMU make the steps in place of the function, unless they are long."""
+    return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}, several, copies), source)
 
 
 def seconds_late(expression: str, name: str) -> float | None:

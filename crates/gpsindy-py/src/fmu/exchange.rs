@@ -38,6 +38,12 @@ impl Exchange {
         })
     }
 
+    /// Back to the start, with the present parameters.
+    pub(super) fn reset(unit: &mut Unit) -> Result<(), Failure> {
+        unit.component.reset()?;
+        initialize(unit)
+    }
+
     /// Takes the states over `dt` s, the inputs held.
     pub(super) fn step(&mut self, unit: &mut Unit, x: &mut [f64], inputs: &[f64], dt: f64) -> Result<(), Failure> {
         if !self.indicators.is_empty() {
@@ -54,7 +60,7 @@ impl Exchange {
     ///
     /// What an FMU keeps in addition to its states, such as the side of a contact, follows from the state at the step's beginning.
     fn through_events(&mut self, unit: &mut Unit, x: &mut [f64], inputs: &[f64], dt: f64) -> Result<(), Failure> {
-        reset(unit)?;
+        Self::reset(unit)?;
         unit.component.set_time(0.0)?;
         unit.component.set(&unit.references.inputs, inputs)?;
         act(unit, x)?;
@@ -115,12 +121,6 @@ impl Exchange {
         }
         Ok(())
     }
-}
-
-/// Back to the start, with the present parameters.
-pub(super) fn reset(unit: &mut Unit) -> Result<(), Failure> {
-    unit.component.reset()?;
-    initialize(unit)
 }
 
 /// From instantiated or reset to continuous time.

@@ -4,6 +4,7 @@ use super::component::Component;
 use super::failure::Failure;
 use pyo3::prelude::*;
 use std::ffi::c_uint;
+use std::sync::Arc;
 
 /// Value references of variables, handed over by name.
 #[derive(FromPyObject)]
@@ -12,8 +13,11 @@ pub(super) struct References {
     pub(super) states: Vec<c_uint>,
     /// Of the states, in their order.
     pub(super) derivatives: Vec<c_uint>,
+    pub(super) controls: Vec<c_uint>,
+    pub(super) ports: Vec<c_uint>,
+    /// Controls first, then ports.
     pub(super) inputs: Vec<c_uint>,
-    parameters: Vec<c_uint>,
+    pub(super) parameters: Vec<c_uint>,
     /// The independent variable, where the FMU shows it.
     pub(super) time: Option<c_uint>,
 }
@@ -21,7 +25,7 @@ pub(super) struct References {
 /// An instance and what initialises it.
 pub(super) struct Unit {
     pub(super) component: Component,
-    pub(super) references: References,
+    pub(super) references: Arc<References>,
     /// Values, one a reference.
     pub(super) parameters: Vec<f64>,
 }

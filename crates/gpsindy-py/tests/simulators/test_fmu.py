@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pathlib
 import shutil
 import subprocess
@@ -154,7 +155,7 @@ def test_processes_step_the_same_numbers(pendulum, kind):
     rng = np.random.default_rng(0)
     rows = (rng.normal(size=(401, 2)), rng.normal(size=(401, 3, 1)), rng.normal(size=(401, 3, 1)), rng.uniform(0.5, 1.0, (5, 2))[np.arange(401) % 5], 0.01)
     alone, together = (fmu.Simulator(pendulum, kind=kind, forces={"f": "w"}, processes=count) for count in (1, 3))
-    together._cost = 1.0
+    together._copies.cost = 1.0
     assert np.array_equal(alone._step(*rows), together._step(*rows))
     assert len(together._workers._processes) == 2
 
@@ -163,9 +164,148 @@ def test_what_a_copy_raises_in_another_process_is_raised_here(coarse):
     from gpsindy import fmu
 
     simulator = fmu.Simulator(coarse, kind="co-simulation", processes=2)
-    simulator._cost = 1.0
+    simulator._copies.cost = 1.0
     rows = (np.ones((40, 2)), np.ones((40, 1, 2)), np.zeros((40, 1, 0)), np.tile([0.8, 0.2], (40, 1)))
     with pytest.raises(ValueError, match="its own steps are longer"):
         simulator._step(*rows, 0.005)
     # And the processes go on.
     assert simulator._step(*rows, 0.01).shape == (40, 1, 2)
+
+
+def rows(count: int, samples: int):
+    """States, commands, forces and parameters of copies of the pendulum, five of them different."""
+    rng = np.random.default_rng(count)
+    parameters = rng.uniform(0.5, 1.0, (5, 2))[np.arange(count) % 5]
+    return rng.normal(size=(count, 2)), rng.normal(size=(count, samples, 1)), rng.normal(size=(count, samples, 1)), parameters
+
+
+def test_steps_of_model_exchange_are_those_of_runge_kutta(pendulum):
+    from gpsindy import fmu
+
+    x, u, force, parameters = rows(40, 3)
+    lengths = np.linspace(0.01, 0.05, 40)
+
+    def rate(th, w, push, m, b):
+        return np.array([w, (push - b * w) / m - 9.81 * math.sin(th)])
+
+    expected = np.empty((40, 3, 2))
+    for i, dt in enumerate(lengths):
+        state = x[i]
+        for sample in range(3):
+            push = u[i, sample, 0] + force[i, sample, 0]
+            for _ in range(4):
+                k1 = rate(*state, push, *parameters[i])
+                k2 = rate(*(state + dt / 2 * k1), push, *parameters[i])
+                k3 = rate(*(state + dt / 2 * k2), push, *parameters[i])
+                k4 = rate(*(state + dt * k3), push, *parameters[i])
+                state = state + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            expected[i, sample] = state
+    found = fmu.Simulator(pendulum, kind="model exchange", forces={"f": "w"})._step(x, u, force, parameters, lengths, 4)
+    # The same numbers but for the rounding of one sine and of its sums.
+    assert np.abs(found - expected).max() < 1e-13
+
+
+def test_steps_of_co_simulation_are_those_of_the_fmu_itself(pendulum):
+    from gpsindy import fmu
+
+    x, u, force, parameters = rows(10, 2)
+    expected = np.empty((10, 2, 2))
+    for i, (m, b) in enumerate(parameters):
+        th, w = x[i]
+        for sample in range(2):
+            # As pendulum.c says: steps of Euler of 0.1 ms, the angle by the new rate.
+            for _ in range(200):
+                w += 1e-4 * ((u[i, sample, 0] + force[i, sample, 0] - b * w) / m - 9.81 * math.sin(th))
+                th += 1e-4 * w
+            expected[i, sample] = th, w
+    found = fmu.Simulator(pendulum, kind="co-simulation", forces={"f": "w"})._step(x, u, force, parameters, 0.01, 2)
+    assert np.abs(found - expected).max() < 1e-12
+
+
+def test_bounces_come_when_they_must(tmp_path_factory, version):
+    from gpsindy import fmu
+
+    ball = built(tmp_path_factory, version, "WALL=0.2", "GRAVITY=0")
+    simulator = fmu.Simulator(ball, kind="model exchange", dt=0.01)
+    pushed = np.tile([0.8, 0.0], (1, 300, 1))
+    found = simulator._step(np.array([[-0.5, 0.0]]), pushed, np.zeros((1, 300, 0)), np.array([[0.8, 0.0]]), 0.01)[0, :, 0]
+    # 1 rad/s^2 towards the wall, half the speed back at each bounce: arcs between two bounces, each as long as its first speed says.
+    t = 0.01 * np.arange(1, 301)
+    hit, speed = math.sqrt(1.4), math.sqrt(1.4)
+    expected = np.where(t < hit, -0.5 + t**2 / 2, 0.0)
+    for _ in range(5):
+        speed /= 2
+        expected = np.where(t >= hit, 0.2 - speed * (t - hit) + (t - hit) ** 2 / 2, expected)
+        hit += 2 * speed
+    assert hit > 3.0
+    # Events are located to a billionth of a step.
+    assert np.abs(found - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["model exchange", "co-simulation"])
+@pytest.mark.parametrize(("status", "label"), [(2, "discard"), (3, "error")])
+def test_a_function_that_fails_is_an_error_with_its_name(tmp_path_factory, version, kind, status, label):
+    from gpsindy import fmu
+
+    simulator = fmu.Simulator(built(tmp_path_factory, version, f"STATUS={status}"), kind=kind)
+    derivatives = {"FMI2": "GetDerivatives", "FMI3": "GetContinuousStateDerivatives"}[version]
+    function = f"fmi{version[-1]}{derivatives if kind == 'model exchange' else 'DoStep'}"
+    with pytest.raises(ValueError, match=rf"^pendulum: {function} failed with status {status} \({label}\)$"):
+        simulator.model.simulate([0.3, 0.0], np.arange(0, 1, 0.02), u=np.zeros((50, 2)))
+    # A step of the copies themselves says the same, and says it again.
+    for _ in range(2):
+        with pytest.raises(ValueError, match=function):
+            simulator._step(np.zeros((1, 2)), np.zeros((1, 1, 2)), np.zeros((1, 1, 0)), np.ones((1, 2)), 0.01)
+
+
+def test_a_warning_is_no_error(tmp_path_factory, version):
+    from gpsindy import fmu
+
+    x, u, _, parameters = rows(3, 1)
+    warned, plain = (fmu.Simulator(built(tmp_path_factory, version, f"STATUS={status}")) for status in (1, 0))
+    both = np.concatenate([u, u], axis=2)
+    steps = [simulator._step(x, both, np.zeros((3, 1, 0)), parameters, 0.01) for simulator in (warned, plain)]
+    assert np.array_equal(*steps)
+
+
+@pytest.mark.parametrize("status", [0, 3])
+def test_more_parameters_than_copies_are_kept_give_the_same_numbers(tmp_path_factory, version, status):
+    from gpsindy import fmu
+
+    # Where resets fail, a copy with new parameters is a new instance.
+    simulator = fmu.Simulator(built(tmp_path_factory, version, f"RESET={status}"), kind="model exchange", forces={"f": "w"})
+    x, u, force, _ = rows(150, 1)
+    parameters = np.random.default_rng(0).uniform(0.5, 1.0, (150, 2))
+    together = simulator._step(x, u, force, parameters, 0.01)
+    for i in (0, 70, 149):
+        one = slice(i, i + 1)
+        assert np.array_equal(simulator._step(x[one], u[one], force[one], parameters[one], 0.01), together[one])
+    assert len(np.unique(together[:, 0, 1])) == 150
+
+
+def test_rows_that_do_not_belong_together_are_an_error(pendulum):
+    from gpsindy import fmu
+
+    x, u, force, parameters = rows(3, 2)
+    with pytest.raises(ValueError, match="pendulum: expected .* states, commands, forces, parameters and next states, found"):
+        fmu.Simulator(pendulum, forces={"f": "w"})._step(x, u, force, parameters[:2], 0.01)
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_threads_of_python_get_their_own_numbers(pendulum, processes):
+    from concurrent.futures import ThreadPoolExecutor
+
+    from gpsindy import fmu
+
+    simulator = fmu.Simulator(pendulum, forces={"f": "w"}, processes=processes)
+    all_rows = [rows(200 + i, 5) for i in range(8)]
+    alone = [simulator._step(*one, 0.01, 20) for one in all_rows]
+
+    def step(one):
+        # Every call as if it were worth the processes.
+        simulator._copies.cost = 1.0
+        return simulator._step(*one, 0.01, 20)
+
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(step, all_rows))
+    assert all(np.array_equal(*both) for both in zip(alone, together))

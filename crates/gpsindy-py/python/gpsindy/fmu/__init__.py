@@ -5,13 +5,12 @@ Needs the package ``fmpy``: ``pip install gpsindy[fmu]``.
 
 from __future__ import annotations
 
-import math
 import os
 import pathlib
 import re
 import shutil
 import tempfile
-import time
+import threading
 import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,8 +21,7 @@ import numpy as np
 from gpsindy import _gpsindy
 from gpsindy.data._tables import Array
 from gpsindy.data.dataset import Path
-from gpsindy.fmu.copies import Copies
-from gpsindy.fmu.instance import Kind
+from gpsindy.fmu.copies import Kind, copies
 from gpsindy.fmu.workers import Workers, shared
 from gpsindy.model import Model
 from gpsindy.stepper import stepping_model
@@ -34,9 +32,6 @@ except ImportError as missing:
     raise ImportError("gpsindy.fmu needs the package fmpy: pip install 'gpsindy[fmu]'") from missing
 
 __all__ = ["Kind", "Simulator"]
-
-#: Work of a call, s, from which on processes share it: ten times what it takes to hand a thousand rows over and back.
-_WORTH_PROCESSES = 5e-3
 
 
 class Simulator:
@@ -131,11 +126,10 @@ class Simulator:
         self._references = [[v.valueReference for v in part] for part in (states, controls, ports, own)]
         self._names = {_dotted(v.name): v.name for v in own}
         self._processes = processes or os.cpu_count() or 1
-        # Unknown before the first call, which is not shared.
-        self._cost = math.nan
         made = (os.fspath(self._folder), self._kind, self._references)
-        self._copies = Copies(self._description, *made)
+        self._copies = copies(self._description, *made)
         self._workers = Workers(os.fspath(self._path.resolve()), *made, self._processes - 1)
+        self._turn = threading.Lock()
         experiment = self._description.defaultExperiment
         step = float(getattr(experiment, "stepSize", None) or 0.01) if dt is None else float(dt)
 
@@ -157,6 +151,7 @@ class Simulator:
             measured=[],
             source=self,
             several=True,
+            copies=self._copies,
         )
 
     @property
@@ -222,22 +217,18 @@ class Simulator:
         return "co-simulation"
 
     def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
-        inputs = np.concatenate([u, force], axis=2)
-        steps = inputs.shape[0] * inputs.shape[1] * count
-        if self._processes == 1 or not steps * self._cost >= _WORTH_PROCESSES:
-            begun = time.perf_counter()
-            found = self._copies.step(x, inputs, parameters, dt, count)
-            # An instance is made where parameters are new, so the least is what a step takes.
-            taken = (time.perf_counter() - begun) / max(steps, 1)
-            self._cost = taken if math.isnan(self._cost) else min(self._cost, taken)
-            return found
+        """Steps of many rows; those that are short the model makes by the copies, without coming here."""
+        if self._processes == 1 or not self._copies.is_long(u.shape[0] * u.shape[1] * count):
+            return self._copies.step(x, u, force, parameters, dt, count)
         own, *others = shared(len(x), self._processes)
-        lengths = np.broadcast_to(dt, len(x))
-        self._workers.begin([(x[one], inputs[one], parameters[one], lengths[one], count) for one in others])
-        try:
-            first = self._copies.step(x[own], inputs[own], parameters[own], lengths[own], count)
-        finally:
-            rest = self._workers.end(len(others))
+        lengths = np.full(len(x), dt)
+        # A process answers one call after the other, whichever thread asks.
+        with self._turn:
+            self._workers.begin([(x[one], u[one], force[one], parameters[one], lengths[one], count) for one in others])
+            try:
+                first = self._copies.step(x[own], u[own], force[own], parameters[own], lengths[own], count)
+            finally:
+                rest = self._workers.end(len(others))
         return np.concatenate([first, *rest])
 
     def __repr__(self) -> str:

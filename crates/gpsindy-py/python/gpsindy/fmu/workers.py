@@ -1,4 +1,4 @@
-"""Processes that step copies of one FMU side by side: its library is called from Python, which runs on one core."""
+"""Processes that step copies of one FMU side by side: few libraries of FMUs can be called from two threads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gpsindy.data._tables import Array
-from gpsindy.fmu.instance import Kind
+from gpsindy.fmu.copies import Kind
 
 
 class Workers:
@@ -27,7 +27,7 @@ class Workers:
         self._count = count
         self._processes: list[subprocess.Popen[bytes]] = []
 
-    def begin(self, chunks: list[tuple[Array, Array, Array, float | Array, int]]) -> None:
+    def begin(self, chunks: list[tuple[Array, Array, Array, Array, Array, int]]) -> None:
         """Hands a chunk of rows to every process; at most as many as there are."""
         if not self._processes:
             line = [sys.executable, "-c", "from gpsindy.fmu.workers import serve; serve()"]
@@ -90,13 +90,13 @@ def answered(source: BinaryIO, sink: BinaryIO) -> None:
     """Answers what comes: the FMU first, then chunks of rows, until the pipe closes."""
     import fmpy
 
-    from gpsindy.fmu.copies import Copies
+    from gpsindy.fmu.copies import copies
 
     path, folder, kind, references = _receive(source)
-    copies = Copies(fmpy.read_model_description(path), folder, kind, references)
+    own = copies(fmpy.read_model_description(path), folder, kind, references)
     while (chunk := _receive(source)) is not None:
         try:
-            answer: Any = copies.step(*chunk)
+            answer: Any = own.step(*chunk)
         except Exception as error:  # Everything that a copy raises goes to the one who asked.
             answer = str(error)
         _send(sink, answer)
