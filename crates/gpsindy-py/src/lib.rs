@@ -11,6 +11,7 @@ mod diagnose;
 mod fleet;
 mod fmu;
 mod identify;
+mod length;
 mod model;
 mod online;
 mod rollout;

@@ -1,6 +1,7 @@
 //! The user's own simulator behind the core's traits: a Python callable `f(t, x, u) -> dx`, or one that steps.
 
 use crate::fmu::Copies;
+use crate::length::Length;
 use crate::watch::{Watch, lock};
 use gpsindy_core::{Dynamics, Error, Result, Rows, Steps};
 use numpy::ndarray::IntoDimension;
@@ -26,22 +27,6 @@ pub(crate) enum Kind {
     /// With `several` it takes commands and forces of many samples and as its last argument the steps of each, and `dt` may be one a row.
     /// Steps of an FMU are made by its copies, without the interpreter, unless so many that the callable may share them out.
     Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool, copies: Option<Arc<Copies>> },
-}
-
-/// How long steps are, s: all of them, or each row's.
-pub(crate) enum Length<'a> {
-    Of(f64),
-    Each(&'a [f64]),
-}
-
-impl Length<'_> {
-    /// Of a row.
-    pub(crate) fn of(&self, row: usize) -> f64 {
-        match self {
-            Self::Of(dt) => *dt,
-            Self::Each(dt) => dt[row],
-        }
-    }
 }
 
 impl Kind {

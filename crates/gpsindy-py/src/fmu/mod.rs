@@ -9,7 +9,7 @@ mod instance;
 mod unit;
 
 use crate::convert::{Matrix, vector};
-use crate::simulator::Length;
+use crate::length::Length;
 pub(crate) use copies::Copies;
 use gpsindy_core::Rows;
 use numpy::ndarray::{Array3, Dimension};

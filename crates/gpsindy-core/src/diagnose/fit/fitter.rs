@@ -218,7 +218,7 @@ impl Fitter {
     }
 
     /// The same contestant, its fit carried on with the windows whose residuals stand out at starts along ever longer beginnings, where those
-    /// miss less. The starts of a simulator that steps end at stops and limits, over which no fit finds back by itself.
+    /// miss less. The starts of a simulator that steps end at stops and limits, and no fit goes back over those.
     pub(crate) fn refollowed(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let Contestant { system, experiment, refined, .. } = &contestant;
         let poor = if system.engine().is_some() { poor_windows(&refined.residuals) } else { Vec::new() };

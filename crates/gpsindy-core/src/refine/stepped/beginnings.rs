@@ -23,7 +23,8 @@ const LONGER: f64 = 1.4;
 /// Samples beyond which no beginning is followed: what comes later depends on the machine, and little on the start.
 const LONGEST: usize = 128;
 
-/// Samples of the longest beginning that determines a start by itself, whatever a model lacks: what is missing has not moved a state by then.
+/// Samples of the longest beginning that determines a start whatever the model lacks: what is missing has hardly moved a state by then.
+/// Argument.
 const SHORT: usize = 8;
 
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
