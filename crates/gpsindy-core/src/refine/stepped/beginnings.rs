@@ -190,4 +190,27 @@ mod tests {
         let drawn = per_value(&drawn_starts(&system, &experiment, &[inertia], &all).unwrap());
         assert!(drawn < 1.4, "{drawn}");
     }
+
+    #[test]
+    fn the_first_samples_have_starts_that_a_poor_fit_pulls_off() {
+        // Logs of a spring of stiffness 5 without noise, and a model of 2: over a whole window other starts make up for it.
+        let spring = Arc::new(Stepping::spring());
+        let system = spring.system("x", ("k", 2.0));
+        let command = |i: usize| (0.02 * i as f64).sin() + f64::from((i / 70).is_multiple_of(2));
+        let data = spring.log(("x", 5.0), ([0.5, 0.0], 1000), command, command, |_, x| x);
+        let experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap().with_windows_of(0.5);
+        let pulled = Refine::default().fit(&system, &experiment, &[2.0], &[], None).unwrap().initial;
+        let first = first_starts(&system, &experiment, &[2.0]).unwrap();
+        let off = |starts: &[Vec<f64>]| {
+            let of = |(window, start): (&Window, &Vec<f64>)| {
+                let log = &experiment.logs[window.log].measured;
+                ((log[0][window.first] - start[0]) / 1e-3).hypot((log[1][window.first] - start[1]) / 1e-2)
+            };
+            experiment.windows.iter().zip(starts).map(of).sum::<f64>() / starts.len() as f64
+        };
+        assert!(off(&pulled) > 3.0 * off(&first), "{} and {}", off(&pulled), off(&first));
+        let nearer = nearer_starts(&system, &experiment, &[5.0], [&pulled, &first]);
+        let taken = nearer.iter().zip(&first).filter(|(nearer, first)| nearer == first).count();
+        assert!(10 * taken > 9 * first.len(), "{taken} of {}", first.len());
+    }
 }
