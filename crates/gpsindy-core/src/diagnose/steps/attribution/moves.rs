@@ -186,10 +186,11 @@ fn with_simpler(
     fits[0].clone_from(&leader);
     let Some(place) = leader.hypotheses.iter().rposition(|h| !base.hypotheses.contains(h)) else { return Ok(fits) };
     let mut simpler = contained(contest, nominal, &leader, place, &leader.entrants_without(&[place]))?;
-    // Of several that came together each may do alone.
+    // Of several that came together each may do alone. Where the simulator steps, a single one may have lost for want of steps or good starts,
+    // and time may end the search before the end of it leaves one out.
     let new: Vec<usize> =
         (0..leader.hypotheses.len()).filter(|&p| !base.hypotheses.contains(&leader.hypotheses[p])).collect();
-    if new.len() > 1 {
+    if new.len() > 1 && leader.system.engine().is_some() {
         let without = |place| contest.again_with(nominal, &leader, &leader.entrants_without(&[place]));
         simpler.extend(base.each(new, without)?.into_iter().flatten());
     }
