@@ -63,7 +63,7 @@ fn keep(page: &Path, name: &str, ran: &Ran, html: bool) -> Result<(), String> {
             copy(whole, &folder.join(format!("reports/{name}.html")))?;
             // The comparison of a fleet leads to the report of every machine.
             let tasks = ran.folder.join("result/tasks");
-            if of_fleet && tasks.is_dir() {
+            if tasks.is_dir() {
                 copy(&tasks, &folder.join("reports/tasks"))?;
             }
             text = text.replace(&format!("(reports/{name}.json)"), &format!("(reports/{name}.html)"));

@@ -21,7 +21,6 @@ pub(crate) use experiment::present;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
 pub(crate) use lanes::guided::Guided;
-
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::path::Path;
 pub(crate) use lanes::tangent::{By, Tangent, tangent};

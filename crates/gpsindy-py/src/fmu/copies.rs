@@ -64,7 +64,8 @@ impl Copies {
         next: &mut [f64],
     ) -> PyResult<()> {
         let n = self.references.states.len();
-        let (m, f) = (self.references.controls.len(), self.references.ports.len());
+        let m = self.references.n_controls;
+        let f = self.references.inputs.len() - m;
         let p = self.references.parameters.len();
         let held = rows.count * samples;
         let expected = [rows.count * n, held * m, held * f, rows.count * p, held * n];

@@ -13,10 +13,9 @@ pub(super) struct References {
     pub(super) states: Vec<c_uint>,
     /// Of the states, in their order.
     pub(super) derivatives: Vec<c_uint>,
-    pub(super) controls: Vec<c_uint>,
-    pub(super) ports: Vec<c_uint>,
-    /// Controls first, then ports.
+    /// Controls first, then ports; and how many of them are controls.
     pub(super) inputs: Vec<c_uint>,
+    pub(super) n_controls: usize,
     pub(super) parameters: Vec<c_uint>,
     /// The independent variable, where the FMU shows it.
     pub(super) time: Option<c_uint>,

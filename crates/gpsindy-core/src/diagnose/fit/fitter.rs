@@ -12,6 +12,7 @@ use crate::refine::{
     Experiment, Free, Past, Point, Refined, Starts, Window, costs, drawn_starts, first_starts, guess_starts,
     nearer_starts,
 };
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Makes contestants of one diagnosis.
@@ -71,27 +72,25 @@ impl Fitter {
     /// The same contestant, the windows of a simulator that steps whose residuals stand out fitted once more from the best of several drawn
     /// starts. What a local minimum of a start leaves looks like a gap, and whatever has a further parameter would get the credit.
     pub(crate) fn redrawn(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        let Contestant { system, experiment, refined, .. } = &contestant;
-        let poor = if system.engine().is_some() { poor_windows(&refined.residuals) } else { Vec::new() };
-        if poor.is_empty() {
+        let doubted = doubted(&contestant);
+        if doubted.is_empty() {
             return Ok(contestant);
         }
-        let drawn = drawn_starts(system, experiment, &refined.parameters, &poor)?;
-        let mut moved = contestant.clone();
-        for (&window, start) in poor.iter().zip(drawn) {
-            moved.refined.initial[window] = start;
-        }
-        let moved = self.carried_on(moved, budget)?;
+        let Contestant { system, experiment, refined, .. } = &contestant;
+        let drawn = drawn_starts(system, experiment, &refined.parameters, &doubted)?;
+        let moved = self.carried_on(moved_to(contestant.clone(), doubted, drawn), budget)?;
         Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
     }
 
     /// The same contestant with the starts that its windows' first samples determine, for fits that go on from it. The fit of a simulator that
     /// steps pulls its starts off where it lacks something, over stops and limits from which a better model does not find back.
-    pub(crate) fn with_beginnings(self, contestant: &Contestant) -> Result<Contestant> {
+    pub(crate) fn with_beginnings(self, contestant: &Contestant) -> Result<Cow<'_, Contestant>> {
         let Contestant { system, experiment, refined, .. } = contestant;
-        let is_wanted = system.engine().is_some();
-        let beginnings = is_wanted.then(|| first_starts(system, experiment, &refined.parameters)).transpose()?;
-        Ok(Contestant { beginnings: beginnings.map(Arc::new), ..contestant.clone() })
+        if system.engine().is_none() {
+            return Ok(Cow::Borrowed(contestant));
+        }
+        let beginnings = Some(Arc::new(first_starts(system, experiment, &refined.parameters)?));
+        Ok(Cow::Owned(Contestant { beginnings, ..contestant.clone() }))
     }
 
     /// `base` with more hypotheses at once, fitted from the best of several `values` of their parameters.
@@ -220,21 +219,17 @@ impl Fitter {
     /// The same contestant, its fit carried on with the windows whose residuals stand out at starts along ever longer beginnings, where those
     /// miss less. The starts of a simulator that steps end at stops and limits, and no fit goes back over those.
     pub(crate) fn refollowed(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        let Contestant { system, experiment, refined, .. } = &contestant;
-        let poor = if system.engine().is_some() { poor_windows(&refined.residuals) } else { Vec::new() };
-        if poor.is_empty() {
+        let doubted = doubted(&contestant);
+        if doubted.is_empty() {
             return Ok(contestant);
         }
-        let windows = poor.iter().map(|&w| experiment.windows[w]).collect();
+        let Contestant { system, experiment, refined, .. } = &contestant;
+        let windows = doubted.iter().map(|&w| experiment.windows[w]).collect();
         let few = Experiment { windows, ..experiment.clone() };
-        let old: Vec<Vec<f64>> = poor.iter().map(|&w| refined.initial[w].clone()).collect();
+        let old: Vec<Vec<f64>> = doubted.iter().map(|&w| refined.initial[w].clone()).collect();
         let new = guess_starts(system, &few, &refined.parameters)?;
         let nearer = nearer_starts(system, &few, &refined.parameters, [&old, &new]);
-        let mut moved = contestant;
-        for (window, start) in poor.into_iter().zip(nearer) {
-            moved.refined.initial[window] = start;
-        }
-        self.carried_on(moved, budget)
+        self.carried_on(moved_to(contestant, doubted, nearer), budget)
     }
 
     /// The same contestant, fitted once more from the initial states that the logs show, where that is better.
@@ -243,9 +238,7 @@ impl Fitter {
     pub(crate) fn restarted(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let is_poor = contestant.evidence.misfit() >= POOR;
         // Starts of a simulator that steps end at stops and saturations, too few of them to make the whole fit a poor one.
-        let has_doubted =
-            || contestant.system.engine().is_some() && !poor_windows(&contestant.refined.residuals).is_empty();
-        if !is_poor && !has_doubted() {
+        if !is_poor && doubted(&contestant).is_empty() {
             return Ok(contestant);
         }
         let again = self.on(&contestant, &contestant.experiment, budget);
@@ -328,17 +321,28 @@ pub(crate) fn starts(contestant: &Contestant) -> Starts {
     }
 }
 
-/// Windows whose residuals stand out among all windows'.
-fn poor_windows(residuals: &[Vec<f64>]) -> Vec<usize> {
+/// Windows of a simulator that steps whose residuals stand out among all windows'.
+fn doubted(contestant: &Contestant) -> Vec<usize> {
+    if contestant.system.engine().is_none() {
+        return Vec::new();
+    }
     let mean = |window: &Vec<f64>| {
         let values = || window.iter().filter(|e| e.is_finite());
         values().map(|e| e * e).sum::<f64>() / values().count().max(1) as f64
     };
-    let means: Vec<f64> = residuals.iter().map(mean).collect();
+    let means: Vec<f64> = contestant.refined.residuals.iter().map(mean).collect();
     let mut sorted = means.clone();
     sorted.sort_by(f64::total_cmp);
     let Some(middle) = sorted.get(sorted.len() / 2) else { return Vec::new() };
     (0..means.len()).filter(|&w| means[w] > DOUBTED * middle).collect()
+}
+
+/// The same contestant with other starts of some windows.
+fn moved_to(mut contestant: Contestant, windows: Vec<usize>, starts: Vec<Vec<f64>>) -> Contestant {
+    for (window, start) in windows.into_iter().zip(starts) {
+        contestant.refined.initial[window] = start;
+    }
+    contestant
 }
 
 /// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits; and with its residual,

@@ -28,9 +28,8 @@ def copies(description: Any, folder: str, kind: Kind, references: list[list[int]
     named = {
         "states": states,
         "derivatives": [unknown.variable.valueReference for unknown in description.derivatives],
-        "controls": controls,
-        "ports": ports,
         "inputs": [*controls, *ports],
+        "n_controls": len(controls),
         "parameters": parameters,
         "time": clock[0] if clock else None,
     }

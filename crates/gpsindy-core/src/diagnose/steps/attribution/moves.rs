@@ -46,7 +46,7 @@ pub(crate) fn moves(
     let promises: Vec<(Vec<&Hypothesis>, f64)> =
         moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
     let stage = contest.run.stage(stage, moves.len())?;
-    let base = &contest.fitter.with_beginnings(base)?;
+    let base = &*contest.fitter.with_beginnings(base)?;
     let first = |m: Move<'_>| {
         if contest.run.is_out_of_time() {
             return Ok(None);
