@@ -231,7 +231,7 @@ impl Component {
 
     /// All continuous states.
     pub(super) fn set_continuous_states(&mut self, x: &[f64]) -> Result<(), Failure> {
-        // SAFETY: the handle is of this library, and the array has as many elements as it is told.
+        // SAFETY: the handle is of this library, and the function gets the length of the array.
         self.set_continuous_states.call(|f| unsafe { f(self.handle, x.as_ptr(), x.len()) })
     }
 
@@ -285,7 +285,7 @@ impl Component {
     }
 
     fn take(&self, function: &Function<Take>, values: &mut [f64]) -> Result<(), Failure> {
-        // SAFETY: the handle is of this library, and the array has as many elements as it is told.
+        // SAFETY: the handle is of this library, and the function gets the length of the array.
         function.call(|f| unsafe { f(self.handle, values.as_mut_ptr(), values.len()) })
     }
 }
