@@ -28,10 +28,6 @@ impl Engines for InPython {
         let (what, module) = kind.words();
         let open = |py: Python<'_>| -> PyResult<Simulator> {
             let own = py.import(format!("gpsindy.{module}"))?;
-            if matches!(kind, FileKind::MuJoCo) {
-                // It reads a clock at every step for a profile that nobody asks this process for: a fifteenth of an arm's time.
-                py.import(module)?.call_method1("set_mjcb_time", (py.None(),))?;
-            }
             let given = PyDict::new(py);
             if !setup.drivers.is_empty() {
                 let drivers = PyDict::new(py);

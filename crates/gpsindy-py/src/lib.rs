@@ -10,11 +10,15 @@ mod design;
 mod diagnose;
 mod fleet;
 mod fmu;
+mod foreign;
 mod identify;
 mod length;
 mod model;
+mod mujoco;
+mod native;
 mod online;
 mod rollout;
+mod rows;
 mod score;
 mod simulator;
 mod smooth;
@@ -52,6 +56,8 @@ mod _gpsindy {
     use super::identify::identify;
     #[pymodule_export]
     use super::model::PyModel;
+    #[pymodule_export]
+    use super::mujoco::PyMujocoCopies;
     #[pymodule_export]
     use super::online::PyOnline;
     #[pymodule_export]

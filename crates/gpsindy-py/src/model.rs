@@ -2,7 +2,7 @@
 
 use crate::convert::{Matrix, Vector, array2, error, file_error, matrix, rows, vector};
 use crate::dataset::PyDataset;
-use crate::fmu::PyFmuCopies;
+use crate::native::Native;
 use crate::rollout::{self, Arrays, How, NamedArrays, arrays, said, settings};
 use crate::simulator::{Kind, Simulator};
 use crate::stepper::Stepper;
@@ -101,7 +101,7 @@ impl PyModel {
         period: f64,
         parts: Stepper,
         several: bool,
-        copies: Option<&Bound<'_, PyFmuCopies>>,
+        native: Option<Native>,
     ) -> PyResult<Self> {
         if !(period.is_finite() && period > 0.0) {
             return Err(error(Error::range("dt", "above 0 s", period)));
@@ -109,8 +109,7 @@ impl PyModel {
         let (n_states, n_controls) = parts.size();
         let parameters = parts.values();
         let model = parts.model(name)?;
-        let copies = copies.map(|copies| copies.get().0.clone());
-        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters, several, copies };
+        let kind = Kind::Steps { period, n_forces: model.ports.len(), parameters, several, native };
         let simulator = Simulator { function, n_states, n_controls, kind };
         Ok(Self { simulator: Some(simulator), model })
     }

@@ -1,7 +1,7 @@
 //! The user's own simulator behind the core's traits: a Python callable `f(t, x, u) -> dx`, or one that steps.
 
-use crate::fmu::Copies;
 use crate::length::Length;
+use crate::native::Native;
 use crate::watch::{Watch, lock};
 use gpsindy_core::{Dynamics, Error, Result, Rows, Steps};
 use numpy::ndarray::IntoDimension;
@@ -25,8 +25,8 @@ pub(crate) enum Kind {
     Rates { vectorized: bool },
     /// `step(x, u, force, parameters, dt)` gives the next states of many rows.
     /// With `several` it takes commands and forces of many samples and as its last argument the steps of each, and `dt` may be one a row.
-    /// Steps of an FMU are made by its copies, without the interpreter, unless so many that the callable may share them out.
-    Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool, copies: Option<Arc<Copies>> },
+    /// Native copies make the steps without the interpreter, unless so many that the callable may share them out.
+    Steps { period: f64, n_forces: usize, parameters: Vec<f64>, several: bool, native: Option<Native> },
 }
 
 impl Kind {
@@ -176,12 +176,12 @@ struct Callable {
 
 impl Callable {
     fn call(&self, work: impl FnOnce(Python<'_>) -> PyResult<()>) -> Result<()> {
-        self.apart(|| Python::attach(work))
+        let _turn = lock(&self.turn);
+        self.watched(|| Python::attach(work))
     }
 
-    /// The same without the interpreter.
-    fn apart(&self, work: impl FnOnce() -> PyResult<()>) -> Result<()> {
-        let _turn = lock(&self.turn);
+    /// Work that is not begun once the computation was asked to stop, and whose failure stops it.
+    fn watched(&self, work: impl FnOnce() -> PyResult<()>) -> Result<()> {
         if self.watch.stopped() {
             return Err(Error::Cancelled);
         }
@@ -193,10 +193,10 @@ impl Callable {
 
     /// So many samples of so many steps, of a callable that takes several.
     fn several(&self, rows: &Rows<'_>, how: (Length<'_>, usize, usize), next: &mut [f64]) -> Result<()> {
-        if let Kind::Steps { copies: Some(copies), .. } = &self.simulator.kind
-            && !copies.is_long(rows.count * how.1 * how.2)
+        if let Kind::Steps { native: Some(native), .. } = &self.simulator.kind
+            && !native.is_long(rows.count * how.1 * how.2)
         {
-            return self.apart(|| copies.step(rows, (&how.0, how.1, how.2), next));
+            return self.watched(|| native.step(rows, (&how.0, how.1, how.2), next));
         }
         self.call(|py| self.simulator.rollout(py, rows, how, next))
     }
@@ -213,6 +213,10 @@ impl Steps for Callable {
 
     fn n_parameters(&self) -> usize {
         if let Kind::Steps { parameters, .. } = &self.simulator.kind { parameters.len() } else { 0 }
+    }
+
+    fn is_concurrent(&self) -> bool {
+        matches!(self.simulator.kind, Kind::Steps { native: Some(_), .. })
     }
 
     fn step(&self, rows: &Rows<'_>, dt: f64, next: &mut [f64]) -> Result<()> {

@@ -24,6 +24,12 @@ pub trait Steps: Send + Sync {
     /// Number of own parameters; they are the model's first parameters.
     fn n_parameters(&self) -> usize;
 
+    /// Whether several threads may call at once, and a call costs little beside its steps. The calls of a simulator that is not are put together:
+    /// one in another language costs as much as many steps.
+    fn is_concurrent(&self) -> bool {
+        false
+    }
+
     /// States `next` (r x n) one step of `dt` s (at most the period) after `x` (r x n), commands and forces held.
     ///
     /// # Errors

@@ -8,6 +8,7 @@ __all__ = [
     "Dataset",
     "FleetManifest",
     "FmuCopies",
+    "MujocoCopies",
     "LogOptions",
     "Model",
     "NumericalError",
@@ -112,7 +113,7 @@ class Model:
         period: float,
         parts: dict[str, Any],
         several: bool,
-        copies: FmuCopies | None,
+        native: FmuCopies | MujocoCopies | None,
     ) -> Model: ...
     def simulator_inputs(self) -> list[tuple[str, str, str, float | None]]: ...
     @property
@@ -249,6 +250,12 @@ class FmuCopies:
     @cost.setter
     def cost(self, seconds: float) -> None: ...
     def is_long(self, steps: int) -> bool: ...
+    def step(
+        self, x: _Array, u: _Array, force: _Array, parameters: _Array, dt: float | _Array, count: int = 1
+    ) -> _Array: ...
+
+class MujocoCopies:
+    def __new__(cls, model: Any, address: int, library: Any, plan: dict[str, Any], threads: int) -> MujocoCopies: ...
     def step(
         self, x: _Array, u: _Array, force: _Array, parameters: _Array, dt: float | _Array, count: int = 1
     ) -> _Array: ...

@@ -117,7 +117,7 @@ def stepping_model(
 ) -> Model:
     """A model around a step function of many rows; ``source`` can write a corrected model in its own format. With ``several`` the function
     takes commands and forces of many samples, (n, samples, ...), and as its last argument the number of steps of each, to states (n, samples,
-    n_states); ``dt`` may be one a row. The ``copies`` of an FMU make the steps in place of the function, unless they are long."""
+    n_states); ``dt`` may be one a row. Native ``copies`` make the steps in place of the function, an FMU's unless they are long."""
     return Model._of(_gpsindy.Model.from_stepper(step, name, float(dt), {"delays": [], **parts}, several, copies), source)
 
 

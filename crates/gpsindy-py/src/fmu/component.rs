@@ -1,10 +1,9 @@
 //! The C functions of one FMU instance, those of FMI 2 and FMI 3 behind the same words.
-//!
-//! The only unsafe code of the workspace: the functions are in a library that is known when the program runs.
 
 #![allow(unsafe_code, reason = "the functions of an FMU are C")]
 
 use super::failure::Failure;
+use crate::foreign::Function;
 use pyo3::prelude::*;
 use std::ffi::{c_int, c_uint, c_void};
 use std::ptr;
@@ -39,27 +38,7 @@ pub(super) struct Event {
     pub(super) timed: bool,
 }
 
-/// A function, or its name alone where the library lacks it.
-struct Function<F> {
-    name: &'static str,
-    pointer: Option<F>,
-}
-
 impl<F: Copy> Function<F> {
-    /// # Safety
-    /// `F` is the type of the C function of that name.
-    unsafe fn of(library: &Bound<'_, PyAny>, name: &'static str) -> PyResult<Self> {
-        const { assert!(size_of::<F>() == size_of::<*const c_void>()) };
-        let Some(function) = library.getattr_opt(name)? else {
-            return Ok(Self { name, pointer: None });
-        };
-        let ctypes = library.py().import("ctypes")?;
-        let pointer = ctypes.call_method1("cast", (function, ctypes.getattr("c_void_p")?))?.getattr("value")?;
-        let address = ptr::with_exposed_provenance::<c_void>(pointer.extract::<usize>()?);
-        // SAFETY: `F` is a type of function pointers as large as the address, and no function that ctypes found lies at zero.
-        Ok(Self { name, pointer: Some(unsafe { std::mem::transmute_copy(&address) }) })
-    }
-
     /// Calls the function where there is one; the same statuses are errors as in fmpy.
     fn call(&self, call: impl FnOnce(F) -> Status) -> Result<(), Failure> {
         let status = call(self.pointer.ok_or(Failure::Missing(self.name))?);

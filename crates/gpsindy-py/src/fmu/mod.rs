@@ -8,12 +8,10 @@ mod failure;
 mod instance;
 mod unit;
 
-use crate::convert::{Matrix, vector};
-use crate::length::Length;
+use crate::convert::Matrix;
+use crate::rows::{Lengths, step};
 pub(crate) use copies::Copies;
-use gpsindy_core::Rows;
-use numpy::ndarray::{Array3, Dimension};
-use numpy::{IntoPyArray, PyArray3, PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,13 +20,6 @@ use unit::References;
 /// Copies of an FMU, as Python makes and calls them.
 #[pyclass(frozen, name = "FmuCopies", module = "gpsindy._gpsindy")]
 pub(crate) struct PyFmuCopies(pub(crate) Arc<Copies>);
-
-/// How long steps are, s: all of them, or each row's.
-#[derive(FromPyObject)]
-enum Lengths<'py> {
-    Of(f64),
-    Each(PyReadonlyArray1<'py, f64>),
-}
 
 #[pymethods]
 impl PyFmuCopies {
@@ -70,24 +61,6 @@ impl PyFmuCopies {
         dt: Lengths<'py>,
         count: usize,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (n, samples) = (x.shape()[0], u.shape()[1]);
-        let shape = (n, samples, x.shape()[1]);
-        let dt = match dt {
-            Lengths::Of(dt) => vec![dt; n],
-            Lengths::Each(dt) => vector(&dt),
-        };
-        let (x, u, force, parameters) = (flat(&x), flat(&u), flat(&force), flat(&parameters));
-        let next = py.detach(|| {
-            let rows = Rows { count: n, states: &x, commands: &u, forces: &force, parameters: &parameters };
-            let mut next = vec![0.0; shape.0 * shape.1 * shape.2];
-            self.0.step(&rows, (&Length::Each(&dt), samples, count), &mut next).map(|()| next)
-        })?;
-        // The values are as many as the shape says.
-        Ok(Array3::from_shape_vec(shape, next).unwrap_or_default().into_pyarray(py))
+        step(py, (x, u, force, parameters), (dt, count), |rows, how, next| self.0.step(rows, how, next))
     }
-}
-
-/// Row after row.
-fn flat<D: Dimension>(array: &PyReadonlyArray<'_, f64, D>) -> Vec<f64> {
-    array.as_array().iter().copied().collect()
 }

@@ -228,26 +228,56 @@ def test_many_samples_and_steps_of_each_row_are_those_of_single_calls(drivers):
     state, one_by_one = x, np.empty((3, 4, 2))
     for sample in range(4):
         for _ in range(5):
-            state = simulator._step(state, u[:, sample : sample + 1], force[:, sample : sample + 1], parameters, period)[:, 0]
+            state = simulator._copies.step(state, u[:, sample : sample + 1], force[:, sample : sample + 1], parameters, period)[:, 0]
         one_by_one[:, sample] = state
-    assert np.array_equal(simulator._step(x, u, force, parameters, period, 5), one_by_one)
+    assert np.array_equal(simulator._copies.step(x, u, force, parameters, period, 5), one_by_one)
     lengths = np.array([0.002, 0.0005, 0.001])
     rows = [slice(i, i + 1) for i in range(3)]
-    each = [simulator._step(x[i], u[i, :1], force[i, :1], parameters[i], float(lengths[i.start]))[0] for i in rows]
-    assert np.array_equal(simulator._step(x, u[:, :1], force[:, :1], parameters, lengths), each)
-    assert np.array_equal(simulator._step(x, u, force, parameters, period, 5), one_by_one)
+    each = [simulator._copies.step(x[i], u[i, :1], force[i, :1], parameters[i], float(lengths[i.start]))[0] for i in rows]
+    assert np.array_equal(simulator._copies.step(x, u[:, :1], force[:, :1], parameters, lengths), each)
+    assert np.array_equal(simulator._copies.step(x, u, force, parameters, period, 5), one_by_one)
     # A copy that diverges takes no other with it, and says from when on.
     force[1, 2] = 1e14
-    lost = simulator._step(x, u, force, parameters, period, 5)
+    lost = simulator._copies.step(x, u, force, parameters, period, 5)
     assert np.isfinite(lost[1, :2]).all() and not (np.abs(lost[1, 2:, 1]) < 1e9).any()
     assert np.array_equal(lost[[0, 2]], one_by_one[[0, 2]])
     # A command that is no number is none to the engine, in one call as in many.
     force[1, 2], u[1, 2] = 0.0, np.nan
-    simulator._step(x, u, force, parameters, period, 5)
-    alone = [simulator._step(x, u[:, :2], force[:, :2], parameters, period, 5)[:, 1]]
+    simulator._copies.step(x, u, force, parameters, period, 5)
+    alone = [simulator._copies.step(x, u[:, :2], force[:, :2], parameters, period, 5)[:, 1]]
     for s in (2, 3):
-        alone.append(simulator._step(alone[-1], u[:, s : s + 1], force[:, s : s + 1], parameters, period, 5)[:, 0])
-    assert np.array_equal(simulator._step(x, u, force, parameters, period, 5)[:, 1:], np.stack(alone, axis=1), equal_nan=True)
+        alone.append(simulator._copies.step(alone[-1], u[:, s : s + 1], force[:, s : s + 1], parameters, period, 5)[:, 0])
+    assert np.array_equal(simulator._copies.step(x, u, force, parameters, period, 5)[:, 1:], np.stack(alone, axis=1), equal_nan=True)
+
+
+def test_a_row_does_not_depend_on_the_others_nor_on_what_was_stepped_before():
+    # More sets of parameters than simulations are kept; masses and armatures move constants of the model.
+    arm = gm.Simulator(HINGE.replace("</worldbody>", '<body pos="0 0 1"><joint name="b"/><geom size="0.1" mass="1"/></body></worldbody>'))
+    random = np.random.default_rng(2)
+    x, u, force = (random.standard_normal(shape) for shape in [(300, 4), (300, 20, 1), (300, 20, 2)])
+    parameters = np.array([s.value for s in arm.settings]) * random.uniform(0.8, 1.2, (300, len(arm.settings)))
+    together = arm._copies.step(x, u, force, parameters, 0.002, 2)
+    assert np.isfinite(together).all()
+    order = random.permutation(300)
+    shuffled = arm._copies.step(x[order], u[order], force[order], parameters[order], 0.002, 2)
+    assert np.array_equal(shuffled, together[order])
+    alone = [gm.Simulator(arm._text)._copies.step(x[i : i + 1], u[i : i + 1], force[i : i + 1], parameters[i : i + 1], 0.002, 2)[0] for i in (0, 299)]
+    assert np.array_equal(alone, together[[0, 299]])
+
+
+def test_what_the_engine_would_call_in_python_is_refused():
+    mujoco.set_mjcb_control(lambda model, data: None)
+    try:
+        with pytest.raises(ValueError, match="mjcb_control is a Python function"):
+            gm.Simulator(HINGE)
+    finally:
+        mujoco.set_mjcb_control(None)
+
+
+def test_rows_that_do_not_belong_together_are_refused():
+    step = gm.Simulator(HINGE)._copies.step
+    with pytest.raises(ValueError, match="expected .* states, commands, forces"):
+        step(np.zeros((2, 2)), np.zeros((2, 1, 1)), np.zeros((2, 1, 3)), np.zeros((2, 1)), 0.002)
 
 
 def test_a_driver_has_a_delay_and_guesses_and_stands_for_all_motors_of_a_pattern():

@@ -5,7 +5,7 @@ use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
 use crate::model::batched::batched;
-use crate::model::{Model, System};
+use crate::model::{Dynamics, Model, System};
 use crate::parallel::*;
 use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
 use std::sync::Arc;
@@ -73,13 +73,14 @@ pub(crate) struct Linearised<'a> {
 
 impl Contestant {
     /// `one` of every item, in their order, side by side: fits of models of this contestant's simulator, whose calls go together where it
-    /// steps.
+    /// steps and takes one call at a time.
     pub(crate) fn each<T: Send, R: Send>(
         &self,
         items: Vec<T>,
         one: impl Fn(T) -> Result<R> + Send + Sync,
     ) -> Result<Vec<R>> {
-        match self.system.simulator().filter(|simulator| simulator.steps().is_some()) {
+        let is_shared = |simulator: &&Arc<dyn Dynamics>| simulator.steps().is_some_and(|engine| !engine.is_concurrent());
+        match self.system.simulator().filter(is_shared) {
             Some(simulator) => batched(simulator, self.experiment.windows.len(), items, one),
             None => items.into_par_iter().map(one).collect(),
         }

@@ -13,13 +13,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsindy import _gpsindy
-from gpsindy.data._tables import Array, unknown
+from gpsindy.data._tables import unknown
 from gpsindy.data.dataset import Path
 from gpsindy.following import mjcf
 from gpsindy.model import Model
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.base import Base
-from gpsindy.mujoco.copies import WORTH_THREADS, Copies, seconds_a_step
+from gpsindy.mujoco.copies import copies, refuse_callbacks
 from gpsindy.mujoco.corrections import Corrections
 from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
@@ -68,7 +68,8 @@ class Simulator:
     Raises
     ------
     ValueError
-        A ball joint, a free joint without ``base``, an actuator that interpolates a late command, a name that the model lacks.
+        A ball joint, a free joint without ``base``, an actuator that interpolates a late command, a name that the model lacks, and a
+        callback of the engine that is a Python function.
 
     Examples
     --------
@@ -88,14 +89,12 @@ class Simulator:
         base: str | None = None,
         threads: int = 0,
     ) -> None:
+        refuse_callbacks()
         loaded = load(model)
         self._mj, self._text, self._source, self._late = loaded.model, loaded.text, loaded.source, loaded.late
         self._mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._base = Base(self._mj, base)
         self._ids = self._base.joints
-        self._threads = threads
-        self._batches: dict[tuple[int, int], Copies] = {}
-        self._cost = seconds_a_step(self._mj)
         self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in self._ids]
         self._actuators = [name_of(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
         self._positions, self._velocities = self._columns(joints or {})
@@ -118,6 +117,7 @@ class Simulator:
         self._drives = {self._actuators[a]: joint for a, joint in on.items() if joint is not None}
         self._acting = dict(zip(self._commands, self._actuators))
         self._gears = {self._actuators[a]: float(self._mj.actuator_gear[a, 0]) for a in driving}
+        self._copies = copies(self._mj, self._settings, self._drivers, self._base, threads)
         self._model = self._made(dict(sensors or {}))
         inputs = self._model._inner.simulator_inputs()
         self._nominal = {name: expression for kind, name, expression, _ in inputs if kind == "command"}
@@ -245,7 +245,7 @@ class Simulator:
         top = (0.0, float("inf"))
         start = [float(m.qpos0[m.jnt_qposadr[j]]) for j in self._ids]
         return stepping_model(
-            self._step,
+            self._copies.step,
             _plain(self._source.stem) if self._source else "mujoco",
             step,
             states=[
@@ -266,15 +266,8 @@ class Simulator:
             measured=list(sensors.items()),
             source=self,
             several=True,
+            copies=self._copies,
         )
-
-    def _step(self, x: Array, u: Array, force: Array, parameters: Array, dt: float | Array, count: int = 1) -> Array:
-        size = max(16, 1 << (len(x) - 1).bit_length())
-        # A thread that waits for little work costs more than it does.
-        threads = self._threads if size * u.shape[1] * count * self._cost >= WORTH_THREADS else 1
-        if (size, threads) not in self._batches:
-            self._batches[size, threads] = Copies(self._mj, self._settings, self._drivers, self._base, size, threads)
-        return self._batches[size, threads].step(x, u, force, parameters, dt, count)
 
     def corrected(self, model: Model) -> str:
         """The MJCF text with the corrections of an augmented model in it.

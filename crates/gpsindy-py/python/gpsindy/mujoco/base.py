@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from gpsindy.data._tables import Array
 from gpsindy.mujoco._engine import mujoco
 
 #: Inertia of a base whose motion is prescribed, as a multiple of the model's own: its legs then move it by less than a millionth.
@@ -52,7 +49,8 @@ class Base:
         self.joints = [j for j in range(model.njnt) if j not in free]
         #: Columns of the logs, with units.
         self.columns: tuple[tuple[str, str], ...] = COLUMNS[how] if how is not None and free else ()
-        self._at: tuple[int, int] | None = None
+        #: What the compiled part moves it by; None without a free base.
+        self.plan: dict[str, Any] | None = None
         if not free:
             if how is not None:
                 raise ValueError(f"base: the model has no free joint, so its base is fixed; leave base={how!r} out")
@@ -71,34 +69,16 @@ class Base:
                 "how far away it is; log its position, too (base='pose'), or take the fixed shapes out of the file"
             )
         position, velocity = int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])
-        self._at = position, velocity
-        self._pose = model.qpos0[position : position + 7].copy()
-        self._weight = FIRM * float(model.body_mass.sum() + model.body_inertia.sum())
-        model.dof_armature[velocity : velocity + 6] = self._weight
+        inertia = FIRM * float(model.body_mass.sum() + model.body_inertia.sum())
+        self.plan = {
+            "position": position,
+            "velocity": velocity,
+            "pose": [float(q) for q in model.qpos0[position : position + 7]],
+            "inertia": inertia,
+            "columns": len(self.columns),
+        }
+        model.dof_armature[velocity : velocity + 6] = inertia
         mujoco.mj_setConst(model, mujoco.MjData(model))
-
-    @property
-    def is_still(self) -> bool:
-        """Whether the model has no free base, so that :meth:`place` does nothing."""
-        return self._at is None
-
-    def place(self, columns: Array, qpos: Array, qvel: Array, force: Array) -> None:
-        """Sets a number of copies: ``columns`` (n, n_columns) of the logs; ``qpos`` (n, nq), ``qvel`` and ``force`` (n, nv) of the engine."""
-        if self._at is None:
-            return
-        position, velocity = self._at
-        qpos[:, position : position + 7] = self._pose
-        qvel[:, velocity : velocity + 6] = 0.0
-        if not self.columns:
-            return
-        turned = columns[:, :4]
-        qpos[:, position + 3 : position + 7] = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
-        qvel[:, velocity + 3 : velocity + 6] = columns[:, 4:7]
-        force[:, velocity + 3 : velocity + 6] = self._weight * columns[:, 7:10]
-        if len(self.columns) > 10:
-            qpos[:, position : position + 3] = columns[:, 10:13]
-            qvel[:, velocity : velocity + 3] = columns[:, 13:16]
-            force[:, velocity : velocity + 3] = self._weight * columns[:, 16:19]
 
 
 def _may_touch_the_world(m: Any) -> bool:

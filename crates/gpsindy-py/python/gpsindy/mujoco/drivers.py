@@ -7,9 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from gpsindy.data._tables import Array, unknown
+from gpsindy.data._tables import unknown
 from gpsindy.mujoco._engine import mujoco
 from gpsindy.mujoco.settings import Setting
 
@@ -85,7 +83,8 @@ class Drivers:
     def __init__(
         self, model: Any, actuators: Sequence[str], joints: Sequence[int], given: Mapping[str, Any], first: int
     ) -> None:
-        self._places: list[tuple[int, int, int]] = []
+        #: Actuator, joint among the states, and kp among all numbers; kd comes after it.
+        self.places: list[tuple[int, int, int]] = []
         self.settings: list[Setting] = []
         #: By number of the actuator.
         self.around: dict[int, Driver] = {}
@@ -97,7 +96,7 @@ class Drivers:
             if not plain or int(model.actuator_trntype[a]) not in on_joint or joint not in joints:
                 raise ValueError(f"drivers: actuator {name!r} is no motor on a joint; a driver's loop goes around a <motor>")
             self.around[a] = driver
-            self._places.append((a, joints.index(joint), first + len(self.settings)))
+            self.places.append((a, joints.index(joint), first + len(self.settings)))
             for gain, value, scale in (("kp", driver.kp, driver.kp or 1.0), ("kd", driver.kd, driver.kd or 0.01 * driver.kp or 1.0)):
                 self.settings.append(
                     Setting(f"{name}.{gain}", value, "", name, gain, a, scale, driver=True, tolerance=driver.tolerance(gain))
@@ -106,16 +105,6 @@ class Drivers:
     def tolerance(self, actuator: int, name: str) -> float | None:
         """Of a number of the driver around an actuator."""
         return self.around[actuator].tolerance(name) if actuator in self.around else None
-
-    def commands(self, positions: Array, speeds: Array, u: Array, parameters: Array) -> Array:
-        """What reaches the engine: ``u`` (n, n_actuators) with the columns of the motors in place of their wanted positions; ``positions`` and
-        ``speeds`` (n, n_joints) of the joints."""
-        if not self._places:
-            return u
-        found = np.array(u)
-        for a, joint, at in self._places:
-            found[:, a] = parameters[:, at] * (u[:, a] - positions[:, joint]) - parameters[:, at + 1] * speeds[:, joint]
-        return found
 
 
 def _by_actuator(given: Mapping[str, Any], actuators: Sequence[str]) -> Iterable[tuple[str, Driver]]:
