@@ -148,8 +148,7 @@ fn raced(
 ) -> Result<Vec<Contestant>> {
     let fitter = contest.fitter;
     let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
-        // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
-        true => fitter.refollowed(fitter.carried_on(fit, Budget::Rough)?, Budget::Rough),
+        true => fitter.carried_on(fit, Budget::Rough),
         false => Ok(fit),
     };
     let held_back = held_back(base, &fits, promises);
@@ -164,7 +163,11 @@ fn raced(
         // A leader that is far behind what stands already leads among what is no use.
         let leads = leads && fit.hypotheses.len() > base.hypotheses.len();
         let may_win = (leads || contest.score(&fit) >= best - IN_SIGHT) && may_gain;
-        if may_win && !contest.run.is_out_of_time() { fitter.carried_on(fit, Budget::Usual) } else { Ok(fit) }
+        if !may_win || contest.run.is_out_of_time() {
+            return Ok(fit);
+        }
+        // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
+        fitter.carried_on(fitter.refollowed(fit, Budget::Rough)?, Budget::Usual)
     };
     let mut fits = base.each(leading(contest, fits, (FINALISTS, 1)), finish)?;
     contest.sort(&mut fits);
