@@ -23,9 +23,10 @@ mod wheel;
 use std::process::ExitCode;
 
 const HELP: &str = "\
-cargo xtask test          formatting, clippy as errors, Rust tests, documentation, wheel, Python tests, stub check
+cargo xtask test          formatting, Rust tests, wheel, Python tests, types and stubs of the package
 cargo xtask rust          the Rust part of it
 cargo xtask python        the Python part of it
+cargo xtask lint          clippy and rustdoc over everything, warnings as errors
 cargo xtask package       every crate packs with its licences, builds from its package, and the packed program runs its demo
 cargo xtask wheel         wheel and source package: twine, auditwheel, and each installed and used in a bare environment
 cargo xtask deny          licences, doubles, sources and advisories of all dependencies (cargo-deny)
@@ -51,6 +52,7 @@ fn main() -> ExitCode {
         "test" => rust().and_then(|()| python::test()),
         "rust" => rust(),
         "python" => python::test(),
+        "lint" => lint(),
         "package" => package::check(),
         "wheel" => wheel::check(),
         "deny" => tools::deny(),
@@ -98,17 +100,22 @@ fn format(how: &[&str]) -> Result<(), String> {
     shell::run("rustfmt", edition.chain(how.iter().copied()).chain(effects.iter().map(String::as_str)), &[])
 }
 
-/// Formatting, clippy, tests with documentation tests, documentation: one profile, so that dependencies are built once.
+/// Formatting, and tests with documentation tests: one profile, so that dependencies are built once.
 fn rust() -> Result<(), String> {
-    let cargo = |arguments: &str| shell::run("cargo", arguments.split(' '), &[]);
     format(&["--check"])?;
-    cargo("clippy --release --workspace --all-targets --features xtask/data -- -D warnings")?;
     // With the extension module, which has no test of its own here: the wheel then shares what is built for the tests. Without the
-    // examples: clippy has compiled them, and to link each of them takes a minute in all.
+    // examples, which `lint` compiles: to link each of them takes a minute in all.
     skipped::counted(|environment| {
         let tests = "test --release --workspace --exclude gpsindy-benches --features xtask/data --tests";
         shell::run("cargo", tests.split(' '), environment)
     })?;
-    cargo("test --release --workspace --exclude gpsindy-benches --features xtask/data --doc")?;
+    let documentation = "test --release --workspace --exclude gpsindy-benches --features xtask/data --doc";
+    shell::run("cargo", documentation.split(' '), &[])
+}
+
+/// Clippy and rustdoc, warnings as errors.
+fn lint() -> Result<(), String> {
+    let clippy = "clippy --release --workspace --all-targets --features xtask/data -- -D warnings";
+    shell::run("cargo", clippy.split(' '), &[])?;
     shell::run("cargo", "doc --release --workspace --no-deps".split(' '), &[("RUSTDOCFLAGS", "-D warnings")])
 }

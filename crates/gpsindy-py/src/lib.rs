@@ -9,16 +9,11 @@ mod dataset;
 mod design;
 mod diagnose;
 mod fleet;
-mod fmu;
-mod foreign;
 mod identify;
-mod length;
 mod model;
-mod mujoco;
 mod native;
 mod online;
 mod rollout;
-mod rows;
 mod score;
 mod simulator;
 mod smooth;
@@ -51,13 +46,13 @@ mod _gpsindy {
     #[pymodule_export]
     use super::fleet::{FleetManifest, fleet_task};
     #[pymodule_export]
-    use super::fmu::PyFmuCopies;
-    #[pymodule_export]
     use super::identify::identify;
     #[pymodule_export]
     use super::model::PyModel;
     #[pymodule_export]
-    use super::mujoco::PyMujocoCopies;
+    use super::native::fmu::PyFmuCopies;
+    #[pymodule_export]
+    use super::native::mujoco::PyMujocoCopies;
     #[pymodule_export]
     use super::online::PyOnline;
     #[pymodule_export]

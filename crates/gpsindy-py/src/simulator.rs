@@ -1,7 +1,7 @@
 //! The user's own simulator behind the core's traits: a Python callable `f(t, x, u) -> dx`, or one that steps.
 
-use crate::length::Length;
 use crate::native::Native;
+use crate::native::length::Length;
 use crate::watch::{Watch, lock};
 use gpsindy_core::{Dynamics, Error, Result, Rows, Steps};
 use numpy::ndarray::IntoDimension;

@@ -97,6 +97,20 @@ pub enum Note {
         /// The parts whose size is another one, in words.
         parts: Vec<String>,
     },
+    /// The gap is as small as what an integrator leaves that steps otherwise.
+    Small {
+        /// Its root mean square as a share of the motion's.
+        share: f64,
+    },
+    /// What a cause is named for is at the end of what the logs can show.
+    Unmeasured {
+        /// Its id.
+        effect: String,
+        /// The state that it acts on.
+        state: String,
+        /// The parameters.
+        parameters: Vec<String>,
+    },
     /// The corrected model does not follow these columns in the held-out runs.
     NotFollowed {
         /// The columns.
@@ -214,6 +228,16 @@ impl std::fmt::Display for Note {
                 "the fitted size of {} in {state} differs in {} from the other parts of the logs; another effect may be the true cause",
                 effect.replace('_', " "),
                 parts.join(", ")
+            ),
+            Self::Small { share } => write!(
+                f,
+                "the gap is {share:.1e} of the motion, no more than an integrator with steps of a tenth of the sampling period leaves: where another simulator made the logs, its integrator is as likely the cause"
+            ),
+            Self::Unmeasured { effect, state, parameters } => write!(
+                f,
+                "{} of {} in {state} is at the end of what these logs can show, so they do not distinguish it from a simpler effect",
+                parameters.join(", "),
+                effect.replace('_', " ")
             ),
             Self::NotFollowed { columns } => write!(
                 f,

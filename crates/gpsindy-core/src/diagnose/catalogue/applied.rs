@@ -32,6 +32,9 @@ pub(crate) enum Role {
     Phase,
     /// The speed within which dry friction turns around: beyond its lower end, where no fit can walk to, it is zero.
     Corner,
+    /// How long something takes, or at what speed or frequency it happens. At an end of its range, which is that of what logs can show, its effect
+    /// is another one that has no such scale, or none.
+    Scale,
     /// An end of the travel, above or below: one that the logs never reach stands at the end of their range, and is anywhere beyond.
     Above,
     Below,
@@ -46,7 +49,17 @@ impl Added {
             Role::Corner => Some(0.0),
             Role::Above => Some(self.upper + far),
             Role::Below => Some(self.lower - far),
-            Role::Plain | Role::Angle | Role::Period | Role::Phase => None,
+            Role::Plain | Role::Angle | Role::Period | Role::Phase | Role::Scale => None,
+        }
+    }
+
+    /// Whether logs that lead to `value` do not measure it: a scale at an end of its range, or the corner of dry friction as wide as the motion.
+    pub(crate) fn is_unmeasured(&self, value: f64) -> bool {
+        let is_at = |end: f64| (value - end).abs() <= (1.0 - AT_END) * end.abs();
+        match self.role {
+            Role::Scale => is_at(self.lower) || is_at(self.upper),
+            Role::Corner => is_at(self.upper),
+            _ => false,
         }
     }
 
@@ -128,5 +141,24 @@ mod tests {
         assert_eq!(end(Role::Above).out_of_reach(1.8), None);
         assert_eq!(end(Role::Below).out_of_reach(2.0), None);
         assert_eq!(end(Role::Plain).out_of_reach(2.0), None);
+    }
+
+    #[test]
+    fn a_scale_at_an_end_of_its_range_is_not_measured() {
+        let scale = |role| Added {
+            symbol: "tau".into(),
+            name: "tau".into(),
+            unit: "s".into(),
+            scale: 0.1,
+            lower: 0.01,
+            upper: 10.0,
+            role,
+        };
+        let is_unmeasured = |role, value| scale(role).is_unmeasured(value);
+        assert!(is_unmeasured(Role::Scale, 10.0) && is_unmeasured(Role::Scale, 0.01));
+        assert!(!is_unmeasured(Role::Scale, 9.5) && !is_unmeasured(Role::Scale, 0.0105));
+        // The sharpest corner is dry friction itself.
+        assert!(is_unmeasured(Role::Corner, 10.0) && !is_unmeasured(Role::Corner, 0.01));
+        assert!(!is_unmeasured(Role::Plain, 10.0));
     }
 }

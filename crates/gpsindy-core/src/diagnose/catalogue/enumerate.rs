@@ -9,7 +9,7 @@ use crate::diagnose::catalogue::sense;
 use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};
-use crate::model::Model;
+use crate::model::{Model, State};
 
 /// Every hypothesis that makes sense in `model`, logged in the states `logged`.
 #[cfg(test)]
@@ -174,25 +174,26 @@ fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec
             let beside: Vec<&str> = controls().filter(|w| !stands(w)).collect();
             driven().flat_map(|(j, u)| beside.iter().map(move |&w| (j, vec![u, w]))).collect()
         }
-        Place::Rate => {
-            let mut all = Vec::new();
-            for (j, parameter) in set() {
-                // Only a parameter that scales its terms has a rate that can saturate.
-                let slope = model.states[j].equation.derivative(parameter);
-                let Some(slope) = slope.ok().filter(|slope| !slope.contains(parameter)) else { continue };
-                let held = model.states.iter().filter(|z| slope.contains(&z.name));
-                all.extend(held.map(|z| (j, vec![parameter, z.name.as_str()])));
-            }
-            all
-        }
+        // Only a parameter that scales its terms has a rate that can saturate.
+        Place::Rate => set().flat_map(|(j, p)| scaled(model, j, p).map(move |z| (j, vec![p, z]))).collect(),
         Place::Heated => {
             let heats = |j: usize, u: &str| model.states[j].equation.contains(u);
-            set().flat_map(|(j, p)| controls().filter(move |u| heats(j, u)).map(move |u| (j, vec![p, u]))).collect()
+            // What a resistance or a friction loses goes with the square of what it scales.
+            let of = |j, p| controls().filter(move |u| heats(j, u)).chain(scaled(model, j, p));
+            set().flat_map(|(j, p)| of(j, p).map(move |u| (j, vec![p, u]))).collect()
         }
         Place::Gap => gaps(model),
         Place::Row | Place::Own | Place::Position | Place::Other | Place::Pair | Place::Time => Vec::new(),
         Place::Load | Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
     }
+}
+
+/// States in the terms of an equation that a parameter scales.
+fn scaled<'a>(model: &'a Model, j: usize, parameter: &'a str) -> impl Iterator<Item = &'a str> {
+    let slope = model.states[j].equation.derivative(parameter);
+    let slope = slope.ok().filter(|slope| !slope.contains(parameter));
+    let is_held = move |z: &&State| slope.as_ref().is_some_and(|slope| slope.contains(&z.name));
+    model.states.iter().filter(is_held).map(|z| z.name.as_str())
 }
 
 /// Differences of two places: the first equation that has them, and the two.

@@ -55,7 +55,7 @@ pub(crate) enum Place {
     Supply,
     /// Wherever a parameter appears, on a state that its terms hold.
     Rate,
-    /// Wherever a parameter appears, on a control of the same equation.
+    /// Wherever a parameter appears, on a control of the same equation or a state that its terms hold.
     Heated,
     /// The difference of two places of the model.
     Gap,
@@ -93,7 +93,9 @@ impl Place {
                 "every equation that contains a control, as a function of a logged control that no equation uses"
             }
             Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
-            Self::Heated => "every equation that contains a parameter, as a function of a control of the same equation",
+            Self::Heated => {
+                "every equation that contains a parameter, as a function of a control of the same equation or of a state in its terms"
+            }
             Self::Gap => "every equation that contains the difference of two positions",
             Self::Random => "any dynamic equation, at random",
         }

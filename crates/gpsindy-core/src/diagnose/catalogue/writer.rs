@@ -100,6 +100,22 @@ impl<'a> Writer<'a> {
         Expression::variable(name)
     }
 
+    /// Adds a duration, speed or frequency that the effect is named for, within what the logs can show.
+    pub(crate) fn add_scale(
+        &mut self,
+        symbol: &str,
+        value: f64,
+        scale: f64,
+        bounds: (f64, f64),
+        unit: &str,
+    ) -> Expression {
+        let added = self.add(symbol, value, scale, bounds, unit);
+        if let Some((_, added)) = self.fitted.last_mut() {
+            added.role = Role::Scale;
+        }
+        added
+    }
+
     /// Adds the speed within which dry friction turns around, around which it starts: a corner as other simulators have it,
     /// and beyond the sharpest of them none, where it holds at rest.
     pub(crate) fn add_corner(&mut self, symbol: &str) -> Expression {

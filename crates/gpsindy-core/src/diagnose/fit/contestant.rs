@@ -79,7 +79,8 @@ impl Contestant {
         items: Vec<T>,
         one: impl Fn(T) -> Result<R> + Send + Sync,
     ) -> Result<Vec<R>> {
-        let is_shared = |simulator: &&Arc<dyn Dynamics>| simulator.steps().is_some_and(|engine| !engine.is_concurrent());
+        let is_shared =
+            |simulator: &&Arc<dyn Dynamics>| simulator.steps().is_some_and(|engine| !engine.is_concurrent());
         match self.system.simulator().filter(is_shared) {
             Some(simulator) => batched(simulator, self.experiment.windows.len(), items, one),
             None => items.into_par_iter().map(one).collect(),
@@ -108,6 +109,12 @@ impl Contestant {
     /// Fitted values of the effect at `place`.
     pub(crate) fn values(&self, place: usize) -> Vec<f64> {
         self.added[place].iter().map(|(index, _)| self.refined.parameters[*index]).collect()
+    }
+
+    /// Names of what the effect at `place` is named for and the logs do not measure.
+    pub(crate) fn unmeasured(&self, place: usize) -> Vec<String> {
+        let is_unmeasured = |(index, added): &&(usize, Added)| added.is_unmeasured(self.refined.parameters[*index]);
+        self.added[place].iter().filter(is_unmeasured).map(|(_, added)| added.symbol.clone()).collect()
     }
 
     /// The same with ends of a travel that the logs never reach far beyond them: on these logs no rollout differs.

@@ -13,9 +13,15 @@ pub(crate) struct Guide {
 
 /// Makes the values of all samples white, of `c` columns each.
 pub(crate) fn whiten(by_sample: &[DMatrix<f64>], values: &mut DVector<f64>) {
+    let mut before = Vec::new();
     for (sample, by) in by_sample.iter().enumerate() {
         let count = by.nrows();
-        let own = by * values.rows(sample * count, count);
-        values.rows_mut(sample * count, count).copy_from(&own);
+        let own = &mut values.as_mut_slice()[sample * count..][..count];
+        before.clear();
+        before.extend_from_slice(own);
+        own.fill(0.0);
+        for (column, value) in by.as_slice().chunks_exact(count.max(1)).zip(&before) {
+            own.iter_mut().zip(column).for_each(|(own, by)| *own += by * value);
+        }
     }
 }

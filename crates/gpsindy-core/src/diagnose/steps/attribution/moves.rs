@@ -297,7 +297,9 @@ fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> V
         let (members, out, values) = (members.to_vec(), places.clone(), vec![values.clone()]);
         Move { members, out, applied: None, values, promised: gain - loss }
     };
-    wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().map(pair)).collect()
+    // Two beside all that is there must promise as much as one.
+    let is_worth = |pair: &&Pair| !pair.places.is_empty() || is_promising(base, pair.gain);
+    wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().filter(is_worth).map(pair)).collect()
 }
 
 /// The suspects, and the views, that promise most in the place of one or two effects, by one noise model.

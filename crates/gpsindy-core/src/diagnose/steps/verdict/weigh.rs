@@ -2,8 +2,10 @@
 
 mod assemble;
 mod decide;
+mod small;
 
 use crate::data::Dataset;
+use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Cause, Diagnosis};
 use crate::diagnose::run::Ending;
@@ -16,6 +18,7 @@ use crate::diagnose::steps::verdict::verify::Verification;
 use crate::model::Model;
 use assemble::assemble;
 use decide::Decided;
+use small::of_an_integrator;
 
 /// All that a report is made of.
 pub(crate) struct Found<'a> {
@@ -66,8 +69,15 @@ fn notes(contest: &Contest<'_>, found: &Found<'_>, decided: &Decided, causes: &[
     // A search that ended early does not know.
     let has_nothing = detected.gap && outcome.best.hypotheses.is_empty() && contest.run.ending() == Ending::Complete;
     let nothing = has_nothing.then_some(Note::NothingExplains);
-    let kept = causes.iter().filter_map(disagreement).chain(astray(&found.verification)).filter(|_| decided.keep);
-    random.chain(coloured).chain(nothing).chain(kept).collect()
+    let unmeasured = (0..outcome.best.hypotheses.len()).filter_map(|place| unmeasured(&outcome.best, place));
+    let kept = causes
+        .iter()
+        .filter_map(disagreement)
+        .chain(unmeasured)
+        .chain(astray(&found.verification))
+        .filter(|_| decided.keep);
+    let small = of_an_integrator(nominal, &outcome.best).filter(|_| detected.gap).map(|share| Note::Small { share });
+    random.chain(coloured).chain(nothing).chain(small).chain(kept).collect()
 }
 
 /// What is to be said of a cause whose size differs between parts of the logs.
@@ -75,6 +85,14 @@ fn disagreement(cause: &Cause) -> Option<Note> {
     let stability = cause.stability.as_ref().filter(|s| !s.disagree.is_empty())?;
     let (effect, state) = (cause.effect.clone(), cause.state.clone());
     Some(Note::Disagreement { effect, state, parts: stability.disagree.clone() })
+}
+
+/// What is to be said of the effect at `place` where the logs do not measure what it is named for.
+fn unmeasured(best: &Contestant, place: usize) -> Option<Note> {
+    let parameters = best.unmeasured(place);
+    let hypothesis = &best.hypotheses[place];
+    let state = best.system.model().states[hypothesis.moves()].name.clone();
+    (!parameters.is_empty()).then(|| Note::Unmeasured { effect: hypothesis.id().into(), state, parameters })
 }
 
 /// What is to be said of a random force.

@@ -45,7 +45,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     // Three swings between two starts: a slower one with a start of its own would fit any slow force.
     let (slowest, fastest) = (3.0 * TAU / window, 0.6 * PI / period);
     let m = writer.add("m", 0.0, 1.0, (0.0, 10.0), "");
-    let omega = writer.add("omega", slowest, slowest, (slowest, PI / period), "rad/s");
+    let omega = writer.add_scale("omega", slowest, slowest, (slowest, PI / period), "rad/s");
     let zeta = writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "");
     let name = writer.model.states[state].name.clone();
     let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));

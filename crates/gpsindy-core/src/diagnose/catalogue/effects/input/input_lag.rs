@@ -33,7 +33,7 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let drive = writer.drive()?;
     let period = writer.scene.period;
-    let tau = writer.add("tau", period, period, (0.05 * period, 0.5 * writer.scene.duration), "s");
+    let tau = writer.add_scale("tau", period, period, (0.05 * period, 0.5 * writer.scene.duration), "s");
     let lagged = writer.model.free_name(&format!("{}_lag", drive.name));
     writer.replace(&drive.name, &Expression::variable(lagged.clone()));
     let follows = drive.u.minus(Expression::variable(lagged.clone())).over(tau);

@@ -44,7 +44,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let state = &writer.model.states[writer.hypothesis.state];
     let (name, period) = (state.name.clone(), writer.scene.period);
     let own = Expression::variable(name.clone());
-    let tau = writer.add("tau", period, period, (0.05 * period, 0.3 * writer.scene.duration), "s");
+    let tau = writer.add_scale("tau", period, period, (0.05 * period, 0.3 * writer.scene.duration), "s");
     let smooth = writer.add_state(&format!("{name}_filtered"), None);
     writer.set_rate(&smooth, own.minus(smooth.clone()).over(tau));
     writer.read_as(writer.reads().substitute(&name, &smooth));

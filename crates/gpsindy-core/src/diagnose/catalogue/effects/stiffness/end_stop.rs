@@ -18,9 +18,9 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "end stop",
     meaning: "A stop that pushes back beyond a position and has no effect before it.",
     family: Family::Stiffness,
-    form: "-(k + d*v)*max(0, z - high) + (k - d*v)*max(0, low - z)",
+    form: "-max(0, (k + d*v)*(z - high) + b*v) above high, max(0, (k - d*v)*(low - z) - b*v) below low",
     symbols: &["z"],
-    parameters: "k: stiffness, d: damping by the speed v in contact, high and low: where the stops begin",
+    parameters: "k: stiffness, d: damping by the speed v that grows with the depth, b: damping from the first touch on, high and low: where the stops begin",
     signature: "free motion up to a position, and a short rebound there",
     places: &[Place::Position],
     sense: &[Sense::NotThermal],
@@ -37,7 +37,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "-4*x - 0.2*v + 3*u - (200 + 20*v)*max(0, x - 0.6)")],
     ),
     in_mjcf: None,
-    about: "Both stops are one effect; a stop that the logs never reach is left out of the report, and stands far beyond them in the corrected model. The damping acts only in contact (Hunt and Crossley 1975). Where no rate depends on the place, as on a rail, it is tested once no single effect leaves only noise. A quantity without a speed, such as a level, is stopped without damping.",
+    about: "Both stops are one effect; a stop that the logs never reach is left out of the report, and stands far beyond them in the corrected model. The damping acts only in contact: it grows with the depth (Hunt and Crossley 1975), is there from the first touch on (Kelvin and Voigt), or both. A stop pushes and never pulls. Where no rate depends on the place, as on a rail, it is tested once no single effect leaves only noise. A quantity without a speed, such as a level, is stopped without damping.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -59,14 +59,17 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         let speed = writer.scene.states[writer.hypothesis.state].size();
         let damping = unit::product(&[(&stiffness, 1), (&writer.model.states[writer.hypothesis.state].unit, -1)]);
         symbols.push(("d", writer.add("d", 0.0, rate / range / speed, POSITIVE, &damping)));
+        let touched = writer.unit_of_rate();
+        let touched = unit::product(&[(&touched, 1), (&writer.model.states[writer.hypothesis.state].unit, -1)]);
+        symbols.push(("b", writer.add("b", 0.0, rate / speed, POSITIVE, &touched)));
         symbols.push(("v", Expression::variable(own)));
-        "-(k + d*v)*max(0, z - high) + (k - d*v)*max(0, low - z)"
+        "-step(z - high)*max(0, (k + d*v)*(z - high) + b*v) + step(low - z)*max(0, (k - d*v)*(low - z) - b*v)"
     };
     writer.add_term(writer.form(form, &symbols)?);
     // One stop each, above and below; the other one stays where it does nothing.
     let start = |upper: f64, lower: f64| {
         let depth = (high - upper).max(lower - low);
-        let values = [small / depth, upper, lower, 0.0];
+        let values = [small / depth, upper, lower, 0.0, 0.0];
         amplitude(if is_own { &values[..3] } else { &values })
     };
     let above = [0.92, 0.8, 0.65, 0.5].map(|part| start(low + part * range, *low));

@@ -41,7 +41,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let slowest = RIPPLES * TAU / writer.span().2;
     let Scene { duration, period, peaks, .. } = writer.scene;
     let c = writer.add("c", 0.0, rate, FREE, &unit);
-    let omega = writer.add("omega", 1.0, TAU / duration, (slowest, PI / period), "rad/s");
+    let omega = writer.add_scale("omega", 1.0, TAU / duration, (slowest, PI / period), "rad/s");
     let phase = writer.add_phase();
     let angle = Expression::Binary(Operator::Multiply, omega.into(), Expression::Time.into());
     writer.add_term(c.times(angle.plus(phase).apply(Function::Sin)));

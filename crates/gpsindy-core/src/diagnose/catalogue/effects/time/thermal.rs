@@ -41,13 +41,13 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
     ),
     in_mjcf: None,
-    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, which models the losses of a drive. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (period, span, size) = (writer.scene.period, writer.span().2, writer.size(1));
     let c = writer.add("c", 0.0, 1.0, FREE, "");
-    let tau = writer.add("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
+    let tau = writer.add_scale("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
     let name = writer.hypothesis.variables[0].clone();
     let warm = writer.add_state(&format!("{name}_warmth"), Some(0.0));
     let symbols = [("tau", tau), ("size", number(size)), ("T", warm.clone()), ("c", c)];

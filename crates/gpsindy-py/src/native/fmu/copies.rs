@@ -4,7 +4,7 @@ use super::component::Component;
 use super::failure::Failure;
 use super::instance::Instance;
 use super::unit::References;
-use crate::length::Length;
+use crate::native::length::Length;
 use crate::watch::lock;
 use gpsindy_core::Rows;
 use pyo3::exceptions::PyValueError;

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, Library};
 use super::plan::{Base, Plan};
-use crate::length::Length;
+use crate::native::length::Length;
 use gpsindy_core::Rows;
 use pyo3::prelude::*;
 use std::collections::HashMap;

@@ -9,7 +9,7 @@ mod instance;
 mod unit;
 
 use crate::convert::Matrix;
-use crate::rows::{Lengths, step};
+use crate::native::rows::{Lengths, step};
 pub(crate) use copies::Copies;
 use numpy::{PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;

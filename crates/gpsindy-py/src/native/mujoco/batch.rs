@@ -2,7 +2,7 @@
 
 #![allow(unsafe_code, reason = "the functions of MuJoCo are C")]
 
-use crate::foreign::Function;
+use crate::native::foreign::Function;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::collections::HashMap;
@@ -98,7 +98,9 @@ impl Library {
 fn found<F>(function: Function<F>) -> PyResult<F> {
     let missing = || {
         let name = function.name;
-        PyValueError::new_err(format!("MuJoCo's library has no function {name}; gpsindy needs the package mujoco, 4 or newer"))
+        PyValueError::new_err(format!(
+            "MuJoCo's library has no function {name}; gpsindy needs the package mujoco, 4 or newer"
+        ))
     };
     function.pointer.ok_or_else(missing)
 }
@@ -167,12 +169,14 @@ impl Batch {
         if !self.fields.contains_key(name) {
             let (mut size, mut bytes) = (0, 0);
             // SAFETY: the handle is of this library, and the name ends.
-            let first = unsafe {
-                (self.library.expand)(self.handle.as_ptr(), name.as_ptr(), &raw mut size, &raw mut bytes)
-            };
+            let first =
+                unsafe { (self.library.expand)(self.handle.as_ptr(), name.as_ptr(), &raw mut size, &raw mut bytes) };
             let first = NonNull::new(first.cast::<f64>()).filter(|_| bytes as usize == size_of::<f64>() && size > 0);
             let first = first.ok_or_else(|| {
-                PyValueError::new_err(format!("MuJoCo has no numbers of double precision called {}", name.to_string_lossy()))
+                PyValueError::new_err(format!(
+                    "MuJoCo has no numbers of double precision called {}",
+                    name.to_string_lossy()
+                ))
             })?;
             self.fields.insert(name.into(), (first, size as usize));
         }

@@ -1,7 +1,7 @@
 //! Steps of many rows, as Python asks native code for them.
 
 use crate::convert::{Matrix, vector};
-use crate::length::Length;
+use crate::native::length::Length;
 use gpsindy_core::Rows;
 use numpy::ndarray::{Array3, Dimension};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};

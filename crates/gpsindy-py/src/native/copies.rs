@@ -1,7 +1,7 @@
-//! Simulators that step in native code.
+//! Copies of a simulator that steps in native code, whichever it is.
 
-use crate::length::Length;
-use crate::{fmu, mujoco};
+use crate::native::length::Length;
+use crate::native::{fmu, mujoco};
 use gpsindy_core::Rows;
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -34,12 +34,7 @@ impl Native {
     }
 
     /// States `next` (r x s x n) after each of `samples` s of `count` steps; `rows` has the commands and forces of each sample.
-    pub(crate) fn step(
-        &self,
-        rows: &Rows<'_>,
-        how: (&Length<'_>, usize, usize),
-        next: &mut [f64],
-    ) -> PyResult<()> {
+    pub(crate) fn step(&self, rows: &Rows<'_>, how: (&Length<'_>, usize, usize), next: &mut [f64]) -> PyResult<()> {
         match self {
             Self::Fmu(copies) => copies.step(rows, how, next),
             Self::Mujoco(copies) => copies.step(rows, how, next),

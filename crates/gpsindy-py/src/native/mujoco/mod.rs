@@ -6,7 +6,7 @@ mod plan;
 mod simulations;
 
 use crate::convert::Matrix;
-use crate::rows::{Lengths, step};
+use crate::native::rows::{Lengths, step};
 use batch::Library;
 pub(crate) use copies::Copies;
 use numpy::{PyArray3, PyReadonlyArray3};
@@ -26,7 +26,7 @@ impl PyMujocoCopies {
         Copies::new(model, address, plan, Library::of(library)?, threads).map(|copies| Self(Arc::new(copies)))
     }
 
-    /// As [`PyFmuCopies::step`](crate::fmu::PyFmuCopies).
+    /// As [`PyFmuCopies::step`](crate::native::fmu::PyFmuCopies).
     #[expect(clippy::too_many_arguments, reason = "those of a simulator that steps")]
     #[pyo3(signature = (x, u, force, parameters, dt, count = 1))]
     fn step<'py>(

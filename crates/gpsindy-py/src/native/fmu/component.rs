@@ -3,7 +3,7 @@
 #![allow(unsafe_code, reason = "the functions of an FMU are C")]
 
 use super::failure::Failure;
-use crate::foreign::Function;
+use crate::native::foreign::Function;
 use pyo3::prelude::*;
 use std::ffi::{c_int, c_uint, c_void};
 use std::ptr;

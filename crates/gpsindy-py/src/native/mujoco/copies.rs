@@ -3,7 +3,7 @@
 use super::batch::Library;
 use super::plan::Plan;
 use super::simulations::Simulations;
-use crate::length::Length;
+use crate::native::length::Length;
 use crate::watch::lock;
 use gpsindy_core::Rows;
 use pyo3::exceptions::PyValueError;
@@ -36,7 +36,13 @@ pub(crate) struct Copies {
 }
 
 impl Copies {
-    pub(super) fn new(model: Py<PyAny>, address: usize, plan: Plan, library: Library, threads: usize) -> PyResult<Self> {
+    pub(super) fn new(
+        model: Py<PyAny>,
+        address: usize,
+        plan: Plan,
+        library: Library,
+        threads: usize,
+    ) -> PyResult<Self> {
         let (plan, library) = (Arc::new(plan), Arc::new(library));
         let mut first = Simulations::new(&plan, &library, address)?;
         let begun = Instant::now();
