@@ -10,14 +10,15 @@ use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{Writer, keep};
 use crate::error::Result;
 use crate::expression::{Expression, Function, Operator};
+use crate::model::State;
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "gear play",
     meaning: "Play between two moving parts: one moves some way without the other.",
     family: Family::Memory,
-    form: "p - q becomes dead_zone(p - q, c)",
+    form: "p - q becomes dead_zone(p - q, c), and within the play 1 - l of the difference of their speeds is left",
     symbols: &["p", "q"],
-    parameters: "c: half width of the play",
+    parameters: "c: half width of the play, l: share of the damping between the parts that acts only in contact",
     signature: "after a reversal, one part first moves alone",
     places: &[Place::Gap],
     sense: &[],
@@ -37,7 +38,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("a", "4*u - a - 20*dead_zone(p - q, 0.3)"), ("b", "20*dead_zone(p - q, 0.3) - 0.6*b")],
     ),
     in_mjcf: None,
-    about: "It is tested if an equation contains the difference of two positions, such as that of a spring between two masses.",
+    about: "It is tested if an equation contains the difference of two positions, such as that of a spring between two masses. Where one also contains the difference of their speeds, that damper may act in contact only.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -46,18 +47,50 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let unit = writer.unit_of(0);
     let c = writer.add("c", 0.0, 0.01 * travel, (0.0, travel), &unit);
     let [p, q] = [writer.variable(0)?, writer.variable(1)?];
-    let loose = |a: &Expression, b: &Expression| {
-        Expression::Call(Function::DeadZone, vec![a.clone().minus(b.clone()), c.clone()])
+    let gap = [p.clone().minus(q.clone()), q.minus(p)];
+    let loose = |gap: &Expression| Expression::Call(Function::DeadZone, vec![gap.clone(), c.clone()]);
+    let damper = speeds(writer).filter(|damper| {
+        let stands = |state: &State| damper.iter().any(|difference| has(&state.equation, difference));
+        writer.model.states.iter().any(stands)
+    });
+    let free = match damper.is_some() {
+        true => {
+            let l = writer.add("l", 0.0, 0.1, (0.0, 1.0), "");
+            let inside = writer.form("1 - step(abs(p - q) - c)", &[("c", c.clone())])?;
+            Some(writer.form("1 - l*inside", &[("l", l), ("inside", inside)])?)
+        }
+        false => None,
     };
-    let (pq, qp) = (p.clone().minus(q.clone()), q.clone().minus(p.clone()));
     for state in &mut writer.model.states {
-        state.equation = state.equation.map(&|part| match part {
-            part if part == pq => loose(&p, &q),
-            part if part == qp => loose(&q, &p),
-            part => part,
+        state.equation = state.equation.map(&|part| match (&free, &damper) {
+            _ if gap.contains(&part) => loose(&part),
+            (Some(free), Some(damper)) if damper.contains(&part) => part.times(free.clone()),
+            _ => part,
         });
     }
-    Ok([0.002, 0.005, 0.015, 0.04, 0.1, 0.25].map(|part| keep(&[part * travel])).into())
+    let sizes = [0.002, 0.005, 0.015, 0.04, 0.1, 0.25].map(|part| part * travel);
+    Ok(match damper {
+        Some(_) => sizes.iter().flat_map(|&c| [keep(&[c, 0.0]), keep(&[c, 1.0])]).collect(),
+        None => sizes.map(|c| keep(&[c])).into(),
+    })
+}
+
+/// The difference of the speeds of the two parts, either way round; none where the model has no speeds for them.
+fn speeds(writer: &Writer<'_>) -> Option<[Expression; 2]> {
+    let speed = |index: usize| {
+        let place = writer.model.state_index(writer.hypothesis.variables.get(index)?)?;
+        let rate = &writer.model.states[place].equation;
+        matches!(rate, Expression::Variable(name) if writer.model.state_index(name).is_some()).then(|| rate.clone())
+    };
+    let (p, q) = (speed(0)?, speed(1)?);
+    Some([p.clone().minus(q.clone()), q.minus(p)])
+}
+
+/// Whether an expression has another one as a part.
+fn has(expression: &Expression, wanted: &Expression) -> bool {
+    let mut found = false;
+    expression.visit(&mut |part| found |= part == wanted);
+    found
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
