@@ -231,7 +231,7 @@ impl std::fmt::Display for Note {
             ),
             Self::Small { share } => write!(
                 f,
-                "the gap is {share:.1e} of the motion, no more than an integrator with steps of a tenth of the sampling period leaves: where another simulator made the logs, its integrator is as likely the cause"
+                "the gap is {share:.1e} of the motion, no more than an integrator with steps of a tenth of the sampling period leaves: where another simulator made the logs, its integrator may be the cause"
             ),
             Self::Unmeasured { effect, state, parameters } => write!(
                 f,

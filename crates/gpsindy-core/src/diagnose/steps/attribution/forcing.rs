@@ -38,14 +38,15 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     // Where gusts drown every effect, one of them may still convince beside the gusts.
     let near = if best.hypotheses.is_empty() { &near[..] } else { &[] };
     let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
-    let found = Account::forced(contest, best, near)?;
-    // Neither a process nor an effect that one might replace.
-    let Some(found) = found.filter(|found| !found.processes.is_empty() || !found.fit.hypotheses.is_empty()) else {
-        return Ok(judged);
-    };
+    let nominal = &judged.nominal;
+    let mut found = account_of(contest, nominal, (best, near))?;
     stage.advance()?;
-    let Some((found, p_value)) = beside(contest, &judged.nominal, found)? else { return Ok(judged) };
+    // Effects that imitate a gust leave a law of their own making.
+    if found.is_none() && !best.hypotheses.is_empty() && !contest.run.is_out_of_time() {
+        found = account_of(contest, nominal, (nominal, &[]))?;
+    }
     stage.advance()?;
+    let Some((found, p_value)) = found else { return Ok(judged) };
     let mut chance = 1.0;
     let is_account = if found.is_forced() {
         let plain = without_forces(contest, &judged)?;
@@ -62,6 +63,18 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     let forcing = found.stated(p_value);
     stage.advance()?;
     Ok(replaced(contest, judged, found, forcing, chance))
+}
+
+/// A fit, or one of those `near` it, beside random processes with which no law is left, and the chance of the best function besides.
+fn account_of(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    (fit, near): (&Contestant, &[Contestant]),
+) -> Result<Option<(Account, f64)>> {
+    let found = Account::forced(contest, fit, near)?;
+    // Neither a process nor an effect that one might replace.
+    let found = found.filter(|found| !found.processes.is_empty() || !found.fit.hypotheses.is_empty());
+    found.map_or(Ok(None), |found| beside(contest, nominal, found))
 }
 
 /// The winner with coloured noise alone.

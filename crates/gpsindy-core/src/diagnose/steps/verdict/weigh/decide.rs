@@ -16,7 +16,6 @@ use crate::diagnose::steps::verdict::stability::{self, Stability};
 use crate::diagnose::steps::verdict::typicality::Typicality;
 use crate::diagnose::steps::verdict::verify::Verification;
 use crate::diagnose::steps::verdict::weigh::Found;
-use crate::diagnose::steps::verdict::weigh::small::of_an_integrator;
 
 /// What the report states as decided.
 pub(crate) struct Decided {
@@ -51,7 +50,6 @@ impl Decided {
         };
         let gap = gap_size(nominal, &outcome.best);
         let named = hypotheses.len() - usize::from(has_function);
-        let is_small = of_an_integrator(nominal, &outcome.best).is_some();
         let credible = |place: usize| {
             // A function without a name imitates nothing: it is what it is.
             if hypotheses[place].is_nameless() {
@@ -60,11 +58,7 @@ impl Decided {
             let share = outcome.seats[place].removed / gap;
             let chance = stabilities[place].as_ref().map_or(1.0, |s| s.p_value);
             let credible = credible(share, unexplained.probability, named, chance);
-            if !outcome.best.unmeasured(place).is_empty() {
-                return credible.min(UNMEASURED);
-            }
-            // As likely the integrator's.
-            if is_small { credible.min(LIKELY) } else { credible }
+            if outcome.best.unmeasured(place).is_empty() { credible } else { credible.min(UNMEASURED) }
         };
         let credible: Vec<f64> = (0..hypotheses.len()).map(credible).collect();
         let is_forced = forcing.as_ref().is_some_and(|forcing| !forcing.forces.is_empty());
