@@ -50,7 +50,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let more = writer.add("s_minus_c", 0.0, rate, POSITIVE, &unit);
     let speed = writer.unit_of(0);
     let way = unit::product(&[(&speed, 1), ("s", 1)]);
-    let w = writer.add("w", 0.2 * size, size, (0.02 * size, 2.0 * size), &speed);
+    let w = writer.add_scale("w", 0.2 * size, size, (0.02 * size, 2.0 * size), &speed);
     let delta = writer.add("delta", step, step, (0.3 * step, 30.0 * step), &way);
     let name = format!("{}_bristle", writer.model.states[writer.hypothesis.state].name);
     let d = writer.add_state(&name, Some(0.0));

@@ -45,7 +45,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
     let extra = writer.add("s_minus_c", 0.0, rate, POSITIVE, &unit);
     let speed = writer.unit_of(0);
-    let w = writer.add("w", size, size, (0.02 * size, 2.0 * size), &speed);
+    let w = writer.add_scale("w", size, size, (0.02 * size, 2.0 * size), &speed);
     // How sharp the corner is decides how long a part that should stick creeps: fitted, as for dry friction.
     let corner = writer.add_corner("corner");
     let bump = z.clone().over(w).power(number(2.0)).negated().apply(Function::Exp);
