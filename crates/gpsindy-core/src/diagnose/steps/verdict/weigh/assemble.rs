@@ -81,9 +81,10 @@ fn parameters(before: &Model, after: &Model, best: &Contestant) -> Vec<ModelPara
 /// Effects that these logs would have shown besides the winner's, had they been larger than a size: where the winner leaves a rest,
 /// none of those that may do what it does.
 ///
-/// A search that was cut, and found no cause, excludes nothing: what it did not try may hide any of them.
+/// Where the gap is unexplained nothing is excluded: what is missing may hide any of them, as a search that was cut may.
 fn excluded(contest: &Contest<'_>, outcome: &Outcome, verdict: Verdict) -> Vec<Excluded> {
-    if contest.run.ending() != Ending::Complete && outcome.best.hypotheses.is_empty() {
+    let is_cut = contest.run.ending() != Ending::Complete && outcome.best.hypotheses.is_empty();
+    if is_cut || verdict == Verdict::Unexplained {
         return Vec::new();
     }
     let model = outcome.best.system.model();
