@@ -76,7 +76,9 @@ fn notes(contest: &Contest<'_>, found: &Found<'_>, decided: &Decided, causes: &[
         .chain(unmeasured)
         .chain(astray(&found.verification))
         .filter(|_| decided.keep);
-    let small = of_an_integrator(nominal, &outcome.best).filter(|_| detected.gap).map(|share| Note::Small { share });
+    // Without causes nothing is known of the gap's size.
+    let has_causes = detected.gap && !outcome.best.hypotheses.is_empty();
+    let small = of_an_integrator(nominal, &outcome.best).filter(|_| has_causes).map(|share| Note::Small { share });
     random.chain(coloured).chain(nothing).chain(small).chain(kept).collect()
 }
 
