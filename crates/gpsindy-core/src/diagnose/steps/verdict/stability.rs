@@ -204,7 +204,9 @@ impl Products {
         let columns = |k: usize| (0..self.runs).map(move |run| first + run * own.len() + k);
         let one = |(k, &free): (usize, &usize)| {
             let index = best.free[free].parameter;
-            let (_, added) = best.added[place].iter().find(|(i, added)| *i == index && added.role == Role::Plain)?;
+            let (_, added) = best.added[place]
+                .iter()
+                .find(|(i, added)| *i == index && matches!(added.role, Role::Plain | Role::Scale))?;
             if !is_inside(best, free) {
                 return None;
             }

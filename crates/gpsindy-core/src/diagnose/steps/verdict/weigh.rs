@@ -51,6 +51,10 @@ fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &D
     let mut causes = if detected.gap { stated.all() } else { Vec::new() };
     if let Some(forcing) = forcing {
         let first = causes.iter().position(|c| !c.included).unwrap_or(causes.len());
+        // What is random leaves no room for single effects.
+        if outcome.seats.is_empty() {
+            causes.iter_mut().for_each(|cause| cause.probability *= 1.0 - forcing.probability());
+        }
         // What is left is random only if the causes beside it are right.
         let probability = forcing.probability() * credible.iter().product::<f64>();
         let model = nominal.system.model();
