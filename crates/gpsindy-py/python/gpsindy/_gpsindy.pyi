@@ -254,6 +254,7 @@ class FmuCopies:
         self, x: _Array, u: _Array, force: _Array, parameters: _Array, dt: float | _Array, count: int = 1
     ) -> _Array: ...
 
+@final
 class MujocoCopies:
     def __new__(cls, model: Any, address: int, library: Any, plan: dict[str, Any], threads: int) -> MujocoCopies: ...
     def step(
