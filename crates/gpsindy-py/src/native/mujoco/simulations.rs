@@ -72,21 +72,18 @@ impl Simulations {
     ) -> PyResult<()> {
         let widths = [&rows.commands, &rows.forces].map(|part| part.len() / (rows.count * samples).max(1));
         let [n, p] = [rows.states, rows.parameters].map(|part| part.len() / rows.count.max(1));
-        let row_of = |all: &'_ [f64], width: usize, row: usize| -> Range<usize> {
-            debug_assert!(all.len() >= (row + 1) * width, "values of every row");
-            row * width..(row + 1) * width
-        };
+        let of = |row: usize, width: usize| row * width..(row + 1) * width;
         for row in 0..rows.count {
-            let parameters = &rows.parameters[row_of(rows.parameters, p, row)];
+            let parameters = &rows.parameters[of(row, p)];
             let simulation = self.set(parameters, dt.of(row))?;
-            self.put(simulation, &rows.states[row_of(rows.states, n, row)]);
+            self.put(simulation, &rows.states[of(row, n)]);
             for sample in row * samples..(row + 1) * samples {
                 let held = Held {
-                    commands: &rows.commands[row_of(rows.commands, widths[0], sample)],
-                    forces: &rows.forces[row_of(rows.forces, widths[1], sample)],
+                    commands: &rows.commands[of(sample, widths[0])],
+                    forces: &rows.forces[of(sample, widths[1])],
                     parameters,
                 };
-                let own = row_of(next, n, sample);
+                let own = of(sample, n);
                 if self.hold(simulation, &held, count) {
                     self.read(simulation, &mut next[own]);
                 } else {
