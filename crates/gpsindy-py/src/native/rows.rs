@@ -41,6 +41,18 @@ pub(crate) fn step<'py>(
     Ok(Array3::from_shape_vec(shape, next).unwrap_or_default().into_pyarray(py))
 }
 
+/// Whether the numbers of all rows belong together: of `samples` each, of `widths` states, commands, forces and parameters; else what is wrong.
+pub(crate) fn fit(rows: &Rows<'_>, samples: usize, widths: [usize; 4], next: &[f64]) -> Result<(), String> {
+    let [n, m, f, p] = widths;
+    let held = rows.count * samples;
+    let expected = [rows.count * n, held * m, held * f, rows.count * p, held * n];
+    let given = [rows.states.len(), rows.commands.len(), rows.forces.len(), rows.parameters.len(), next.len()];
+    if given == expected {
+        return Ok(());
+    }
+    Err(format!("expected {expected:?} states, commands, forces, parameters and next states, found {given:?}"))
+}
+
 /// Row after row.
 fn flat<D: Dimension>(array: &PyReadonlyArray<'_, f64, D>) -> Vec<f64> {
     array.as_array().iter().copied().collect()

@@ -5,6 +5,7 @@ use super::failure::Failure;
 use super::instance::Instance;
 use super::unit::References;
 use crate::native::length::Length;
+use crate::native::rows::fit;
 use crate::watch::lock;
 use gpsindy_core::Rows;
 use pyo3::exceptions::PyValueError;
@@ -68,11 +69,7 @@ impl Copies {
         let f = self.references.inputs.len() - m;
         let p = self.references.parameters.len();
         let held = rows.count * samples;
-        let expected = [rows.count * n, held * m, held * f, rows.count * p, held * n];
-        let given = [rows.states.len(), rows.commands.len(), rows.forces.len(), rows.parameters.len(), next.len()];
-        if given != expected {
-            return Err(self.error(Failure::Size { given, expected }));
-        }
+        fit(rows, samples, [n, m, f, p], next).map_err(|why| PyValueError::new_err(format!("{}: {why}", self.name)))?;
         let kept = &mut *lock(&self.kept);
         let begun = Instant::now();
         let (mut state, mut inputs) = (vec![0.0; n], Vec::with_capacity(m + f));

@@ -14,8 +14,6 @@ pub(super) enum Failure {
     TimeEvent,
     /// A co-simulation whose own steps are longer, s.
     Short { asked: f64, reached: f64 },
-    /// Numbers of states, commands, forces, parameters and next states that do not belong together.
-    Size { given: [usize; 5], expected: [usize; 5] },
 }
 
 impl fmt::Display for Failure {
@@ -42,9 +40,6 @@ impl fmt::Display for Failure {
                 rounded(asked),
                 rounded(reached)
             ),
-            Self::Size { given, expected } => {
-                write!(f, "expected {expected:?} states, commands, forces, parameters and next states, found {given:?}")
-            }
         }
     }
 }

@@ -4,6 +4,7 @@ use super::batch::Library;
 use super::plan::Plan;
 use super::simulations::Simulations;
 use crate::native::length::Length;
+use crate::native::rows::fit;
 use crate::watch::lock;
 use gpsindy_core::Rows;
 use pyo3::exceptions::PyValueError;
@@ -61,18 +62,11 @@ impl Copies {
         (dt, samples, count): (&Length<'_>, usize, usize),
         next: &mut [f64],
     ) -> PyResult<()> {
-        let held = rows.count * samples;
         let n = self.plan.positions.len() + self.plan.velocities.len() + self.plan.activations;
         let columns = self.plan.base.as_ref().map_or(0, |base| base.columns);
         let (m, f, p) = (self.plan.commands + columns, self.plan.velocities.len(), self.plan.settings.len());
-        let expected = [rows.count * n, held * m, held * f, rows.count * p, held * n];
-        let given = [rows.states.len(), rows.commands.len(), rows.forces.len(), rows.parameters.len(), next.len()];
-        if given != expected {
-            return Err(PyValueError::new_err(format!(
-                "MuJoCo: expected {expected:?} states, commands, forces, parameters and next states, found {given:?}"
-            )));
-        }
-        let work = (held * count) as f64 * self.cost;
+        fit(rows, samples, [n, m, f, p], next).map_err(|why| PyValueError::new_err(format!("MuJoCo: {why}")))?;
+        let work = (rows.count * samples * count) as f64 * self.cost;
         let threads = if self.threads == 0 { rayon::current_num_threads() } else { self.threads };
         let parts = if work < WORTH_THREADS { 1 } else { threads.clamp(1, rows.count.max(1)) };
         if parts == 1 || n == 0 {
