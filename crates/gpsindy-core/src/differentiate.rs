@@ -5,7 +5,7 @@
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
 use crate::gp::{Conditioned, Fit, FitSettings, Kernel, Points, Quantity, Weakness, fit};
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::{Progress, step};
 use crate::smooth::Smoothed;
 use faer::Mat;
@@ -147,15 +147,11 @@ impl SecondStage {
             };
             data.runs().iter().map(of_run).collect()
         };
-        let results: Vec<Result<Prediction>> = (0..states.len())
-            .into_par_iter()
-            .map(|j| {
-                let prediction = self.predict(inputs, &targets(j));
-                step(progress, "differentiate", j + 1, states.len())?;
-                prediction
-            })
-            .collect();
-        let results = results.into_iter().collect::<Result<Vec<_>>>()?;
+        let results = parallel::try_map(0..states.len(), |j| {
+            let prediction = self.predict(inputs, &targets(j));
+            step(progress, "differentiate", j + 1, states.len())?;
+            prediction
+        })?;
         let runs = (0..data.runs().len()).map(|r| RunDerivatives {
             dx: Mat::from_fn(data.runs()[r].n_samples(), states.len(), |i, j| results[j].runs[r].0[i]),
             covariance: if self.covariance {

@@ -6,7 +6,7 @@
 use crate::data::{Dataset, Run};
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::{Progress, step};
 use crate::simulate::{Excitation, Rollout, Simulate, StateReader, latest};
 use std::ops::Range;
@@ -104,17 +104,12 @@ pub fn score(system: &System, data: &Dataset, settings: &Scoring, progress: &dyn
     let logged = logged_columns(system, data)?;
     let deviations = deviations(data, &logged);
     let n_runs = data.runs().len();
-    let tallies: Vec<[Tally; 3]> = data
-        .runs()
-        .par_iter()
-        .enumerate()
-        .map(|(i, run)| {
-            let subject = Subject::new(system, settings, data, run, &logged)?;
-            let found = [subject.whole()?, subject.windows(settings.window)?, subject.single_steps()?];
-            step(progress, "score", i + 1, n_runs)?;
-            Ok(found)
-        })
-        .collect::<Result<_>>()?;
+    let tallies: Vec<[Tally; 3]> = parallel::try_map(data.runs().iter().enumerate(), |(i, run)| {
+        let subject = Subject::new(system, settings, data, run, &logged)?;
+        let found = [subject.whole()?, subject.windows(settings.window)?, subject.single_steps()?];
+        step(progress, "score", i + 1, n_runs)?;
+        Ok(found)
+    })?;
     let errors = |kind: usize| pool(system, data, &logged, &deviations, tallies.iter().map(|t| &t[kind]));
     Ok(Score { rollout: errors(0), windowed: errors(1), one_step: errors(2) })
 }

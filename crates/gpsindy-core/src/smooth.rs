@@ -4,7 +4,7 @@
 use crate::data::{Channel, Dataset, Run};
 use crate::error::{Error, Result};
 use crate::gp::{Conditioned, Fit, FitSettings, Kernel, Points, Posterior, Quantity, fit};
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::{Progress, step};
 use faer::Mat;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -117,15 +117,11 @@ impl Smoother {
     pub fn smooth(&self, data: &Dataset, channels: &[usize], progress: &dyn Progress) -> Result<Smoothed> {
         self.check(data, channels)?;
         let done = AtomicUsize::new(0);
-        let results: Vec<Result<ChannelResult>> = (0..channels.len())
-            .into_par_iter()
-            .map(|c| {
-                let result = self.channel(data, channels[c], self.fit_settings(c))?;
-                step(progress, "smooth", done.fetch_add(1, Ordering::Relaxed) + 1, channels.len())?;
-                Ok(result)
-            })
-            .collect();
-        let results = results.into_iter().collect::<Result<Vec<_>>>()?;
+        let results = parallel::try_map(0..channels.len(), |c| {
+            let result = self.channel(data, channels[c], self.fit_settings(c))?;
+            step(progress, "smooth", done.fetch_add(1, Ordering::Relaxed) + 1, channels.len())?;
+            Ok(result)
+        })?;
         let runs = (0..data.runs().len()).map(|r| self.assemble(&data.runs()[r], r, &results)).collect();
         Ok(Smoothed {
             channels: channels.iter().map(|&c| data.channels()[c].clone()).collect(),

@@ -7,7 +7,7 @@ use crate::diagnose::catalogue::planting::{Planted, plant};
 use crate::diagnose::fixture::{Bench, benches};
 use crate::diagnose::{Diagnose, Diagnosed};
 use crate::model::{Language, Model, System};
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::Silent;
 
 /// The first bench on which the effect is a suspect, and where it is one.
@@ -63,7 +63,7 @@ fn each(check: impl Fn(Effect, &Bench, &Hypothesis) -> Result<(), String> + Sync
         check(effect, bench, &hypothesis).err().map(|why| format!("{}: {why}", effect.id()))
     };
     let all: Vec<Effect> = rolled().collect();
-    let failed: Vec<String> = all.par_iter().filter_map(one).collect();
+    let failed: Vec<String> = parallel::map(&all, one).into_iter().flatten().collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 

@@ -4,7 +4,7 @@
 
 use super::{Reduced, Regressor};
 use crate::error::{Error, Result};
-use crate::parallel::*;
+use crate::parallel;
 use faer::{Mat, MatRef};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
@@ -92,7 +92,7 @@ impl Ensemble {
             let fits = regressor.path(&Reduced::new(part.as_ref(), &values)?, &[level])?;
             Ok(fits.into_iter().next().map(|fit| fit.coefficients).unwrap_or_default())
         };
-        let fits: Vec<Vec<f64>> = (0..self.replicates).into_par_iter().map(one).collect::<Result<_>>()?;
+        let fits: Vec<Vec<f64>> = parallel::try_map(0..self.replicates, one)?;
         let coefficients = Mat::from_fn(self.replicates, theta.ncols(), |k, j| fits[k][j]);
         let share = |j: usize| {
             coefficients.col_as_slice(j).iter().filter(|c| **c != 0.0).count() as f64 / self.replicates as f64

@@ -7,7 +7,7 @@ use super::dense::{Cholesky, dot, gram, residual};
 use super::select::{Candidates, Choice, PATH_LENGTH, Selection, over_folds, smallest_bic, sparsest};
 use super::{Reduced, Regressor};
 use crate::error::{Error, Result};
-use crate::parallel::*;
+use crate::parallel;
 
 impl Selection {
     /// As [`Selection::choose`], on `folds` of rows with a sum of `weights` each (the number of rows where all weigh 1).
@@ -35,10 +35,9 @@ impl Selection {
                 if folds.len() < 2 {
                     return Err(Error::range("folds", "at least 2", folds.len()));
                 }
-                let by_fold = (0..folds.len())
-                    .into_par_iter()
-                    .map(|k| held_out(regressor, folds, k, &levels, problem.n_rows(), weights[k]))
-                    .collect::<Result<Vec<_>>>()?;
+                let by_fold = parallel::try_map(0..folds.len(), |k| {
+                    held_out(regressor, folds, k, &levels, problem.n_rows(), weights[k])
+                })?;
                 let (scores, errors) = over_folds(&by_fold);
                 sparsest(Candidates { fits, scores, errors }, one_standard_error)
             }

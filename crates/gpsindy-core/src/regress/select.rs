@@ -2,7 +2,7 @@
 
 use super::{Fit, Folds, Reduced, Regressor};
 use crate::error::{Error, Result};
-use crate::parallel::*;
+use crate::parallel;
 use faer::{Mat, MatRef};
 
 /// How a place on the path is chosen.
@@ -160,7 +160,7 @@ fn held_out_errors(
         let count = held_out.n_rows() as f64;
         Ok(regressor.path(&training, &fitted)?.iter().map(|fit| held_out.residual(&fit.coefficients) / count).collect())
     };
-    let by_fold: Vec<Vec<f64>> = (0..folds.n_folds()).into_par_iter().map(one_fold).collect::<Result<_>>()?;
+    let by_fold: Vec<Vec<f64>> = parallel::try_map(0..folds.n_folds(), one_fold)?;
     Ok(over_folds(&by_fold))
 }
 

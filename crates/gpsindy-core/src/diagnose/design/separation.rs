@@ -13,7 +13,7 @@ use crate::diagnose::fit::substeps::choose_substeps;
 use crate::diagnose::limits::{INTEGRATION, KEPT_SIGN, MOMENTS, SHRINKINGS, SIZES, SMALLER, TYPICAL_NOISE, UNKNOWN};
 use crate::error::{Error, Result};
 use crate::model::{Dynamics, System};
-use crate::parallel::*;
+use crate::parallel;
 use crate::random::normal;
 use crate::refine::{Experiment, Free, Jacobian, Log, Past, Point, Starts, Window};
 use nalgebra::{DMatrix, DVector};
@@ -155,7 +155,7 @@ impl<'a> Bench<'a> {
             let of = |candidate: usize| predictions[candidate][signal].as_ref();
             self.open.pairs.iter().map(|&(i, j)| self.separated((i, j), of(i)?, of(j)?)).collect::<Option<Vec<_>>>()
         };
-        Ok((0..signals.len()).into_par_iter().map(one).collect())
+        Ok(parallel::map(0..signals.len(), one))
     }
 
     fn predict(&self, player: &Player, signals: &[Signal]) -> Result<Vec<Option<Prediction>>> {
@@ -173,7 +173,7 @@ impl<'a> Bench<'a> {
         if player.system.engine().is_some() {
             return signals.iter().map(one).collect();
         }
-        signals.par_iter().map(one).collect()
+        parallel::try_map(signals, one)
     }
 
     fn predicted(&self, player: &Player, signals: &[Signal]) -> Result<Vec<Prediction>> {

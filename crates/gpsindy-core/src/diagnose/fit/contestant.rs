@@ -6,7 +6,7 @@ use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
 use crate::model::batched::batched;
 use crate::model::{Dynamics, Model, System};
-use crate::parallel::*;
+use crate::parallel;
 use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
 use std::sync::Arc;
 
@@ -83,7 +83,7 @@ impl Contestant {
             |simulator: &&Arc<dyn Dynamics>| simulator.steps().is_some_and(|engine| !engine.is_concurrent());
         match self.system.simulator().filter(is_shared) {
             Some(simulator) => batched(simulator, self.experiment.windows.len(), items, one),
-            None => items.into_par_iter().map(one).collect(),
+            None => parallel::try_map(items, one),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{CARRIED, FREQUENCIES, LINES, OF_LINE, OF_PERIOD};
-use crate::parallel::*;
+use crate::parallel;
 use std::f64::consts::{PI, TAU};
 
 /// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.
@@ -23,7 +23,7 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     let mut found: Vec<f64> = Vec::new();
     for differenced in [false, true] {
         let power: Vec<f64> =
-            (1..=count).into_par_iter().map(|k| power_at(fitted, spacing * k as f64, n_columns, differenced)).collect();
+            parallel::map(1..=count, |k| power_at(fitted, spacing * k as f64, n_columns, differenced));
         let mut lines: Vec<usize> = (0..power.len())
             .filter(|&k| {
                 let near = |i: usize| power.get(i).copied().unwrap_or(0.0);
@@ -44,7 +44,7 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
         all.sort_by(|a, b| b.1.total_cmp(&a.1));
         all.into_iter().take(OF_LINE).map(|(w, _)| w).collect::<Vec<_>>()
     };
-    let mut offered: Vec<f64> = found.par_iter().map(between).collect::<Vec<_>>().concat();
+    let mut offered: Vec<f64> = parallel::map(&found, between).concat();
     offered.sort_by(f64::total_cmp);
     offered.dedup();
     offered

@@ -14,7 +14,7 @@ use crate::diagnose::power::settings::Power;
 use crate::diagnose::power::trial::{Blind, Count, Table};
 use crate::diagnose::report::PowerReport;
 use crate::error::Result;
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::Progress;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
@@ -62,7 +62,7 @@ impl Study<'_> {
             count.add((most * self.power.draws).saturating_sub(tried))?;
             Ok(found)
         };
-        let effects = rows.par_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
+        let effects = parallel::try_map(rows.iter().enumerate(), one)?;
         Ok(PowerReport { seed: self.power.seed, noise: bench.noise_levels(), null, effects })
     }
 

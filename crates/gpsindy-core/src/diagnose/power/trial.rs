@@ -10,7 +10,7 @@ use crate::diagnose::power::settings::Power;
 use crate::diagnose::report::{Diagnosis, PowerEffect, PowerNull, PowerRival, PowerTrial};
 use crate::error::{Error, Result};
 use crate::model::{Model, System};
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::{Progress, step};
 use crate::random::normal;
 use rand_chacha::ChaCha8Rng;
@@ -91,7 +91,7 @@ impl Table<'_> {
             let report = self.blind(self.system.model().clone(), None, &mut self.random(NO_ROW, 0, draw))?;
             Ok((report.gap.detected, report.included().next().is_some()))
         };
-        let found = (0..draws).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
+        let found = parallel::try_map(0..draws, one)?;
         let alarms = found.iter().filter(|f| f.0).count();
         Ok(PowerNull { draws, alarms, included: found.iter().filter(|f| f.1).count() })
     }
@@ -190,7 +190,7 @@ impl Table<'_> {
                 Err(_) => Ok((false, Verdict::Missed)),
             }
         };
-        let found = (0..draws).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
+        let found = parallel::try_map(0..draws, one)?;
         let detected = found.iter().filter(|f| f.0).count();
         let mut named = 0;
         for (_, verdict) in found {

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::gp::kernel::{Kernel, Role};
 use crate::gp::likelihood::Evaluation;
 use crate::gp::points::Points;
-use crate::parallel::*;
+use crate::parallel;
 use one::{JITTER, OneFit, fit_one, polished};
 use scale::{Scale, standardise};
 use start::Bounds;
@@ -64,13 +64,13 @@ pub fn fit(kernels: &[Kernel], runs: &[Points], settings: &FitSettings) -> Resul
 
 /// Every kernel fitted to all runs; with a length that several samples share where otherwise every kernel interpolates.
 fn fit_all(kernels: &[Kernel], runs: &[Points], bounds: &Bounds, settings: &FitSettings) -> Vec<Option<OneFit>> {
-    let fits: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, runs, bounds, settings)).collect();
+    let fits: Vec<Option<OneFit>> = parallel::map(kernels, |k| fit_one(k, runs, bounds, settings));
     let predicts = |fits: &[Option<OneFit>]| fits.iter().flatten().any(|f| f.predicts);
     if predicts(&fits) {
         return fits;
     }
     let wider = bounds.wider();
-    let again: Vec<Option<OneFit>> = kernels.par_iter().map(|k| fit_one(k, runs, &wider, settings)).collect();
+    let again: Vec<Option<OneFit>> = parallel::map(kernels, |k| fit_one(k, runs, &wider, settings));
     if predicts(&again) { again } else { fits }
 }
 

@@ -6,7 +6,7 @@ use crate::identify::algorithm1::rows::Rows;
 use crate::identify::equations::Equations;
 use crate::identify::limits::{DEPENDENT, FOLDS, GAP};
 use crate::identify::settings::{Choice, Identify};
-use crate::parallel::*;
+use crate::parallel;
 use crate::progress::{Progress, step};
 use crate::regress::{Candidates, Ensemble, Fit, Folds, Reduced, Regressor, Selection, Stability};
 use faer::Mat;
@@ -34,7 +34,7 @@ pub(crate) fn regress(
     let one = |(s, rows): (usize, &Option<Rows>)| {
         rows.as_ref().map(|rows| Task::new(settings, &frame, s, &selection).choose(rows)).transpose()
     };
-    let chosen = rows.par_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
+    let chosen = parallel::try_map(rows.iter().enumerate(), one)?;
     let mut equations = frame;
     for (s, chosen) in chosen.iter().enumerate() {
         if let Some(chosen) = chosen {

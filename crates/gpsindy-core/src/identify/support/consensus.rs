@@ -18,7 +18,7 @@ use crate::identify::limits::consensus::{APART, FOLLOWED, LEAD, LENGTH, OFF, SHA
 use crate::identify::notes::Note;
 use crate::identify::support::scope::{Member, Rollouts, Scope};
 use crate::model::System;
-use crate::parallel::*;
+use crate::parallel;
 use crate::simulate::{Excitation, Method, Simulate};
 use faer::Mat;
 
@@ -52,7 +52,7 @@ impl Scope<'_> {
     pub(crate) fn agree(&self, found: Member, starts: &[Equations], notes: &mut Vec<Note>) -> Result<Member> {
         let shortest = self.motion.shortest_window();
         let search = |share: &f64| self.search(starts, Rollouts::Fixed(share * shortest));
-        let others = SHARES.par_iter().map(search).collect::<Result<Vec<_>>>()?;
+        let others = parallel::try_map(&SHARES, search)?;
         let mut members = vec![found];
         for other in others.into_iter().flatten() {
             let support = &other.trial.equations.support;
@@ -60,7 +60,7 @@ impl Scope<'_> {
                 members.push(other);
             }
         }
-        let longer = members.par_iter().map(|member| self.with_longer_rollouts(member)).collect::<Result<Vec<_>>>()?;
+        let longer = parallel::try_map(&members, |member| self.with_longer_rollouts(member))?;
         members.extend(longer.into_iter().flatten());
         let place = if members.len() > 2 { Vote(self.motion).consensus(&members)? } else { 0 };
         if place > 0 {
@@ -105,8 +105,7 @@ impl Vote<'_> {
             return Ok(0);
         }
         let logs: Vec<Path> = stretches.iter().map(|&stretch| Some(self.log(stretch, &spread))).collect();
-        let paths =
-            members.par_iter().map(|member| self.paths(member, &stretches, &spread)).collect::<Result<Vec<_>>>()?;
+        let paths = parallel::try_map(members, |member| self.paths(member, &stretches, &spread))?;
         let score = |k: usize| {
             let others = paths.iter().enumerate().filter(|(other, _)| *other != k).map(|(_, other)| other);
             let total: f64 = others.map(|other| apart(&paths[k].exchanged, &other.exchanged)).sum();

@@ -6,7 +6,7 @@ use crate::identify::equations::Equations;
 use crate::identify::limits::{INTERPOLATED, LOOKS, TIE};
 use crate::identify::support::fit::Trial;
 use crate::identify::support::scope::{Member, Rollouts, Scope};
-use crate::parallel::*;
+use crate::parallel;
 use crate::refine::Hold;
 
 impl Scope<'_> {
@@ -35,7 +35,7 @@ impl Scope<'_> {
             (timing.hold, self.fitter(timing.hold).fit(&equations, window, None))
         };
         let (mut fitted, mut failure) = (Vec::new(), None);
-        for (hold, fit) in pairs.par_iter().map(fit).collect::<Vec<_>>() {
+        for (hold, fit) in parallel::map(&pairs, fit) {
             match fit {
                 Ok(trial) => fitted.push((trial, hold)),
                 Err(Error::Cancelled) => return Err(Error::Cancelled),

@@ -9,7 +9,7 @@ use super::decay::{add_series, weights};
 use super::driven::{TERMS, logarithm};
 use super::moments::{Ahead, Moments, Reading};
 use super::{Acts, Filtered, Process, Sample};
-use crate::parallel::*;
+use crate::parallel;
 use crate::refine::Experiment;
 use nalgebra::DVector;
 
@@ -79,7 +79,7 @@ impl Linear {
             2..=4 => self.dispatched::<4>(chunk, most),
             _ => self.dispatched::<LANES>(chunk, most),
         };
-        chunks.par_iter().map(one).collect::<Vec<_>>().concat()
+        parallel::map(&chunks, one).concat()
     }
 
     /// Of up to `L` sets, one a lane; lanes beyond the last repeat it.

@@ -17,7 +17,7 @@ use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::pairs::pairs;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
-use crate::parallel::*;
+use crate::parallel;
 use crate::refine::{Refined, tangent};
 use std::ops::Range;
 
@@ -117,11 +117,10 @@ impl Screening<'_> {
         let is_wanted = |place: usize| which(place) && self.only.as_ref().is_none_or(|only| only.contains(&place));
         let wanted: Vec<Option<&Vec<usize>>> =
             self.suspects.iter().enumerate().map(|(place, members)| is_wanted(place).then_some(members)).collect();
-        let suspects: Result<Vec<Option<Screened>>> = wanted
-            .into_par_iter()
-            .map(|members| members.map_or(Ok(None), |members| self.one(members, at, (&bases, &outs))))
-            .collect();
-        let (suspects, looked): (_, ByNoise<Vec<Looked>>) = (suspects?, looked);
+        let suspects = parallel::try_map(wanted, |members| {
+            members.map_or(Ok(None), |members| self.one(members, at, (&bases, &outs)))
+        })?;
+        let looked: ByNoise<Vec<Looked>> = looked;
         let mut found: Vec<Pair> = Vec::new();
         for (basis, (_, looked)) in bases.iter().zip(looked.iter()).filter(|_| !is_rough) {
             for pair in pairs(&suspects, basis, looked, at) {
@@ -213,16 +212,15 @@ pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(
     let coloured = Basis::new(&at, Noise::Coloured, &[]);
     let is_dear = contest.rivals.len() > SCREENED;
     let Some(sketch) = is_dear.then(|| at.sketch(SKETCHED)).flatten() else {
-        return Ok(contest.rivals.par_iter().map(|rival| gain(rival, &at, &coloured)).collect());
+        return Ok(parallel::map(&contest.rivals, |rival| gain(rival, &at, &coloured)));
     };
     let part = sketch.linearised();
     let rough_noise = Basis::new(&part, Noise::Coloured, &[]);
-    let mut all: Vec<(f64, usize)> = contest.rivals.par_iter().map(|rival| gain(rival, &part, &rough_noise)).collect();
+    let mut all: Vec<(f64, usize)> = parallel::map(&contest.rivals, |rival| gain(rival, &part, &rough_noise));
     let mut order: Vec<usize> = (0..all.len()).collect();
     order.sort_by(|&a, &b| all[b].0.total_cmp(&all[a].0));
     let leaders = &order[..SCREENED];
-    let whole: Vec<(f64, usize)> =
-        leaders.par_iter().map(|&place| gain(&contest.rivals[place], &at, &coloured)).collect();
+    let whole: Vec<(f64, usize)> = parallel::map(leaders, |&place| gain(&contest.rivals[place], &at, &coloured));
     let last = whole.iter().map(|(gain, _)| *gain).fold(f64::INFINITY, f64::min);
     all.iter_mut().for_each(|(gain, _)| *gain = (*gain / sketch.share).min(last));
     for (&place, whole) in leaders.iter().zip(whole) {

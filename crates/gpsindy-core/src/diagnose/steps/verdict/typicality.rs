@@ -16,7 +16,7 @@ use crate::diagnose::limits::weigh::SIMULATED;
 use crate::diagnose::limits::{NOISE, SKETCHED};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
-use crate::parallel::*;
+use crate::parallel;
 use crate::random::normal;
 use nalgebra::DVector;
 use rand_chacha::ChaCha8Rng;
@@ -54,7 +54,7 @@ pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Typi
         let left = |gain: Gain| gain.gain - 2.0 * gain.degrees as f64;
         gains_of_family(rival, &contest.scene, &at, &basis).into_iter().map(left).collect()
     };
-    let all: Vec<Vec<f64>> = contest.rivals.par_iter().map(largest).collect();
+    let all: Vec<Vec<f64>> = parallel::map(&contest.rivals, largest);
     if contest.run.is_out_of_time() {
         return Ok(None);
     }

@@ -14,7 +14,7 @@ use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
 use crate::diagnose::steps::findings::{Forcing, StatedProcess};
 use crate::error::Result;
-use crate::parallel::*;
+use crate::parallel;
 use crate::refine::Window;
 use nalgebra::Matrix2;
 
@@ -97,16 +97,17 @@ impl Account {
 
     /// The same processes beside that one of some fits of which the readings speak best.
     fn best_of(&self, contest: &Contest<'_>, fits: &[Contestant]) -> Option<Self> {
-        let accounts: Vec<Self> = fits.par_iter().filter_map(|fit| self.beside(contest, fit)).collect();
+        let accounts: Vec<Self> = parallel::map(fits, |fit| self.beside(contest, fit)).into_iter().flatten().collect();
         accounts.into_iter().max_by(|a, b| a.score.total_cmp(&b.score))
     }
 
     /// Those of some fits that the logs do not distinguish from its own, given its processes: odds as of twins.
     pub(super) fn twins<'f>(&self, contest: &Contest<'_>, fits: &'f [Contestant]) -> Vec<&'f Contestant> {
-        let is_twin = |fit: &&Contestant| {
+        let is_twin = |fit: &Contestant| {
             self.beside(contest, fit).is_some_and(|other| 2.0 * (self.score - other.score).abs() < TWINS)
         };
-        fits.par_iter().filter(is_twin).collect()
+        let found = parallel::map(fits, is_twin);
+        fits.iter().zip(found).filter_map(|(fit, is_twin)| is_twin.then_some(fit)).collect()
     }
 
     /// With random processes at some of `places` besides, the best first, while they convince.
@@ -233,7 +234,7 @@ impl Account {
             let (gain, degrees) = found.gain(*acts, &along);
             Ok(gain_tail(with_fitted_level(gain, found.count), degrees, found.count, spent))
         };
-        let chances = all.par_iter().map(chance).collect::<Result<Vec<f64>>>()?;
+        let chances = parallel::try_map(&all, chance)?;
         Ok(Searches::of(chances.len()).pay(chances.into_iter().fold(1.0, f64::min)))
     }
 }
