@@ -36,13 +36,15 @@ impl FileKind {
     }
 }
 
-/// What a simulator's file does not say: the driver's loops around motors, what holds a free base, and which inputs are forces.
+/// What a simulator's file does not say: the driver's loops around motors, what holds a free base or a joint, and which inputs are forces.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Setup {
     /// PD loops, by actuator.
     pub drivers: Vec<Driver>,
     /// How a free base moves; none where the file has no free base.
     pub base: Option<Base>,
+    /// Joints that do not move.
+    pub locks: Vec<Lock>,
     /// Inputs of an FMU that no log has.
     pub forces: Vec<Force>,
 }
@@ -64,6 +66,15 @@ pub struct Driver {
     pub values: [f64; 3],
     /// Which of these are guesses that the logs correct.
     pub guessed: [bool; 3],
+}
+
+/// A joint that does not move while others are tested.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lock {
+    /// The joint; `*` and `?` stand for any characters and any one.
+    pub joint: String,
+    /// Where it is held, rad or m; none: where the file places it.
+    pub position: Option<f64>,
 }
 
 /// An input that no log has: a place where a force may act.

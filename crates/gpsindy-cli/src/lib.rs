@@ -9,7 +9,7 @@ mod screen;
 mod stop;
 mod text;
 
-pub use engine::{Base, Corrected, Driver, Engine, Engines, FileKind, Force, NoEngines, Setup};
+pub use engine::{Base, Corrected, Driver, Engine, Engines, FileKind, Force, Lock, NoEngines, Setup};
 
 use args::Arguments;
 use clap::Parser;

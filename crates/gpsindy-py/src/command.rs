@@ -5,7 +5,7 @@ use crate::diagnose::{PartParts, part};
 use crate::model::PyModel;
 use crate::simulator::Kind;
 use crate::watch::{Watch, calling_pool};
-use gpsindy_cli::{Corrected, Driver, Engine, Engines, FileKind, Force, Setup};
+use gpsindy_cli::{Corrected, Driver, Engine, Engines, FileKind, Force, Lock, Setup};
 use gpsindy_core::diagnose::{Diagnosed, Part};
 use gpsindy_core::{Dynamics, Model};
 use pyo3::prelude::*;
@@ -40,6 +40,13 @@ impl Engines for InPython {
             }
             if let Some(base) = setup.base {
                 given.set_item("base", base.as_str())?;
+            }
+            if !setup.locks.is_empty() {
+                let locked = PyDict::new(py);
+                for Lock { joint, position } in &setup.locks {
+                    locked.set_item(joint, position)?;
+                }
+                given.set_item("locked", locked)?;
             }
             if !setup.forces.is_empty() {
                 let (forces, kinematic) = (PyDict::new(py), PyDict::new(py));

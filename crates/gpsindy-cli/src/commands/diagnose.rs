@@ -221,7 +221,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         let settings = command.parts.among(Vec::new(), settings)?;
         if !command.setup.setup().is_empty() {
             return Err(Failure::input(
-                "--driver, --base and --force-input: with --simulated there is no MuJoCo model or FMU; remove the option",
+                "--driver, --base, --lock and --force-input: with --simulated there is no MuJoCo model or FMU; remove the option",
             ));
         }
         let (diagnosed, model) = paired(command, settings, &train, session.seed, screen)?;

@@ -40,8 +40,8 @@ def truth(drag, late):
 def diagnosis():
     def log(seed):
         rng = np.random.default_rng(seed)
-        t = np.arange(400) / 50
-        u = np.repeat(rng.uniform(-4, 4, 20), 20)
+        t = np.arange(240) / 50
+        u = np.repeat(rng.uniform(-4, 4, 12), 20)
         x = by_hand(t, u, 0.005, late=LATE, force=lambda x: -DRAG * x[1] * abs(x[1]))
         noise = rng.standard_normal(x.shape) * [2e-3, 5e-3]
         return {"t": t, "x": x[:, 0] + noise[:, 0], "v": x[:, 1] + noise[:, 1], "u": u}

@@ -9,7 +9,7 @@ from carts import by_hand, cart, carts, stepper
 import gpsindy
 
 
-def command(seed, n=400, rate=50):
+def command(seed, n=240, rate=50):
     rng = np.random.default_rng(seed)
     t = np.arange(n) / rate
     return t, np.repeat(rng.uniform(-2, 2, n // 20), 20)

@@ -4,19 +4,31 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::aligned_left;
 use gpsindy_core::{Expression, Model};
-use gpsindy_files::Logs;
+use gpsindy_files::{Logs, meant};
 
-/// Lists the columns of a simulator, and warns of every state that no column carries, with names that are near. Rates of a measured
-/// position are made from it.
+/// Lists the columns of a simulator, and warns of the states that no column carries, with names that are near. Rates of a measured position are
+/// made from it.
 pub(crate) fn tell(logs: &Logs, model: &Model, screen: &Screen) {
     if !model.calls_simulator() {
         return;
     }
     let header = |name: &str| logs.files().iter().find_map(|log| log.column(name)).map(|header| header.text.clone());
     screen.note(aligned_left(&table(model, &header)).trim_end());
-    for name in unmeasured(model, &|name| logs.resolve(name).is_ok()) {
-        if let Err(error) = logs.resolve(name) {
-            screen.warn(&format!("`{name}` is not measured, the simulator runs it unseen: {}", Failure::from(error)));
+    let names = unmeasured(model, &|name| logs.resolve(name).is_ok());
+    if names.is_empty() {
+        return;
+    }
+    screen.warn(&format!(
+        "not measured, so the simulator runs them unseen: {}; give a column the name of a state with --rename, or hold a joint of a MuJoCo \
+         model that does not move with --lock",
+        names.join(", ")
+    ));
+    let is_taken = |column: &String| model.states.iter().any(|state| state.name == *column);
+    let columns: Vec<String> = logs.columns().into_iter().filter(|column| !is_taken(column)).collect();
+    for name in names {
+        let near = meant(name, columns.iter().map(String::as_str));
+        if !near.is_empty() {
+            screen.warn(&format!("no column is `{name}`{near}"));
         }
     }
 }

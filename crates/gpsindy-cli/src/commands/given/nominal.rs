@@ -19,10 +19,10 @@ pub(crate) struct Nominal {
 impl Nominal {
     pub(crate) fn open(path: &Path, setup: &Setup, session: &Session<'_>) -> Outcome<Self> {
         let kind = kind(path);
-        let of_mujoco = !setup.drivers.is_empty() || setup.base.is_some();
+        let of_mujoco = !setup.drivers.is_empty() || setup.base.is_some() || !setup.locks.is_empty();
         if of_mujoco && kind != Some(FileKind::MuJoCo) {
             return Err(Failure::input(format!(
-                "{}: --driver and --base are for MuJoCo models; write a driver's loop into the equations",
+                "{}: --driver, --base and --lock are for MuJoCo models; write a driver's loop into the equations",
                 path.display()
             )));
         }

@@ -1,6 +1,6 @@
 //! What the file of a MuJoCo model or an FMU does not say: options of every command that steps one.
 
-use crate::engine::{Base, Driver, Force, Setup};
+use crate::engine::{Base, Driver, Force, Lock, Setup};
 use crate::failure::{Failure, Outcome};
 use clap::{Args, ValueEnum};
 use gpsindy_core::diagnose::{Diagnose, Part, PartKind};
@@ -17,6 +17,10 @@ pub(crate) struct SetupOptions {
     /// How a free base moves
     #[arg(long, value_enum, value_name = "HOW")]
     base: Option<HowBase>,
+    /// Joints that do not move in these logs, so that neither they nor their actuators need a column; held where the file places them, or at a
+    /// position in rad or m, such as elbow=0.5; `*` stands for any characters
+    #[arg(long, value_name = "JOINT[=POSITION]", value_delimiter = ',', value_parser = lock)]
+    lock: Vec<Lock>,
     /// Input of an FMU that no log has, as a place where a force may act: the state whose rate it changes and, if there is one, the state
     /// whose time derivative that is, such as torque=w,theta
     #[arg(long, value_name = "INPUT=RATE[,POSITION]", value_parser = force, help_heading = "FMUs")]
@@ -77,7 +81,7 @@ impl SetupOptions {
             HowBase::Imu => Base::Imu,
             HowBase::Pose => Base::Pose,
         });
-        Setup { drivers: self.driver.clone(), base, forces: self.force_input.clone() }
+        Setup { drivers: self.driver.clone(), base, locks: self.lock.clone(), forces: self.force_input.clone() }
     }
 }
 
@@ -100,6 +104,19 @@ fn driver(text: &str) -> Result<Driver, String> {
         values[place] = value;
     }
     Ok(Driver { actuator: actuator.into(), values, guessed })
+}
+
+/// `elbow` or `elbow=0.5`.
+fn lock(text: &str) -> Result<Lock, String> {
+    let expected = || format!("expected JOINT or JOINT=POSITION, such as elbow or elbow=0.5, found {text}");
+    let (joint, position) = match text.rsplit_once('=') {
+        None => (text, None),
+        Some((joint, position)) => (joint, Some(position.trim().parse::<f64>().map_err(|_| expected())?)),
+    };
+    if joint.trim().is_empty() || position.is_some_and(|position| !position.is_finite()) {
+        return Err(expected());
+    }
+    Ok(Lock { joint: joint.trim().into(), position })
 }
 
 /// `torque=w,theta`.
@@ -132,6 +149,15 @@ mod tests {
         assert_eq!(force("f = w, th"), Ok(wanted(Some("th"))));
         for wrong in ["f", "f=", "=w", "f=w,", "f=w,th,x"] {
             assert!(force(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_lock_is_a_joint_with_a_position_or_without() {
+        assert_eq!(lock("elbow"), Ok(Lock { joint: "elbow".into(), position: None }));
+        assert_eq!(lock("wrist_* = -0.5"), Ok(Lock { joint: "wrist_*".into(), position: Some(-0.5) }));
+        for wrong in ["", "=1", "elbow=", "elbow=x", "elbow=inf"] {
+            assert!(lock(wrong).is_err(), "{wrong}");
         }
     }
 

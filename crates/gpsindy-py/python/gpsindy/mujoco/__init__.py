@@ -9,7 +9,7 @@ import difflib
 import os
 import pathlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from gpsindy import _gpsindy
@@ -23,6 +23,7 @@ from gpsindy.mujoco.copies import copies, refuse_callbacks
 from gpsindy.mujoco.corrections import Corrections
 from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
+from gpsindy.mujoco.locks import Locks
 from gpsindy.mujoco.settings import Setting, is_servo, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
@@ -62,6 +63,9 @@ class Simulator:
         (quaternion), ``base_wx``, ``wy``, ``wz`` (gyroscope) and ``base_dwx``, ``dwy``, ``dwz`` (its derivative) say, or as these and
         ``base_x``, ``base_vx``, ``base_ax`` and so on (position, velocity, acceleration in the world) say. What moves on the base does not
         move it; contacts are the engine's.
+    locked : str, iterable of str, or mapping of str to float or None, optional
+        Joints that do not move while others are tested, where ``*`` in a name stands for any characters, and the position at which each is
+        held; without one, where the file places it. Neither they nor their actuators need a column.
     threads : int
         Threads of the engine; 0: all cores.
 
@@ -87,6 +91,7 @@ class Simulator:
         *,
         drivers: Mapping[str, Driver | tuple[float, ...]] | None = None,
         base: str | None = None,
+        locked: str | Iterable[str] | Mapping[str, float | None] = (),
         threads: int = 0,
     ) -> None:
         refuse_callbacks()
@@ -94,14 +99,17 @@ class Simulator:
         self._mj, self._text, self._source, self._late = loaded.model, loaded.text, loaded.source, loaded.late
         self._mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._base = Base(self._mj, base)
-        self._ids = self._base.joints
+        self._locks = Locks(self._mj, self._base.joints, locked)
+        self._ids = self._locks.joints
         self._joints = [name_of(self._mj, mujoco.mjtObj.mjOBJ_JOINT, j) for j in self._ids]
         self._actuators = [name_of(self._mj, mujoco.mjtObj.mjOBJ_ACTUATOR, a) for a in range(self._mj.nu)]
         self._positions, self._velocities = self._columns(joints or {})
         self._commands = self._command_columns(actuators or {})
         self._activations = self._activation_columns()
-        self._settings = settings_of(self._mj, dict(zip(self._ids, self._joints)), self._actuators)
-        self._drivers = Drivers(self._mj, self._actuators, self._ids, drivers or {}, len(self._settings))
+        #: Numbers of the actuators whose commands are columns.
+        self._driven = [a for a in range(self._mj.nu) if a not in self._locks.actuators]
+        self._settings = self._free(settings_of(self._mj, dict(zip(self._ids, self._joints)), self._actuators))
+        self._drivers = Drivers(self._mj, self._actuators, self._ids, drivers or {}, len(self._settings), self._locks.actuators)
         self._settings += self._drivers.settings
         for a, driver in self._drivers.around.items():
             if self._late[a] > 0.0:
@@ -117,7 +125,7 @@ class Simulator:
         self._drives = {self._actuators[a]: joint for a, joint in on.items() if joint is not None}
         self._acting = dict(zip(self._commands, self._actuators))
         self._gears = {self._actuators[a]: float(self._mj.actuator_gear[a, 0]) for a in driving}
-        self._copies = copies(self._mj, self._settings, self._drivers, self._base, threads)
+        self._copies = copies(self._mj, self._settings, self._drivers, (self._base, self._locks), self._driven, threads)
         self._model = self._made(dict(sensors or {}))
         inputs = self._model._inner.simulator_inputs()
         self._nominal = {name: expression for kind, name, expression, _ in inputs if kind == "command"}
@@ -173,7 +181,8 @@ class Simulator:
         # Elements of different kinds may have one name.
         gains = {"kp", "kv", "kd"}
         actuators: list[_Part] = []
-        for a, actuator in enumerate(self._actuators):
+        for a in self._driven:
+            actuator = self._actuators[a]
             acts = int(self._mj.actuator_actadr[a])
             own = self._activations[acts : acts + int(self._mj.actuator_actnum[a])] if acts >= 0 else []
             numbers = [name for name in of.get(actuator, []) if name.rpartition(".")[2] in gains]
@@ -200,10 +209,18 @@ class Simulator:
         return joints + actuators
 
     def _moved_by(self, body: int) -> int:
-        """The nearest body above, or itself, that has a joint."""
-        while body and int(self._mj.body_jntnum[body]) == 0:
+        """The nearest body above, or itself, that has a joint which is a state; the world's where there is none."""
+        moving = {int(self._mj.jnt_bodyid[j]) for j in self._ids}
+        while body and body not in moving:
             body = int(self._mj.body_parentid[body])
         return body
+
+    def _free(self, settings: Sequence[Setting]) -> list[Setting]:
+        """Numbers that matter where some joints are locked: neither gains of their actuators nor masses that nothing else moves."""
+        places = self._locks.places
+        gains = [s.attribute in ("kp", "kv") and s.index in self._locks.actuators for s in settings]
+        still = [bool(places) and s.attribute == "mass" and self._moved_by(s.index) == 0 for s in settings]
+        return [s for s, gain, rests in zip(settings, gains, still) if not gain and not rests]
 
     def _inertias(self) -> dict[str, tuple[str, float, str]]:
         masses = {setting.element: setting.scale or 0.0 for setting in self._settings if setting.attribute == "armature"}
@@ -253,14 +270,14 @@ class Simulator:
                 *((v, f"{unit}/s") for v, unit in zip(self._velocities, units)),
                 *((column, "") for column in self._activations),
             ],
-            controls=[*zip(self._commands, map(self._unit_of_command, range(m.nu))), *self._base.columns],
+            controls=[*((self._commands[a], self._unit_of_command(a)) for a in self._driven), *self._base.columns],
             kinematic=list(zip(self._positions, self._velocities)),
             ports=ports,
             parameters=[(s.name, s.value, s.unit, s.tolerance, top, s.scale) for s in self._settings],
             delays=[
-                (command, f"{actuator}.delay", late, step, self._drivers.tolerance(a, "delay"))
-                for a, (command, actuator, late) in enumerate(zip(self._commands, self._actuators, self._late))
-                if late > 0.0
+                (self._commands[a], f"{self._actuators[a]}.delay", self._late[a], step, self._drivers.tolerance(a, "delay"))
+                for a in self._driven
+                if self._late[a] > 0.0
             ],
             initial=[*zip(self._positions, start), *((name, 0.0) for name in [*self._velocities, *self._activations])],
             measured=list(sensors.items()),
@@ -283,7 +300,7 @@ class Simulator:
         if self._text is None:
             raise ValueError("there is no MJCF text to correct; make the simulator from an MJCF file or text")
         home = None if self._source is None else self._source.parent
-        said = Corrections(self._text, home, self._mj, self._settings, self._ids)
+        said = Corrections(self._text, home, self._mj, self._settings, self._base.joints)
         values: dict[str, float] = {}
         for kind, name, expression, value in model._inner.simulator_inputs():
             if kind == "parameter" and value is None:

@@ -14,6 +14,7 @@ from gpsindy._gpsindy import MujocoCopies
 from gpsindy.mujoco._engine import batch, mujoco
 from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.drivers import Drivers
+from gpsindy.mujoco.locks import Locks
 from gpsindy.mujoco.settings import OF_A_DOF, Setting
 
 #: Components of a state, in the order in which the compiled part takes them.
@@ -23,8 +24,11 @@ COMPONENTS = ("TIME", "QPOS", "QVEL", "ACT", "CTRL", "QFRC_APPLIED")
 CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
-def copies(model: Any, settings: Sequence[Setting], drivers: Drivers, base: Base, threads: int) -> MujocoCopies:
-    """Copies of a model, each with parameters of its own, made when they are asked for.
+def copies(
+    model: Any, settings: Sequence[Setting], drivers: Drivers, given: tuple[Base, Locks], driven: Sequence[int], threads: int
+) -> MujocoCopies:
+    """Copies of a model, each with parameters of its own, made when they are asked for. Base and locks say what moves as given; the commands of
+    the actuators in ``driven`` are handed in, the others' are 0.
 
     Raises
     ------
@@ -33,17 +37,19 @@ def copies(model: Any, settings: Sequence[Setting], drivers: Drivers, base: Base
     """
     if np.dtype(mujoco.MJTNUM_DTYPE) != np.float64:
         raise ValueError("MuJoCo was built with single precision, and derivatives need double")
+    base, locks = given
     plan = {
         "components": [int(getattr(mujoco.mjtState, f"mjSTATE_{name}")) for name in COMPONENTS],
-        "positions": [int(model.jnt_qposadr[j]) for j in base.joints],
-        "velocities": [int(model.jnt_dofadr[j]) for j in base.joints],
+        "positions": [int(model.jnt_qposadr[j]) for j in locks.joints],
+        "velocities": [int(model.jnt_dofadr[j]) for j in locks.joints],
         "activations": int(model.na),
-        "commands": int(model.nu),
+        "commands": list(driven),
         "settings": [
             {"value": s.value, "writes": _writes(model, s), "moves_constants": s.attribute in ("armature", "mass")} for s in settings
         ],
-        "drivers": [{"actuator": a, "joint": joint, "gain": gain} for a, joint, gain in drivers.places],
+        "drivers": [{"actuator": a, "command": driven.index(a), "joint": joint, "gain": gain} for a, joint, gain in drivers.places],
         "base": base.plan,
+        "locks": [{"position": position, "velocity": velocity, "at": at} for position, velocity, at in locks.places],
         "warnings": int(mujoco.mjtWarning.mjNWARNING),
         "timestep": float(model.opt.timestep),
     }

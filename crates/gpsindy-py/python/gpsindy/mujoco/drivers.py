@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,6 +73,8 @@ class Drivers:
         Drivers, or gains kp and kd and a delay, by actuator; ``*`` and ``?`` in a name stand for any characters and any one.
     first : int
         How many numbers of the engine come before those of the drivers.
+    locked : collection of int
+        Numbers of actuators whose joints are locked, so that they need no driver.
 
     Raises
     ------
@@ -81,7 +83,7 @@ class Drivers:
     """
 
     def __init__(
-        self, model: Any, actuators: Sequence[str], joints: Sequence[int], given: Mapping[str, Any], first: int
+        self, model: Any, actuators: Sequence[str], joints: Sequence[int], given: Mapping[str, Any], first: int, locked: Collection[int] = ()
     ) -> None:
         #: Actuator, joint among the states, and kp among all numbers; kd comes after it.
         self.places: list[tuple[int, int, int]] = []
@@ -91,6 +93,8 @@ class Drivers:
         on_joint = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
         for name, driver in _by_actuator(given, actuators):
             a = actuators.index(name)
+            if a in locked:
+                continue
             plain = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE and model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
             joint = int(model.actuator_trnid[a, 0])
             if not plain or int(model.actuator_trntype[a]) not in on_joint or joint not in joints:

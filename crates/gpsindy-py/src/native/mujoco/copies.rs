@@ -64,7 +64,7 @@ impl Copies {
     ) -> PyResult<()> {
         let n = self.plan.positions.len() + self.plan.velocities.len() + self.plan.activations;
         let columns = self.plan.base.as_ref().map_or(0, |base| base.columns);
-        let (m, f, p) = (self.plan.commands + columns, self.plan.velocities.len(), self.plan.settings.len());
+        let (m, f, p) = (self.plan.commands.len() + columns, self.plan.velocities.len(), self.plan.settings.len());
         fit(rows, samples, [n, m, f, p], next).map_err(|why| PyValueError::new_err(format!("MuJoCo: {why}")))?;
         let work = (rows.count * samples * count) as f64 * self.cost;
         let threads = if self.threads == 0 { rayon::current_num_threads() } else { self.threads };

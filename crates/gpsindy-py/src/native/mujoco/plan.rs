@@ -14,10 +14,12 @@ pub(super) struct Plan {
     /// Places of their velocities in qvel.
     pub(super) velocities: Vec<usize>,
     pub(super) activations: usize,
-    pub(super) commands: usize,
+    /// Actuators whose commands are handed in; the others have 0.
+    pub(super) commands: Vec<usize>,
     pub(super) settings: Vec<Setting>,
     pub(super) drivers: Vec<Driver>,
     pub(super) base: Option<Base>,
+    pub(super) locks: Vec<Lock>,
     /// How many kinds of warnings the engine counts.
     pub(super) warnings: usize,
     /// The model's own step, s.
@@ -57,12 +59,27 @@ pub(super) struct Write {
 pub(super) struct Driver {
     #[pyo3(item("actuator"))]
     pub(super) actuator: usize,
+    /// Among the commands that are handed in.
+    #[pyo3(item("command"))]
+    pub(super) command: usize,
     /// Of the joints that are states.
     #[pyo3(item("joint"))]
     pub(super) joint: usize,
     /// kp among the parameters; kd comes after it.
     #[pyo3(item("gain"))]
     pub(super) gain: usize,
+}
+
+/// A joint that is held in place.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(super) struct Lock {
+    /// In qpos.
+    pub(super) position: usize,
+    /// In qvel.
+    pub(super) velocity: usize,
+    /// Its position, rad or m.
+    pub(super) at: f64,
 }
 
 /// A free base whose motion is given: orientation (4), rates (3), their derivatives (3), and position, velocity and acceleration (9).

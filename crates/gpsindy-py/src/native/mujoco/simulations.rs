@@ -179,8 +179,14 @@ impl Simulations {
         for (place, force) in plan.velocities.iter().zip(held.forces) {
             state[places.forces.start + place] = *force;
         }
-        let (commands, columns) = held.commands.split_at(plan.commands);
-        state[places.commands.clone()].copy_from_slice(commands);
+        let (commands, columns) = held.commands.split_at(plan.commands.len());
+        for (place, command) in plan.commands.iter().zip(commands) {
+            state[places.commands.start + place] = *command;
+        }
+        for lock in &plan.locks {
+            state[places.positions.start + lock.position] = lock.at;
+            state[places.velocities.start + lock.velocity] = 0.0;
+        }
         if plan.base.is_none() && plan.drivers.is_empty() {
             return batch.step(simulation, count);
         }
@@ -195,7 +201,7 @@ impl Simulations {
                 let speed = state[places.velocities.start + plan.velocities[driver.joint]];
                 let (kp, kd) = (held.parameters[driver.gain], held.parameters[driver.gain + 1]);
                 state[places.commands.start + driver.actuator] =
-                    kp * (commands[driver.actuator] - position) - kd * speed;
+                    kp * (commands[driver.command] - position) - kd * speed;
             }
             batch.step(simulation, 1)
         })

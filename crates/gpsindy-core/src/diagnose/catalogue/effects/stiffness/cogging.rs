@@ -98,9 +98,9 @@ mod tests {
     #[test]
     fn a_motor_that_turns_many_times_has_its_ripples_by_turn() {
         let machine = System::new(&motor(" + 6*sin(11*phi)")).unwrap();
-        let runs = (0..4).map(|run| {
-            let time: Vec<f64> = (0..2000).map(|i| 0.01 * f64::from(i)).collect();
-            let drive = |i: usize| if (i / (300 + 70 * run)).is_multiple_of(2) { 0.9 } else { 0.5 };
+        let runs = (0..3).map(|run| {
+            let time: Vec<f64> = (0..900).map(|i| 0.01 * f64::from(i)).collect();
+            let drive = |i: usize| if (i / (200 + 70 * run)).is_multiple_of(2) { 0.9 } else { 0.5 };
             let controls = Mat::from_fn(time.len(), 1, |i, _| drive(i));
             let excitation = Excitation::new(&machine, &time, controls.as_ref(), Hold::Zero).unwrap();
             let states = Simulate::default().rollout(&machine, &excitation, &[0.0, 2.0]).unwrap().outputs;
