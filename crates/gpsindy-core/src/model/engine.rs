@@ -180,7 +180,12 @@ impl Model {
 
     /// Whether an equation calls the user's own simulator.
     pub fn calls_simulator(&self) -> bool {
-        self.states.iter().any(|s| call(&s.equation).is_some())
+        (0..self.states.len()).any(|state| self.is_simulated(state))
+    }
+
+    /// Whether a simulator gives the rate of a state.
+    pub(crate) fn is_simulated(&self, state: usize) -> bool {
+        call(&self.states[state].equation).is_some()
     }
 }
 

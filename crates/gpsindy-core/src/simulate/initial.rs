@@ -271,9 +271,9 @@ fn derivative_of_logged(model: &Model, found: &[Option<Source>], state: usize) -
     None
 }
 
-/// The states without a source whose equations read no state with one.
+/// The states without a source whose equations read no state with one; a simulator's own have no state of rest that we know.
 fn driven_states(model: &Model, found: &[Option<Source>]) -> Vec<usize> {
-    let mut driven: Vec<usize> = (0..found.len()).filter(|&j| found[j].is_none()).collect();
+    let mut driven: Vec<usize> = (0..found.len()).filter(|&j| found[j].is_none() && !model.is_simulated(j)).collect();
     loop {
         let closed = |&j: &usize| {
             let reads = |k: usize| model.states[j].equation.contains(&model.states[k].name);

@@ -21,7 +21,7 @@ class Locks:
     Parameters
     ----------
     model : MjModel
-        Changed: locked joints become heavy and lose their limits.
+        Changed: locked joints become heavy, and lose friction and limits.
     joints : sequence of int
         Numbers of the hinges and slides.
     given : str, iterable of str, or mapping of str to float or None
@@ -57,9 +57,12 @@ class Locks:
             if int(model.actuator_trntype[a]) in on_joint and int(model.actuator_trnid[a, 0]) in {names[name] for name in held}
         }
         if held:
+            inertia = FIRM * float(model.body_mass.sum() + model.body_inertia.sum())
             for name in held:
+                # Neither friction nor stops matter, and the engine's solver need not look at them.
                 model.jnt_limited[names[name]] = 0
-                model.dof_armature[model.jnt_dofadr[names[name]]] = FIRM * float(model.body_mass.sum() + model.body_inertia.sum())
+                model.dof_frictionloss[model.jnt_dofadr[names[name]]] = 0.0
+                model.dof_armature[model.jnt_dofadr[names[name]]] = inertia
             mujoco.mj_setConst(model, mujoco.MjData(model))
 
 

@@ -4,7 +4,7 @@
 //! pass through the logs, and then even the nominal model's fit is late.
 
 use crate::data::Dataset;
-use crate::diagnose::limits::{FEWEST_AFFORDED, PASSES, PROBE, STRETCHES};
+use crate::diagnose::limits::{FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, STRETCHES};
 use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
 use crate::error::Result;
@@ -20,7 +20,7 @@ pub(crate) fn affordable(
     [train, holdout]: [&Dataset; 2],
 ) -> Result<Option<(Dataset, Dataset, Note)>> {
     let Some(left) = run.left().filter(|_| system.engine().is_some()) else { return Ok(None) };
-    let passes = PASSES * system.n_states() as f64;
+    let passes = (PASSES * system.n_states() as f64).max(FEWEST_PASSES);
     let most = (left / (passes * seconds_a_sample(run, system, train)?)) as usize;
     let total = train.n_samples();
     if most >= total || total <= FEWEST_AFFORDED {
