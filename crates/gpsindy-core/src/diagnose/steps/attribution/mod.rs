@@ -6,6 +6,7 @@ pub(crate) mod contained;
 pub(crate) mod contest;
 pub(crate) mod detect;
 pub(crate) mod forcing;
+pub(crate) mod gross;
 pub(crate) mod hold;
 pub(crate) mod lengthen;
 pub(crate) mod moves;

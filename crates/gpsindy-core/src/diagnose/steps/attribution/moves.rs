@@ -16,6 +16,7 @@ use crate::diagnose::limits::{
 };
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
+use crate::diagnose::steps::attribution::gross::gross;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
 
@@ -41,12 +42,17 @@ pub(crate) fn moves(
     searches: Searches,
     stage: &str,
 ) -> Result<Vec<Contestant>> {
+    let base = &*contest.fitter.with_beginnings(base)?;
     let mut moves = chosen(contest, base, survey);
+    moves.extend(gross(contest, base, survey).into_iter().filter_map(|gross| {
+        let applied = &survey.suspects[gross.hypothesis].as_ref()?.applied;
+        let (members, values, promised) = (vec![gross.hypothesis], vec![vec![gross.value]], gross.gain);
+        Some(Move { members, out: Vec::new(), applied: Some(applied), values, promised })
+    }));
     moves.retain(|m| has_room(contest, base, &m.members, &m.out));
     let promises: Vec<(Vec<&Hypothesis>, f64)> =
         moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
     let stage = contest.run.stage(stage, moves.len())?;
-    let base = &*contest.fitter.with_beginnings(base)?;
     let first = |m: Move<'_>| {
         if contest.run.is_out_of_time() {
             return Ok(None);
