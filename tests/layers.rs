@@ -59,7 +59,7 @@ const SHARED_STEPS: &[&str] =
 /// Steps that are parts of another one, which alone may know them.
 const PARTS: &[(&str, &[&str])] = &[
     ("round", &["moves"]),
-    ("moves", &["contained"]),
+    ("moves", &["contained", "gross"]),
     ("screen", &["pairs"]),
     ("places", &["contained"]),
     ("prepare", &["affordable", "check"]),

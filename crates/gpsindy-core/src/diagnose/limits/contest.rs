@@ -49,8 +49,8 @@ pub(crate) const TOGETHER: usize = 2;
 /// From how many starts a hypothesis is fitted. Convention.
 pub(crate) const STARTS: usize = 2;
 
-/// Multiples of its value at which a number of a simulator that steps is tried, in how many windows, and how many of such numbers are fitted: what is off by less than three
-/// times a straight line and its finite steps reach, and nobody's model is off by more than thirty. Argument.
+/// Multiples of its value at which a number of a simulator that steps is tried, in how many windows, and how many of such numbers are fitted. A straight
+/// line and its finite steps reach what is off by less than three times, and a fit goes on from ten to thirty. Argument.
 pub(crate) const GROSS: [f64; 4] = [0.1, 0.3, 3.0, 10.0];
 pub(crate) const LOOKED: usize = 8;
 pub(crate) const GROSSEST: usize = 2;

@@ -22,7 +22,7 @@ pub(crate) struct Gross {
 
 /// The numbers of a simulator that steps whose errors by a factor gain most, best first; none of equations, where straight lines reach.
 pub(crate) fn gross(contest: &Contest<'_>, base: &Contestant, survey: &Survey) -> Vec<Gross> {
-    if base.system.engine().is_none() {
+    if base.system.engine().is_none() || contest.run.is_out_of_time() {
         return Vec::new();
     }
     let numbers =
