@@ -24,7 +24,7 @@ from gpsindy.mujoco.corrections import Corrections
 from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
 from gpsindy.mujoco.locks import Locks
-from gpsindy.mujoco.settings import Setting, is_servo, name_of, settings_of
+from gpsindy.mujoco.settings import Setting, is_servo, joint_of, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
 __all__ = ["Driver", "Setting", "Simulator"]
@@ -118,10 +118,9 @@ class Simulator:
         self._period = float(self._mj.opt.timestep)
         #: Force, inertia and unit by the column of a joint's velocity.
         self._inertia = self._inertias()
-        on_joint = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
-        driving = [a for a in range(self._mj.nu) if int(self._mj.actuator_trntype[a]) in on_joint]
+        driving = {a: joint for a in range(self._mj.nu) if (joint := joint_of(self._mj, a)) is not None}
         place = {j: joint for j, joint in zip(self._ids, self._joints)}
-        on = {a: place.get(int(self._mj.actuator_trnid[a, 0])) for a in driving}
+        on = {a: place.get(joint) for a, joint in driving.items()}
         self._drives = {self._actuators[a]: joint for a, joint in on.items() if joint is not None}
         self._acting = dict(zip(self._commands, self._actuators))
         self._gears = {self._actuators[a]: float(self._mj.actuator_gear[a, 0]) for a in driving}

@@ -69,7 +69,7 @@ class Base:
                 "how far away it is; log its position, too (base='pose'), or take the fixed shapes out of the file"
             )
         position, velocity = int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])
-        inertia = FIRM * float(model.body_mass.sum() + model.body_inertia.sum())
+        inertia = firm(model)
         self.plan = {
             "position": position,
             "velocity": velocity,
@@ -79,6 +79,11 @@ class Base:
         }
         model.dof_armature[velocity : velocity + 6] = inertia
         mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def firm(model: Any) -> float:
+    """An inertia that nothing in the model moves, in its own units."""
+    return FIRM * float(model.body_mass.sum() + model.body_inertia.sum())
 
 
 def _may_touch_the_world(m: Any) -> bool:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import fnmatch
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gpsindy.data._tables import unknown
 from gpsindy.mujoco._engine import mujoco
-from gpsindy.mujoco.settings import Setting
+from gpsindy.mujoco.settings import Setting, by_name, joint_of
 
 #: Standard deviation of a gain or delay that is a guess, as a share of it.
 GUESSED = 0.5
@@ -90,14 +88,14 @@ class Drivers:
         self.settings: list[Setting] = []
         #: By number of the actuator.
         self.around: dict[int, Driver] = {}
-        on_joint = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
-        for name, driver in _by_actuator(given, actuators):
+        drivers = {pattern: _driver(pattern, driver) for pattern, driver in given.items()}
+        for name, driver in by_name(drivers, actuators, "drivers: the model has no actuator").items():
             a = actuators.index(name)
             if a in locked:
                 continue
             plain = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE and model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-            joint = int(model.actuator_trnid[a, 0])
-            if not plain or int(model.actuator_trntype[a]) not in on_joint or joint not in joints:
+            joint = joint_of(model, a)
+            if not plain or joint is None or joint not in joints:
                 raise ValueError(f"drivers: actuator {name!r} is no motor on a joint; a driver's loop goes around a <motor>")
             self.around[a] = driver
             self.places.append((a, joints.index(joint), first + len(self.settings)))
@@ -109,17 +107,6 @@ class Drivers:
     def tolerance(self, actuator: int, name: str) -> float | None:
         """Of a number of the driver around an actuator."""
         return self.around[actuator].tolerance(name) if actuator in self.around else None
-
-
-def _by_actuator(given: Mapping[str, Any], actuators: Sequence[str]) -> Iterable[tuple[str, Driver]]:
-    """Drivers by name of an actuator, patterns resolved; a name counts more than a pattern."""
-    found: dict[str, Driver] = {}
-    for pattern, driver in sorted(given.items(), key=lambda item: item[0] in actuators):
-        names = [pattern] if pattern in actuators else fnmatch.filter(actuators, pattern)
-        if not names:
-            raise unknown("drivers: the model has no actuator", pattern, actuators)
-        found.update(dict.fromkeys(names, _driver(pattern, driver)))
-    return [(name, found[name]) for name in actuators if name in found]
 
 
 def _driver(name: str, given: Any) -> Driver:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from gpsindy.data._tables import unknown
 from gpsindy.mujoco._engine import mujoco
 
 
@@ -53,6 +55,32 @@ def name_of(m: Any, kind: Any, index: int) -> str:
     """Name of an element; a made-up one where it has none."""
     words = {mujoco.mjtObj.mjOBJ_JOINT: "joint", mujoco.mjtObj.mjOBJ_ACTUATOR: "actuator", mujoco.mjtObj.mjOBJ_BODY: "body"}
     return mujoco.mj_id2name(m, kind, index) or f"{words[kind]}_{index}"
+
+
+_Value = TypeVar("_Value")
+
+
+def by_name(given: Mapping[str, _Value], names: Sequence[str], what: str) -> dict[str, _Value]:
+    """Values by name in the order of ``names``; ``*`` and ``?`` in a name stand for any characters and any one, and a name counts more than a pattern.
+
+    Raises
+    ------
+    ValueError
+        ``what`` and the name, where no name is it.
+    """
+    found: dict[str, _Value] = {}
+    for pattern, value in sorted(given.items(), key=lambda item: item[0] in names):
+        matching = [pattern] if pattern in names else fnmatch.filter(names, pattern)
+        if not matching:
+            raise unknown(what, pattern, names)
+        found.update(dict.fromkeys(matching, value))
+    return {name: found[name] for name in names if name in found}
+
+
+def joint_of(m: Any, actuator: int) -> int | None:
+    """Number of the joint that an actuator drives; none where it drives something else."""
+    on_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    return int(m.actuator_trnid[actuator, 0]) if int(m.actuator_trntype[actuator]) in on_joint else None
 
 
 def first(field: Any) -> Any:
