@@ -1,4 +1,4 @@
-//! Drawn fleets with known answers: who is odd, what spreads, what changed and when. The example `fleets` counts hundreds of them.
+//! Drawn fleets with known answers: who is odd, what spreads, what changed and when.
 #![allow(clippy::unwrap_used)]
 
 use super::*;
@@ -64,29 +64,29 @@ fn units_that_are_alike_have_no_spread_to_randomise() {
 #[test]
 fn wear_is_dated_under_changing_load_and_temperature() {
     let mut dated = 0;
-    for seed in 0..8 {
+    for seed in 0..20 {
         let found = Compare::default().run(&[year(seed, 30, at_once)]).unwrap();
         let change = found.changes.iter().find(|c| c.unit == "unit 0").unwrap();
         assert!((change.to - change.from - 0.2).abs() < 0.06, "{change:?}");
         dated += usize::from((change.since - 180.0).abs() <= 30.0);
     }
-    assert!(dated >= 7, "{dated} of 8");
+    assert!(dated >= 19, "{dated} of 20");
 }
 
 #[test]
 fn a_fleet_without_wear_raises_no_alarm() {
     let alarms =
-        (500..530).filter(|&seed| !Compare::default().run(&[year(seed, 20, no_wear)]).unwrap().changes.is_empty());
+        (500..600).filter(|&seed| !Compare::default().run(&[year(seed, 20, no_wear)]).unwrap().changes.is_empty());
     let alarms = alarms.count();
-    assert!(alarms <= 2, "{alarms} of 30");
+    assert!(alarms <= 5, "{alarms} of 100");
 }
 
 #[test]
 fn a_warm_up_is_not_called_wear_and_wear_under_it_is_dated() {
     let mut dated = 0;
-    for seed in 0..8 {
+    for seed in 0..20 {
         // Machines that all warm up alike, and machines that differ in it by a fifth.
-        let apart = if seed < 4 { 0.0 } else { 0.2 };
+        let apart = if seed < 10 { 0.0 } else { 0.2 };
         let without = Compare::default().run(&[warm_year(seed, 20, no_wear, apart)]).unwrap();
         assert!(without.changes.is_empty(), "{seed}: {:?}", without.changes);
         let found = Compare::default().run(&[warm_year(seed, 30, at_once, apart)]).unwrap();
@@ -94,7 +94,7 @@ fn a_warm_up_is_not_called_wear_and_wear_under_it_is_dated() {
         assert!((change.to - change.from - 0.2).abs() < 0.08, "{change:?}");
         dated += usize::from((change.since - WORN).abs() <= 30.0);
     }
-    assert!(dated >= 7, "{dated} of 8");
+    assert!(dated >= 19, "{dated} of 20");
 }
 
 #[test]
@@ -107,9 +107,9 @@ fn a_curve_is_named_where_there_is_one_and_a_line_stays_a_line() {
         assert!((warm[0].effect(hours) - drawn).abs() < 0.03, "{hours}: {warm:?}");
     }
     assert!(warm[1].curve.is_none(), "{warm:?}");
-    let bent = (0..8).flat_map(|seed| slopes(year(seed, 30, no_wear))).filter(|slope| slope.curve.is_some());
+    let bent = (0..20).flat_map(|seed| slopes(year(seed, 30, no_wear))).filter(|slope| slope.curve.is_some());
     // At a gain above the logarithm of the curves tried and half that of the periods, fewer than one in twenty is expected.
-    assert_eq!(bent.count(), 0);
+    assert!(bent.count() <= 1);
 }
 
 #[test]
