@@ -5,37 +5,41 @@ pub(crate) use super::blocks::{Block, Jacobian, Point, prior_cost};
 use super::blocks::difference;
 use super::lanes::Lanes;
 use super::tally::Purpose;
-use super::{Experiment, Free, Job, Tangent, roll_together};
+use super::{Experiment, Free, Job, Kept, Tangent, roll_together};
 use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::{DMatrix, DVector};
 
 impl Jacobian {
     pub(crate) fn new(system: &System, experiment: &Experiment, point: &Point, free: &[Free]) -> Result<Self> {
-        if system.engine().is_some() {
-            return super::stepped::jacobian(system, experiment, point, free, None);
-        }
-        if 1 + system.n_states() + free.len() <= 4 {
-            Self::with_lanes::<4>(system, experiment, point, free)
-        } else {
-            Self::with_lanes::<8>(system, experiment, point, free)
-        }
+        Self::beside(system, experiment, point, free, None)
     }
 
-    fn with_lanes<const L: usize>(
+    /// The same with the columns that an earlier fit of the same windows has `kept`, as it has them.
+    pub(crate) fn beside(
         system: &System,
         experiment: &Experiment,
         point: &Point,
         free: &[Free],
+        kept: Option<&Kept>,
     ) -> Result<Self> {
+        if system.engine().is_some() {
+            return super::stepped::jacobian(system, experiment, point, free, kept);
+        }
         let n = system.n_states();
-        let width = n + free.len();
-        let mut blocks = empty_blocks(experiment, width);
+        let mut blocks = empty_blocks(experiment, n + free.len());
+        let mut is_known = |column: usize| {
+            let of = |(window, block): (usize, &mut Block)| {
+                kept.is_some_and(|kept| kept.fill((system, experiment, free), (window, column), block))
+            };
+            blocks.iter_mut().enumerate().map(of).fold(true, |all, known| all && known)
+        };
+        let unknown = (0..n + free.len()).filter(|&column| !is_known(column));
         // Lane 0 of the first pass is the point itself; every other lane moves one value.
-        let mut moved: Vec<Option<usize>> = vec![None];
-        moved.extend((0..width).map(Some));
-        for (pass, lanes_of) in moved.chunks(L).enumerate() {
-            self::pass::<L>(system, experiment, point, free, pass == 0, lanes_of, &mut blocks)?;
+        let moved: Vec<Option<usize>> = std::iter::once(None).chain(unknown.map(Some)).collect();
+        for (number, lanes_of) in moved.chunks(8).enumerate() {
+            let pass = if lanes_of.len() <= 4 { self::pass::<4> } else { self::pass::<8> };
+            pass(system, experiment, point, free, number == 0, lanes_of, &mut blocks)?;
         }
         Ok(Self { blocks, n_states: n })
     }

@@ -9,6 +9,7 @@ mod blocks;
 mod experiment;
 mod history;
 mod jacobian;
+mod kept;
 pub(crate) mod lanes;
 mod normal;
 mod profile;
@@ -20,12 +21,13 @@ pub(crate) use crate::data::Hold;
 pub(crate) use experiment::present;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
 pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
+pub(crate) use kept::Kept;
 pub(crate) use lanes::guided::Guided;
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::path::Path;
 pub(crate) use lanes::tangent::{By, Tangent, tangent};
 pub(crate) use profile::Profile;
-pub(crate) use stepped::{Kept, drawn_starts, first_starts, guess_starts, nearer_starts};
+pub(crate) use stepped::{drawn_starts, first_starts, guess_starts, nearer_starts};
 
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -96,7 +98,7 @@ pub struct Refined {
     pub converged: bool,
     /// Steps taken.
     pub iterations: usize,
-    /// Derivatives for the next fit, where the simulator steps on its own.
+    /// Derivatives for the next fit, where they are handed on.
     pub(crate) kept: Option<Arc<Kept>>,
 }
 
@@ -190,7 +192,8 @@ impl Refine {
         if system.engine().is_some() {
             return stepped::fit(self, (system, experiment, free), point, kept, watch);
         }
-        let found = search::fit(self, (system, experiment, free), point, wanted, watch)?;
+        let kept = kept.map(Arc::as_ref);
+        let found = search::fit(self, (system, experiment, free), (point, kept), wanted, watch)?;
         Ok(found.refined(experiment, free))
     }
 }

@@ -4,8 +4,7 @@
 
 use super::jacobian::{Jacobian, Lines, Point, misses, prior_cost};
 use super::normal::{Normal, Solved};
-use super::stepped::{self, Kept};
-use super::{Experiment, Free};
+use super::{Experiment, Free, Kept};
 use crate::error::Result;
 use crate::model::System;
 use nalgebra::DVector;
@@ -21,7 +20,7 @@ pub(crate) struct Profile<'a> {
 }
 
 impl<'a> Profile<'a> {
-    /// Trials of a simulator that steps go along `lines` where there are any, with the derivatives of an earlier fit as far as it has them.
+    /// Trials of a simulator that steps go along `lines` where there are any; the derivatives are those of an earlier fit as far as it has them.
     ///
     /// # Errors
     /// A model that diverges at `point`.
@@ -32,10 +31,7 @@ impl<'a> Profile<'a> {
         lines: Option<Lines<'a>>,
         kept: Option<&Kept>,
     ) -> Result<Self> {
-        let jacobian = match system.engine() {
-            Some(_) => stepped::jacobian(system, experiment, point, free, kept)?,
-            None => Jacobian::new(system, experiment, point, free)?,
-        };
+        let jacobian = Jacobian::beside(system, experiment, point, free, kept)?;
         let solved = Normal::new(&jacobian, experiment, point, free).solved();
         Ok(Self { system, experiment, free, lines, jacobian, solved })
     }

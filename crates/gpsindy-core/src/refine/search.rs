@@ -3,7 +3,7 @@
 use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, misses, prior_cost};
 use super::normal::Normal;
-use super::{Experiment, Found, Free, Refine};
+use super::{Experiment, Found, Free, Kept, Refine};
 use crate::error::Result;
 use crate::model::System;
 use nalgebra::DVector;
@@ -30,15 +30,16 @@ pub(super) enum Wanted {
     Derivatives,
 }
 
-/// Fits the free parameters and all starts from `point`.
+/// Fits the free parameters and all starts from `point`; a single step takes the derivatives that an earlier fit has `kept`.
 pub(super) fn fit(
     settings: &Refine,
     (system, experiment, free): (&System, &Experiment, &[Free]),
-    point: Point,
+    (point, kept): (Point, Option<&Kept>),
     wanted: Wanted,
     watch: &dyn Fn(usize) -> Result<()>,
 ) -> Result<Found> {
-    let jacobian = Jacobian::new(system, experiment, &point, free)?;
+    let kept = kept.filter(|kept| settings.max_iterations == 1 && kept.serves(experiment));
+    let jacobian = Jacobian::beside(system, experiment, &point, free, kept)?;
     let cost = jacobian.cost(experiment, &point, free);
     let mut search =
         Search { system, experiment, free, point, jacobian, cost, damping: DAMPING, is_fresh: true, is_at_rest: false };
@@ -54,7 +55,8 @@ pub(super) fn fit(
         search.refresh()?;
     }
     let Search { point, jacobian, cost, is_at_rest, .. } = search;
-    Ok(Found { point, jacobian, cost, converged: is_at_rest, iterations })
+    // Of what a step by another point's derivatives did not help nothing is known.
+    Ok(Found { point, jacobian, cost, converged: is_at_rest && kept.is_none(), iterations })
 }
 
 /// Where a fit is.

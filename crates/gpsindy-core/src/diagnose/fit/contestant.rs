@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::model::batched::batched;
 use crate::model::{Dynamics, Model, System};
 use crate::parallel;
-use crate::refine::{Experiment, Free, Jacobian, Path, Point, Refined};
+use crate::refine::{Experiment, Free, Jacobian, Kept, Path, Point, Refined};
 use std::sync::Arc;
 
 /// How many starts the search tried that an effect was chosen from: its evidence must pay for all of them (Bonferroni).
@@ -153,6 +153,12 @@ impl Contestant {
     pub(crate) fn searches_beyond(&self, simpler: &Self) -> Searches {
         let new = self.hypotheses.iter().zip(&self.searches).filter(|(h, _)| !simpler.hypotheses.contains(h));
         new.map(|(_, &searches)| searches).max().unwrap_or(Searches::NONE)
+    }
+
+    /// The contestant that hands on derivatives at its fit, where there are any.
+    pub(crate) fn with_derivatives(mut self, kept: Option<&Arc<Kept>>) -> Self {
+        self.refined.kept = kept.cloned().or(self.refined.kept);
+        self
     }
 
     /// The contestant with the derivatives of its outputs.

@@ -12,7 +12,6 @@ use crate::refine::{
     Experiment, Free, Past, Point, Refined, Starts, Window, costs, drawn_starts, first_starts, guess_starts,
     nearer_starts,
 };
-use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Makes contestants of one diagnosis.
@@ -84,13 +83,13 @@ impl Fitter {
 
     /// The same contestant with the starts that its windows' first samples determine, for fits that go on from it. The fit of a simulator that
     /// steps pulls its starts off where it lacks something, over stops and limits from which a better model does not find back.
-    pub(crate) fn with_beginnings(self, contestant: &Contestant) -> Result<Cow<'_, Contestant>> {
+    pub(crate) fn with_beginnings(self, contestant: &Contestant) -> Result<Contestant> {
         let Contestant { system, experiment, refined, .. } = contestant;
         if system.engine().is_none() {
-            return Ok(Cow::Borrowed(contestant));
+            return Ok(contestant.clone());
         }
         let beginnings = Some(Arc::new(first_starts(system, experiment, &refined.parameters)?));
-        Ok(Cow::Owned(Contestant { beginnings, ..contestant.clone() }))
+        Ok(Contestant { beginnings, ..contestant.clone() })
     }
 
     /// `base` with more hypotheses at once, fitted from the best of several `values` of their parameters.
@@ -361,6 +360,9 @@ pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
         }
         moved.evidence.clone_from(&other.evidence);
         moved.beginnings.clone_from(&other.beginnings);
+        if let Some(kept) = other.refined.kept.as_ref().filter(|_| base.system.engine().is_none()) {
+            moved.refined.kept = Some(Arc::new(kept.of_parameters_in(&base.system)));
+        }
     }
     moved
 }

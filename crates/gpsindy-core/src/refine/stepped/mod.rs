@@ -7,18 +7,15 @@
 //! Tingleff 2004, Methods for non-linear least squares problems, section 3.5 (the secant version of Levenberg-Marquardt).
 
 mod beginnings;
-mod kept;
 mod slopes;
 mod trial;
 
 pub(crate) use beginnings::{drawn_starts, first_starts, guess_starts, nearer_starts};
-pub(crate) use kept::Kept;
-pub(super) use kept::jacobian;
 
 use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, prior_cost};
 use super::normal::Normal;
-use super::{Experiment, Found, Free, Refine, Refined};
+use super::{Experiment, Found, Free, Kept, Refine, Refined};
 use crate::error::Result;
 use crate::model::System;
 use slopes::{Scene, Slopes};
@@ -65,8 +62,28 @@ pub(super) fn fit(
     let cost = search.cost();
     let found = Found { point: search.point, jacobian: search.jacobian, cost, converged, iterations };
     let (refined, jacobian) = found.refined(experiment, free);
-    let kept = if ranks_only { kept.cloned() } else { Some(Arc::new(Kept::new(jacobian.clone(), scene))) };
+    let kept =
+        if ranks_only { kept.cloned() } else { Some(Arc::new(Kept::new(jacobian.clone(), system, experiment, free))) };
     Ok((Refined { kept, ..refined }, jacobian))
+}
+
+/// Residuals and derivatives of every window, those of an earlier fit as far as it has them.
+pub(super) fn jacobian(
+    system: &System,
+    experiment: &Experiment,
+    point: &Point,
+    free: &[Free],
+    kept: Option<&Kept>,
+) -> Result<Jacobian> {
+    let scene = Scene { system, experiment, free };
+    let mut blocks = scene.blocks(point)?;
+    let mut wanted = scene.all_of(0..experiment.windows.len());
+    if let Some(kept) = kept {
+        let own = (system, experiment, free);
+        wanted.retain(|&(window, column)| !kept.fill(own, (window, column), &mut blocks[window]));
+    }
+    scene.differentiate(point, Slopes::Fine, &wanted, &mut blocks);
+    Ok(Jacobian { blocks, n_states: system.n_states() })
 }
 
 /// Where a fit is.
@@ -116,7 +133,8 @@ impl<'a> Search<'a> {
         let kept = kept.filter(|kept| kept.serves(scene.experiment));
         let slopes = match kept {
             Some(kept) => {
-                wanted.retain(|&(window, column)| !kept.fill(scene, (window, column), &mut blocks[window]));
+                let own = (scene.system, scene.experiment, scene.free);
+                wanted.retain(|&(window, column)| !kept.fill(own, (window, column), &mut blocks[window]));
                 Slopes::Fine
             }
             None => Slopes::Coarse,

@@ -42,7 +42,7 @@ pub(crate) fn moves(
     searches: Searches,
     stage: &str,
 ) -> Result<Vec<Contestant>> {
-    let base = &*contest.fitter.with_beginnings(base)?;
+    let base = &contest.fitter.with_beginnings(base)?.with_derivatives(survey.kept.as_ref());
     let mut moves = chosen(contest, base, survey);
     moves.extend(gross(contest, base, survey).into_iter().filter_map(|gross| {
         let applied = &survey.suspects[gross.hypothesis].as_ref()?.applied;

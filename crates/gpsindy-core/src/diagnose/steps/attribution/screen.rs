@@ -18,8 +18,9 @@ use crate::diagnose::steps::attribution::pairs::pairs;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
 use crate::parallel;
-use crate::refine::{Refined, tangent};
+use crate::refine::{Kept, Refined, tangent};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Straight-line gains of every hypothesis that is not in `base` already, besides its effects and in the place of each.
 ///
@@ -57,6 +58,9 @@ pub(crate) fn screen(
             let Some((all, more)) = all.as_mut().zip(more) else { continue };
             all.gains.iter_mut().zip(more.gains).for_each(|(all, more)| all.extend(more));
         }
+    }
+    if base.system.engine().is_none() {
+        all.kept = Some(Arc::new(Kept::new(at.jacobian, &base.system, &base.experiment, &base.free)));
     }
     Ok(all)
 }
@@ -129,7 +133,7 @@ impl Screening<'_> {
                 }
             }
         }
-        Ok(Survey { suspects, looked, pairs: found })
+        Ok(Survey { suspects, looked, pairs: found, kept: None })
     }
 
     fn one(

@@ -3,6 +3,8 @@
 use crate::diagnose::catalogue::hypothesis::{Applied, Start};
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::linear::gains::Gain;
+use crate::refine::Kept;
+use std::sync::Arc;
 
 /// What a screening says of one hypothesis.
 #[derive(Debug, Clone, Default)]
@@ -37,6 +39,8 @@ pub(crate) struct Survey {
     pub(crate) looked: ByNoise<Vec<Looked>>,
     /// Two suspects together, by the noise models that show.
     pub(crate) pairs: Vec<Pair>,
+    /// Derivatives at the contestant, for first steps from it; none of a simulator that steps, whose fits hand on their own.
+    pub(crate) kept: Option<Arc<Kept>>,
 }
 
 impl Screened {
