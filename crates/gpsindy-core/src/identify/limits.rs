@@ -177,7 +177,7 @@ pub(crate) const LEAST_NOISE: f64 = EXACT;
 
 /// Budget of one fit through the integrator. The search makes many; the last digits of none decide, since [`LEAST_LEAD`] is
 /// far above a relative change of the cost of 1e-5. Argument.
-pub(crate) const USUAL: Refine = Refine { max_iterations: 25, tolerance: 1e-5 };
+pub(crate) const USUAL: Refine = Refine { max_iterations: 25, tolerance: 1e-5, hopeless: f64::INFINITY };
 
 /// Limits of the vote of several equations. Settled on the even recordings of one car (JetRacer); no other data set moved them.
 pub(crate) mod consensus {

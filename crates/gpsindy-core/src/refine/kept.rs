@@ -37,6 +37,12 @@ impl Kept {
         Self { parameters, ..self.clone() }
     }
 
+    /// The parameters that are handed on.
+    #[cfg(test)]
+    pub(super) fn parameters(&self) -> Vec<Option<&str>> {
+        self.parameters.iter().map(Option::as_deref).collect()
+    }
+
     /// Whether these are the derivatives of the same readings.
     pub(super) fn serves(&self, experiment: &Experiment) -> bool {
         self.windows == experiment.windows && self.columns == experiment.columns

@@ -64,17 +64,20 @@ impl Free {
 /// | --- | --- | --- | --- |
 /// | `max_iterations` | 30 | 1 and above | Gauss-Newton steps |
 /// | `tolerance` | 1e-6 | above 0 | stop when a step lowers the cost by less than this share |
+/// | `hopeless` | infinity | above 0 | stop above this cost where steps lower it by little (equations only) |
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refine {
     /// Largest number of steps.
     pub max_iterations: usize,
     /// Relative decrease of the cost below which the search stops.
     pub tolerance: f64,
+    /// Cost above which a search ends once two steps in a row have lowered it by less than a tenth each.
+    pub hopeless: f64,
 }
 
 impl Default for Refine {
     fn default() -> Self {
-        Self { max_iterations: 30, tolerance: 1e-6 }
+        Self { max_iterations: 30, tolerance: 1e-6, hopeless: f64::INFINITY }
     }
 }
 

@@ -21,6 +21,10 @@ const MOST: f64 = 1e6;
 /// Rounds of steps, each shorter than all before, after which none helps.
 const ROUNDS: usize = 3;
 
+/// Share of the cost below which a step is slow, and so many of them in a row.
+const SLOW: f64 = 0.1;
+const SLOW_STEPS: usize = 2;
+
 /// What a fit must end with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wanted {
@@ -43,12 +47,17 @@ pub(super) fn fit(
     let cost = jacobian.cost(experiment, &point, free);
     let mut search =
         Search { system, experiment, free, point, jacobian, cost, damping: DAMPING, is_fresh: true, is_at_rest: false };
-    let mut iterations = 0;
-    while iterations < settings.max_iterations && !search.is_at_rest && !experiment.tally.is_over() {
+    let (mut iterations, mut slow) = (0, 0);
+    let is_hopeless = |search: &Search<'_>, slow: usize| slow >= SLOW_STEPS && search.cost > settings.hopeless;
+    while iterations < settings.max_iterations
+        && !(search.is_at_rest || is_hopeless(&search, slow) || experiment.tally.is_over())
+    {
         watch(iterations)?;
         iterations += 1;
         search.refresh()?;
+        let before = search.cost;
         search.advance(settings.tolerance);
+        slow = if before - search.cost < SLOW * before { slow + 1 } else { 0 };
     }
     // A last step that gains next to nothing leaves the derivatives what they are.
     if wanted == Wanted::Derivatives && !search.is_at_rest {

@@ -124,3 +124,57 @@ fn a_belief_holds_what_the_data_do_not_tell() {
     assert!((fit.parameters[2] - 0.2).abs() < 1e-6);
     assert!((fit.covariance[0][0] - 0.01).abs() < 1e-6);
 }
+
+#[test]
+fn derivatives_of_an_earlier_fit_fill_the_columns_that_it_has() {
+    let (system, experiment) = in_windows();
+    let at = |k: f64| Point { parameters: vec![k, 0.3, 0.0], initial: vec![vec![0.5, 0.0]; experiment.windows.len()] };
+    let (one, both) = ([Free::new(0, 1.0)], [Free::new(1, 1.0), Free::new(0, 1.0)]);
+    let earlier = Jacobian::new(&system, &experiment, &at(4.0), &one).unwrap();
+    let kept = Kept::new(earlier.clone(), &system, &experiment, &one);
+    let made = |kept: Option<&Kept>| Jacobian::beside(&system, &experiment, &at(3.0), &both, kept).unwrap();
+    let (own, beside) = (made(None), made(Some(&kept)));
+    for ((own, beside), earlier) in own.blocks.iter().zip(&beside.blocks).zip(&earlier.blocks) {
+        assert_eq!(own.residual, beside.residual);
+        // The starts and `k` as they were at the earlier point, `b` as it is here.
+        let off = |column: usize, other: &Block, of: usize| {
+            let known = other.derivative.column(of);
+            (beside.derivative.column(column) - known).norm() / known.norm()
+        };
+        assert!(off(0, earlier, 0) < 1e-12 && off(1, earlier, 1) < 1e-12 && off(3, earlier, 2) < 1e-12);
+        assert!(off(2, own, 2) < 1e-12 && off(3, own, 3) > 0.01);
+    }
+    // Parameters that a system lacks are not handed on, though another of their name were there.
+    let other = cart("u").compile().unwrap();
+    assert_eq!(kept.of_parameters_in(&other).parameters(), [Some("k")]);
+    let bare = Model { parameters: vec![Parameter::new("b", 0.3), Parameter::new("tau", 0.0)], ..cart("u") };
+    let bare = Model {
+        states: vec![
+            State::new("x", Expression::parse("v").unwrap()),
+            State::new("v", Expression::parse("u - b*v").unwrap()),
+        ],
+        ..bare
+    };
+    assert_eq!(kept.of_parameters_in(&bare.compile().unwrap()).parameters(), [None]);
+}
+
+#[test]
+fn a_fit_that_is_hopeless_ends_once_its_steps_are_slow() {
+    let (system, experiment) = in_windows();
+    // The damping is wrong and fixed, so that a residual stays.
+    let fit = |hopeless: f64| {
+        let settings = Refine { hopeless, tolerance: 1e-12, ..Refine::default() };
+        settings.fit(&system, &experiment, &[3.0, 1.0, 0.0], &[Free::new(0, 1.0)], None).unwrap()
+    };
+    let patient = fit(f64::INFINITY);
+    assert!(patient.converged && patient.cost > 100.0, "{}", patient.cost);
+    let hopeless = fit(0.5 * patient.cost);
+    assert!(
+        !hopeless.converged && hopeless.iterations < patient.iterations,
+        "{} {}",
+        hopeless.iterations,
+        patient.iterations
+    );
+    assert!(hopeless.cost < 1.1 * patient.cost / (0.9 * 0.9), "{} {}", hopeless.cost, patient.cost);
+    assert_eq!(fit(2.0 * patient.cost).iterations, patient.iterations);
+}

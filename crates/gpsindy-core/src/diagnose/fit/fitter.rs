@@ -3,13 +3,13 @@
 use crate::diagnose::catalogue::hypothesis::{Added, Applied};
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
-use crate::diagnose::fit::lagging::with_lagging;
+use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
 use crate::diagnose::fit::sampling;
-use crate::diagnose::limits::{Budget, DOUBTED, FAR, POOR, START_SAMPLES};
+use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
 use crate::refine::{
-    Experiment, Free, Past, Point, Refined, Starts, Window, costs, drawn_starts, first_starts, guess_starts,
+    Experiment, Free, Past, Point, Refine, Refined, Starts, Window, costs, drawn_starts, first_starts, guess_starts,
     nearer_starts,
 };
 use std::sync::Arc;
@@ -145,8 +145,8 @@ impl Fitter {
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
-        let fit =
-            |experiment: &Experiment| budget.refine().fit_on(&system, experiment, (&parameters, &free), &initial, kept);
+        let refine = Refine { hopeless: HOPELESS * base.refined.cost, ..budget.refine() };
+        let fit = |experiment: &Experiment| refine.fit_on(&system, experiment, (&parameters, &free), &initial, kept);
         let mut refined = fit(&experiment)?;
         if entrants.iter().any(|e| e.hypothesis.reads_the_past()) {
             // What the late sensor saw before the log is as the logs have it.
@@ -345,7 +345,8 @@ fn moved_to(mut contestant: Contestant, windows: Vec<usize>, starts: Vec<Vec<f64
 }
 
 /// `base` with the tolerated parameters and the initial states of another contestant, as starts of further fits; and with its residual,
-/// which says how much the first samples of their windows count: fits that count them otherwise end elsewhere, and are no rivals.
+/// which says how much the first samples of their windows count, and from which cost a fit is no rival: fits that count them otherwise end
+/// elsewhere.
 pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
     let mut moved = base.clone();
     for free in &base.free {
@@ -359,24 +360,13 @@ pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
             own.copy_from_slice(&theirs[..n.min(theirs.len())]);
         }
         moved.evidence.clone_from(&other.evidence);
+        moved.refined.cost = other.refined.cost;
         moved.beginnings.clone_from(&other.beginnings);
         if let Some(kept) = other.refined.kept.as_ref().filter(|_| base.system.engine().is_none()) {
             moved.refined.kept = Some(Arc::new(kept.of_parameters_in(&base.system)));
         }
     }
     moved
-}
-
-/// Typical sizes of the states that lagging inputs added: the largest value of their control.
-fn scale_lagging(experiment: &mut Experiment, applied: &Applied) {
-    for state in &applied.model.states[experiment.scale.len()..] {
-        let control = state.equation.variables().iter().find_map(|n| applied.model.control_index(n));
-        let largest = control.map_or(1.0, |c| {
-            let values = experiment.logs.iter().flat_map(|l| &l.controls[c]);
-            values.fold(0.0, |a: f64, v| a.max(v.abs()))
-        });
-        experiment.scale.push(if largest > 0.0 { largest } else { 1.0 });
-    }
 }
 
 /// Which of several sets of parameters leaves the smallest residual from the same initial states.

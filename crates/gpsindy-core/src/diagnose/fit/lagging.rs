@@ -1,5 +1,6 @@
-//! Initial values of the states that a hypothesis adds.
+//! Initial values and typical sizes of the states that a hypothesis adds.
 
+use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::model::{Model, State, System};
 use crate::refine::Experiment;
 
@@ -30,4 +31,16 @@ pub(crate) fn start_of(model: &Model, state: &State, known: &[f64], control: imp
     let followed = || names.iter().find_map(|name| model.control_index(name)).map(&control);
     let seen = || names.iter().find_map(|name| model.state_index(name).and_then(|j| known.get(j))).copied();
     given.or_else(followed).or_else(seen).unwrap_or(0.0)
+}
+
+/// Typical sizes of the states that lagging inputs added: the largest value of their control.
+pub(crate) fn scale_lagging(experiment: &mut Experiment, applied: &Applied) {
+    for state in &applied.model.states[experiment.scale.len()..] {
+        let control = state.equation.variables().iter().find_map(|n| applied.model.control_index(n));
+        let largest = control.map_or(1.0, |c| {
+            let values = experiment.logs.iter().flat_map(|l| &l.controls[c]);
+            values.fold(0.0, |a: f64, v| a.max(v.abs()))
+        });
+        experiment.scale.push(if largest > 0.0 { largest } else { 1.0 });
+    }
 }

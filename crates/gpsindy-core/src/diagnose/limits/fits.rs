@@ -23,14 +23,19 @@ impl Budget {
     }
 
     pub(crate) fn refine(self) -> Refine {
-        match self {
-            Self::Glance => Refine { max_iterations: 1, tolerance: 1e-5 },
-            Self::Rough => Refine { max_iterations: 4, tolerance: 1e-5 },
-            Self::Usual => Refine { max_iterations: 15, tolerance: 1e-5 },
-            Self::Thorough => Refine { max_iterations: 60, tolerance: 1e-6 },
-        }
+        let (max_iterations, tolerance) = match self {
+            Self::Glance => (1, 1e-5),
+            Self::Rough => (4, 1e-5),
+            Self::Usual => (15, 1e-5),
+            Self::Thorough => (60, 1e-6),
+        };
+        Refine { max_iterations, tolerance, ..Refine::default() }
     }
 }
+
+/// By how many times a fit's cost may exceed that of what it is compared with, once its steps lower it by less than a tenth each: fifteen
+/// such steps take off four fifths, and twenty times the squares decide nothing. Argument.
+pub(crate) const HOPELESS: f64 = 100.0;
 
 /// Mean squared residual (noise units) that no sensor's noise has, however coloured.
 ///

@@ -28,7 +28,7 @@ const LONGEST: usize = 128;
 const SHORT: usize = 8;
 
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
-const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3 };
+const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3, hopeless: f64::INFINITY };
 
 /// Draws of a start whose fit is doubted, and how many of them are fitted. An arm of six joints whose wrist's servo leaves its limit within the
 /// window: of 2000 draws one in a hundred came within 2.7 times the noise's variance, from which a fit reaches the true start.

@@ -226,7 +226,7 @@ mod tests {
         let free = [Free::new(0, 1.0)];
         let starts = guess_starts(&system, &experiment, &[4.0]).unwrap();
         let fit = |steps: usize, kept: Option<&Arc<Kept>>| {
-            let settings = Refine { max_iterations: steps, tolerance: 1e-6 };
+            let settings = Refine { max_iterations: steps, ..Refine::default() };
             let before = spring.rows();
             let fit = settings.fit_on(&system, &experiment, (&[4.0], &free), &starts, kept).unwrap();
             (fit, spring.rows() - before)
@@ -245,7 +245,7 @@ mod tests {
     fn windows_without_a_parameter_come_to_rest_one_by_one() {
         let (_, system, experiment) = softer_than_its_logs();
         let starts = guess_starts(&system, &experiment, &[5.0]).unwrap();
-        let settings = Refine { max_iterations: 30, tolerance: 1e-6 };
+        let settings = Refine::default();
         let fit = settings.fit(&system, &experiment, &[5.0], &[], Some(&starts)).unwrap();
         let window = experiment.windows[7];
         let log = &experiment.logs[window.log].measured;

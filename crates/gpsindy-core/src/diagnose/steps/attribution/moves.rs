@@ -33,14 +33,14 @@ struct Move<'a> {
     promised: f64,
 }
 
-/// Contestants one move away from `base`, best first, chosen by a survey of so many `searches`.
+/// Contestants one move away from `base`, best first, chosen by a survey of so many `searches`; none of them is carried to the end that is
+/// out of sight of the score of what is `known` to be there.
 pub(crate) fn moves(
     contest: &Contest<'_>,
     nominal: &Contestant,
     base: &Contestant,
-    survey: &Survey,
-    searches: Searches,
-    stage: &str,
+    (survey, searches): (&Survey, Searches),
+    (stage, known): (&str, f64),
 ) -> Result<Vec<Contestant>> {
     let base = &contest.fitter.with_beginnings(base)?.with_derivatives(survey.kept.as_ref());
     let mut moves = chosen(contest, base, survey);
@@ -66,7 +66,8 @@ pub(crate) fn moves(
     let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
     let fits = raced(contest, base, fits, &promises)?;
     contest.run.handed.add(fits.iter().filter_map(|fit| handed(base, fit, &promises)));
-    if contest.run.is_out_of_time() {
+    let is_in_sight = fits.first().is_some_and(|leader| contest.score(leader) > known - IN_SIGHT);
+    if contest.run.is_out_of_time() || !is_in_sight {
         return Ok(fits);
     }
     with_simpler(contest, nominal, base, fits)

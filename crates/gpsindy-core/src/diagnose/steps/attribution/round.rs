@@ -46,7 +46,7 @@ impl Expansion {
 
 /// Screens everything at `base` and fits what is promising; `stage` is what this is for.
 pub(crate) fn expand(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Expansion> {
-    expand_by(contest, nominal, base, (stage, None))
+    expand_by(contest, nominal, base, (stage, None), f64::NEG_INFINITY)
 }
 
 /// The round at the nominal model with what the `new` hypotheses add to it, which became suspects by it. Those that do not lead then wait
@@ -57,7 +57,8 @@ pub(crate) fn expand_further(
     first: Expansion,
     new: Range<usize>,
 ) -> Result<Expansion> {
-    let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())))?;
+    let known = first.fits.iter().map(|fit| contest.score(fit)).fold(f64::NEG_INFINITY, f64::max);
+    let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())), known)?;
     let mut all = first;
     all.fits.extend(more.fits);
     contest.sort(&mut all.fits);
@@ -75,6 +76,7 @@ fn expand_by(
     nominal: &Contestant,
     base: &Contestant,
     (stage, only): (&str, Option<Range<usize>>),
+    known: f64,
 ) -> Result<Expansion> {
     if contest.run.is_out_of_time() {
         let none = vec![Summary::default(); contest.hypotheses.len() + contest.joint.len()];
@@ -84,6 +86,6 @@ fn expand_by(
     let Survey { suspects, .. } = &survey;
     let screened = suspects.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
     let searches = Searches::of(suspects.iter().flatten().map(|s| s.gains.len()).sum());
-    let fits = moves(contest, nominal, base, &survey, searches, &format!("{stage}: fitting"))?;
+    let fits = moves(contest, nominal, base, (&survey, searches), (&format!("{stage}: fitting"), known))?;
     Ok(Expansion { fits, screened, searches })
 }
