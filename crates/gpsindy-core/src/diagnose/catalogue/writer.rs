@@ -24,6 +24,10 @@ pub(crate) const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 /// Share of a typical speed within which dry friction turns around, at the start of a fit.
 pub(crate) const CORNER: f64 = 0.02;
 
+/// Least and greatest share of that to which a fit may go: simulators have corners of a thousandth of their speeds, and what is sharper differs by
+/// nothing that shows from friction that holds at rest.
+const CORNERS: (f64, f64) = (0.03, 5.0);
+
 /// A model into which a hypothesis is written.
 pub(crate) struct Writer<'a> {
     pub(crate) model: Model,
@@ -120,7 +124,13 @@ impl<'a> Writer<'a> {
     /// and beyond the sharpest of them none, where it holds at rest.
     pub(crate) fn add_corner(&mut self, symbol: &str) -> Expression {
         let (size, speed) = (self.size(0), self.unit_of(0));
-        let corner = self.add(symbol, CORNER * size, CORNER * size, (0.1 * CORNER * size, 5.0 * CORNER * size), &speed);
+        let corner = self.add(
+            symbol,
+            CORNER * size,
+            CORNER * size,
+            (CORNERS.0 * CORNER * size, CORNERS.1 * CORNER * size),
+            &speed,
+        );
         // A simulator that steps has no modes.
         let has_modes = !self.model.calls_simulator();
         if let Some((_, added)) = self.fitted.last_mut().filter(|_| has_modes) {

@@ -1,6 +1,6 @@
 //! A contestant: the nominal model with some hypotheses written into it, its fit to the training logs and the residual.
 
-use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
+use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis, Role};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
@@ -132,6 +132,15 @@ impl Contestant {
         let is_free = |index: usize| self.free.iter().any(|f| f.parameter == index);
         let all = self.added.iter().flatten().filter(move |(index, _)| is_free(*index));
         all.filter_map(|(index, added)| Some((*index, added.beyond()?)))
+    }
+
+    /// Corners of dry friction that holds at rest, as a fit would free them.
+    pub(crate) fn held(&self) -> impl Iterator<Item = Free> + '_ {
+        let is_free = |index: usize| self.free.iter().any(|f| f.parameter == index);
+        let all = self.added.iter().flatten().filter(move |(index, added)| {
+            added.role == Role::Corner && added.beyond() == Some(self.refined.parameters[*index]) && !is_free(*index)
+        });
+        all.map(|(index, added)| Free { lower: added.lower, upper: added.upper, ..Free::new(*index, added.scale) })
     }
 
     /// The effects at all places but those in `out`, with their values.

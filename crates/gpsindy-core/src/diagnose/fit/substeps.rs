@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
-use crate::diagnose::limits::{INTEGRATION, MOST_SUBSTEPS};
+use crate::diagnose::limits::{IMITATED, INTEGRATION, MOST_SUBSTEPS};
 use crate::model::System;
 use crate::refine::Experiment;
 
@@ -32,8 +32,23 @@ pub(crate) fn choose_substeps(
 
 /// The experiment with the shorter integration steps that a contestant needs, if it needs any.
 pub(crate) fn finer(contestant: &Contestant) -> Option<Experiment> {
+    with_change_below(contestant, INTEGRATION)
+}
+
+/// The same where no other effect may gain by what the integration adds: in a long log a small share of the noise is many nats, and whatever
+/// has one more parameter takes them up.
+pub(crate) fn exact(contestant: &Contestant) -> Option<Experiment> {
+    let alone = contestant.evidence.alone() * contestant.evidence.count() as f64;
+    with_change_below(contestant, INTEGRATION.min((2.0 * IMITATED / alone.max(1.0)).sqrt()))
+}
+
+fn with_change_below(contestant: &Contestant, share: f64) -> Option<Experiment> {
+    // A simulator that steps has steps of its own.
+    if contestant.system.engine().is_some() {
+        return None;
+    }
     let (parameters, initial) = (&contestant.refined.parameters, &contestant.refined.initial);
-    let allowed = INTEGRATION * contestant.evidence.misfit().max(1.0).sqrt();
+    let allowed = share * contestant.evidence.misfit().max(1.0).sqrt();
     let finer = choose_substeps(&contestant.system, contestant.experiment.clone(), parameters, initial, allowed);
     (finer.substeps > contestant.experiment.substeps).then_some(finer)
 }

@@ -37,6 +37,10 @@ impl Budget {
 /// such steps take off four fifths, and twenty times the squares decide nothing. Argument.
 pub(crate) const HOPELESS: f64 = 100.0;
 
+/// Share of a corner's usual width from which a sharp one is fitted, where friction that holds at rest leaves something: sharper than what a fit
+/// from the usual width comes down to. Argument.
+pub(crate) const SHARP: f64 = 0.1;
+
 /// Mean squared residual (noise units) that no sensor's noise has, however coloured.
 ///
 /// First-order noise with innovations of one, as differences of samples see them, and a coefficient of 0.975 has

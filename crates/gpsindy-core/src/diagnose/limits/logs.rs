@@ -44,6 +44,10 @@ pub(crate) const LOUD: f64 = 30.0;
 /// Share of the noise, or of the residual, that the integration may add: in squares a hundredth. Convention.
 pub(crate) const INTEGRATION: f64 = 0.1;
 
+/// Nats that an effect may gain at the end of a search by imitating what the integration adds: as many values as there are, each off by that
+/// share of the noise. Argument.
+pub(crate) const IMITATED: f64 = 1.0;
+
 /// Most integration steps between two samples: a step of a hundredth of a drive's electrical time constant at 1 kHz. Convention.
 pub(crate) const MOST_SUBSTEPS: usize = 32;
 

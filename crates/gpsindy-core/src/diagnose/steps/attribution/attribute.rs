@@ -2,18 +2,15 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, NOISE, SWAP};
-use crate::diagnose::notes::Note;
-use crate::diagnose::steps::attribution::charge::{Charged, charge_tolerated};
+use crate::diagnose::limits::{MOST_MOVES, NAMED, NOISE, SWAP, TRACE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
-use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::places::{self, Place};
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::attribution::search::{richer, search};
-use crate::diagnose::steps::attribution::simplify::{Pruned, is_structured, pruned, strongest};
+use crate::diagnose::steps::attribution::settle::{Settled, settle};
+use crate::diagnose::steps::attribution::simplify::{is_structured, strongest};
 use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat, counts};
 use crate::error::Result;
 
@@ -28,8 +25,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let Suspected { nominal, first, nameless, detected } = suspected;
     let singles = first.singles();
     let (found, round) = search(contest, &nominal, first)?;
-    let Settled { nominal, mut best, rests, left, notes } = settle(contest, nominal, &found)?;
-    let is_moved = !notes.is_empty();
+    let Settled { nominal, mut best, rests, left, notes, is_moved } = settle(contest, nominal, &found)?;
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
@@ -66,38 +62,6 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false, notes })
 }
 
-/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
-struct Settled {
-    nominal: Contestant,
-    best: Contestant,
-    /// The same without each of its effects, where that was looked at.
-    rests: Option<Vec<Option<Contestant>>>,
-    /// Gain and degrees of freedom of every function without a name beside them.
-    left: Vec<(f64, usize)>,
-    /// Which rollouts or tolerances are others now.
-    notes: Vec<Note>,
-}
-
-fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
-    contest.run.begin("settling");
-    let Pruned { best, rests } = pruned(contest, &nominal, found.clone())?;
-    let (mut nominal, mut best, mut notes) = (nominal, best, Vec::new());
-    if let Some(longer) = lengthen(contest, &nominal, &best)? {
-        (nominal, best) = longer;
-        notes.push(Note::Lengthened);
-    }
-    if let Some(charged) = charge_tolerated(contest, &nominal, &best)? {
-        let names;
-        Charged { nominal, best, names } = charged;
-        notes.extend(names.into_iter().map(|name| Note::ChargedParameter { name }));
-    }
-    // Once more, because longer rollouts show what an effect is worth.
-    let Pruned { best, rests } =
-        if notes.is_empty() { Pruned { best, rests } } else { pruned(contest, &nominal, best)? };
-    let left = nameless(contest, &best)?;
-    Ok(Settled { nominal, best, rests, left, notes })
-}
-
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.
 fn moved(
     contest: &Contest<'_>,
@@ -116,7 +80,7 @@ fn moved(
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     // Where a rest is left anyhow, what removes little of the gap is a use for that.
-    let share = |fit: &Contestant| if is_structured && fit.evidence.misfit() > NOISE { NAMED } else { LEAST_REST };
+    let share = |fit: &Contestant| if is_structured && fit.evidence.misfit() > NOISE { NAMED } else { TRACE };
     let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share(fit)));
     richer(contest, other.unwrap_or(best), that_count)
         .or_else(|| contest.best(simpler))

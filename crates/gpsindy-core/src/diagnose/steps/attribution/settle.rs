@@ -1,0 +1,98 @@
+//! Settle: the rollouts, tolerances, corners and integration steps by which causes are told apart.
+
+mod charge;
+mod lengthen;
+mod sharpen;
+
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::substeps::exact;
+use crate::diagnose::limits::Budget;
+use crate::diagnose::notes::Note;
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::screen::nameless;
+use crate::diagnose::steps::attribution::simplify::{Pruned, pruned};
+use crate::error::Result;
+use charge::{Charged, charge_tolerated};
+use lengthen::lengthen;
+use sharpen::sharpened;
+
+/// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
+pub(crate) struct Settled {
+    pub(crate) nominal: Contestant,
+    pub(crate) best: Contestant,
+    /// The same without each of its effects, where that was looked at.
+    pub(crate) rests: Option<Vec<Option<Contestant>>>,
+    /// Gain and degrees of freedom of every function without a name beside them.
+    pub(crate) left: Vec<(f64, usize)>,
+    /// Which rollouts or tolerances are others now.
+    pub(crate) notes: Vec<Note>,
+    /// Whether these or the steps of the integration are.
+    pub(crate) is_moved: bool,
+}
+
+/// Settles what was found: without effects that are superfluous, on longer rollouts, with tolerated parameters that are errors as causes,
+/// with corners as sharp as the logs show them, and on steps of the integration that no effect gains by.
+pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contestant) -> Result<Settled> {
+    contest.run.begin("settling");
+    let Pruned { best, rests } = pruned(contest, &nominal, found.clone())?;
+    let (mut nominal, mut best, mut notes) = (nominal, best, Vec::new());
+    if let Some(longer) = lengthen(contest, &nominal, &best)? {
+        (nominal, best) = longer;
+        notes.push(Note::Lengthened);
+    }
+    if let Some(charged) = charge_tolerated(contest, &nominal, &best)? {
+        let names;
+        Charged { nominal, best, names } = charged;
+        notes.extend(names.into_iter().map(|name| Note::ChargedParameter { name }));
+    }
+    let sharp = sharpened(contest, &best)?;
+    if let Some(sharp) = &sharp {
+        nominal.experiment.substeps = sharp.experiment.substeps;
+        best.clone_from(sharp);
+    }
+    let finer = if contest.run.is_out_of_time() { None } else { exact(&best) };
+    if let Some(finer) = &finer {
+        nominal = contest.fitter.on(&nominal, finer, Budget::Usual)?;
+        best = contest.fitter.on(&best, finer, Budget::Thorough)?;
+    }
+    let is_moved = !notes.is_empty() || sharp.is_some() || finer.is_some();
+    // Once more, because longer rollouts show what an effect is worth.
+    let Pruned { best, rests } = if is_moved { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };
+    let left = nameless(contest, &best)?;
+    Ok(Settled { nominal, best, rests, left, notes, is_moved })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::diagnose::fixture::drive;
+    use crate::diagnose::report::Verdict;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::progress::Silent;
+
+    /// What is named of a drive with a dry friction of 0.3 whose sign is smoothed over `corner`, and the corner found.
+    fn named(corner: f64, noise: f64, size: (usize, usize)) -> (Verdict, Vec<String>, Option<f64>) {
+        let (model, data) = drive(None, |x| x + 0.3 * (x / corner).tanh(), noise, size);
+        let (train, holdout) = hold_out(&data).unwrap();
+        let frictions = ["coulomb_friction", "stribeck_friction", "asymmetric_friction", "viscous_friction"];
+        let diagnose = Diagnose { effects: frictions.map(String::from).into(), ..Diagnose::default() };
+        let found = diagnose.run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let corner = found.included().flat_map(|cause| &cause.parameters).find(|p| p.name == "w").map(|p| p.value);
+        (found.verdict, found.included().map(|cause| cause.effect.clone()).collect(), corner)
+    }
+
+    #[test]
+    fn what_the_integration_adds_to_a_long_log_is_no_further_effect() {
+        // A tenth of the noise is thirty nats here.
+        let (verdict, names, corner) = named(0.02, 0.002, (4, 2000));
+        assert_eq!((verdict, names), (Verdict::Explained, vec!["coulomb_friction".to_string()]));
+        assert!((corner.unwrap() - 0.02).abs() < 2e-3, "{corner:?}");
+    }
+
+    #[test]
+    fn a_corner_sharper_than_a_step_of_the_integration_is_found() {
+        let (verdict, names, corner) = named(4e-3, 5e-4, (4, 400));
+        assert_eq!((verdict, names), (Verdict::Explained, vec!["coulomb_friction".to_string()]));
+        assert!((corner.unwrap() - 4e-3).abs() < 4e-4, "{corner:?}");
+    }
+}
