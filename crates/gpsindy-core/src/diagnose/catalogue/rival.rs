@@ -5,6 +5,7 @@
 
 use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Role, Start};
 use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::limits::catalogue::CORNER;
 use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter};
 
@@ -35,7 +36,8 @@ fn products(a: &[Expression], b: &[Expression]) -> Vec<Expression> {
     a.iter().flat_map(|x| b.iter().map(|y| x.clone().times(y.clone()))).collect()
 }
 
-/// Every rival of a model: functions of one variable, of two, of time, and of each control's past.
+/// Every rival of a model: functions of one variable, of two, of time, and of each control's past; and of one variable times the sign of the
+/// row's own state, as a dry friction is that differs from place to place or with the load.
 pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<Rival> {
     let states = (0..n_nominal).map(|j| (model.states[j].name.as_str(), &scene.states[j]));
     let controls = model.controls.iter().zip(&scene.controls).map(|(c, e)| (c.name.as_str(), e));
@@ -54,6 +56,16 @@ pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<R
             for &(other, other_low, other_high) in &moving[i + 1..] {
                 let second = hats(&Expression::variable(other), other_low, other_high, 4);
                 push(&[name, other], products(&hats(&z, low, high, 4), &second));
+            }
+        }
+        let own = &model.states[j].name;
+        if let Some((_, low, high)) =
+            moving.iter().find(|(name, ..)| name == own).filter(|(_, low, high)| *low < 0.0 && *high > 0.0)
+        {
+            let speed = Expression::variable(own.clone()).over(Expression::Number(CORNER * (high - low)));
+            let sign = [speed.apply(Function::Tanh)];
+            for &(name, low, high) in moving.iter().filter(|(name, ..)| name != own) {
+                push(&[name, own], products(&hats(&Expression::variable(name), low, high, 8), &sign));
             }
         }
         push(&["t"], hats(&Expression::Time, first, last, 16));
@@ -122,5 +134,63 @@ impl Rival {
         let (small, count) = (self.size(scene), self.basis.len());
         let columns = (0..count).map(|k| (0..count).map(|i| if i == k { small } else { 0.0 }).collect()).collect();
         Start { columns, combine: Combine::Span, amplitudes: Vec::new() }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::{Diagnose, report::Verdict};
+    use crate::model::{Control, State};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// A driven slider, `v' = u - v`, with a dry friction of 1 where it is worn, a quarter to each side of 0.4.
+    fn worn(seed: u64) -> Dataset {
+        let (step, fine, noise) = (0.02, 40, 0.005);
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let runs = (0..4).map(|run| {
+            let (mut x, mut v) = (0.0, 0.0);
+            let mut values = Mat::zeros(400, 3);
+            for i in 0..400 {
+                let time = step * i as f64;
+                let u = 1.5 * (1.1 * time + run as f64).sin() + (2.9 * time + 2.0 * run as f64).sin();
+                (values[(i, 0)], values[(i, 1)]) = (x + noise * normal(&mut random), v + noise * normal(&mut random));
+                values[(i, 2)] = u;
+                for _ in 0..fine {
+                    let is_worn = f64::from((x - 0.4_f64).abs() < 0.25);
+                    let rate = |v: f64| u - v - is_worn * (v / 5e-3).tanh();
+                    let middle = v + 0.5 * step / f64::from(fine) * rate(v);
+                    v += step / f64::from(fine) * rate(middle);
+                    x += step / f64::from(fine) * v;
+                }
+            }
+            Run { name: format!("{run}"), time: (0..400).map(|i| step * f64::from(i)).collect(), values }
+        });
+        let channels = ["x", "v", "u"].map(Channel::new).into();
+        Dataset::new(channels, runs.collect()).unwrap()
+    }
+
+    #[test]
+    fn a_friction_that_differs_from_place_to_place_is_no_random_force() {
+        let parse = |text: &str| Expression::parse(text).unwrap();
+        let model = Model {
+            states: vec![State::new("x", parse("v")), State::new("v", parse("u - v"))],
+            controls: vec![Control::new("u")],
+            ..Model::default()
+        };
+        let found = Diagnose::default().run(&model, &worn(1), &worn(2), &Silent).unwrap().diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert!(
+            !named.contains(&"process_noise") && found.verdict != Verdict::Explained,
+            "{:?} {named:?}",
+            found.verdict
+        );
+        assert!(found.unexplained.depends_on.contains(&"x".to_string()), "{:?}", found.unexplained);
     }
 }

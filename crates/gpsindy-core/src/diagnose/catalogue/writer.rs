@@ -8,6 +8,7 @@ use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Role, Start};
 use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::limits::catalogue::{CORNER, CORNERS};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State};
@@ -20,13 +21,6 @@ pub(crate) const RIPPLES: f64 = 1.25;
 pub(crate) const FREE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 /// Bounds of a size that only takes energy out.
 pub(crate) const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
-
-/// Share of a typical speed within which dry friction turns around, at the start of a fit.
-pub(crate) const CORNER: f64 = 0.02;
-
-/// Least and greatest share of that to which a fit may go: simulators have corners of a thousandth of their speeds, and what is sharper differs by
-/// nothing that shows from friction that holds at rest.
-const CORNERS: (f64, f64) = (0.03, 5.0);
 
 /// A model into which a hypothesis is written.
 pub(crate) struct Writer<'a> {

@@ -32,3 +32,10 @@ pub(crate) const PROBED: (f64, f64, f64, f64) = (1.5, 1.7, 2.3, 0.3);
 
 /// How many times the range of its fit an end of the travel that the logs never reach is beyond them. Convention.
 pub(crate) const FAR_OFF: f64 = 10.0;
+
+/// Share of a typical speed within which dry friction turns around, at the start of a fit. Convention.
+pub(crate) const CORNER: f64 = 0.02;
+
+/// Least and greatest share of [`CORNER`] to which a fit may go: simulators have corners of a thousandth of their speeds, and what is sharper
+/// differs by nothing that shows from friction that holds at rest. Argument.
+pub(crate) const CORNERS: (f64, f64) = (0.03, 5.0);

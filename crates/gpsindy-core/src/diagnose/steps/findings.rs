@@ -21,8 +21,8 @@ pub(crate) struct Left {
     pub(crate) energy: f64,
     /// Chance that noise alone would give as much.
     pub(crate) p_value: f64,
-    /// State in whose equation it lies, and the variables that it depends on.
-    pub(crate) state: usize,
+    /// Which of the rivals that function is, and the variables that it depends on.
+    pub(crate) rival: usize,
     pub(crate) depends_on: Vec<String>,
 }
 

@@ -94,8 +94,7 @@ fn left_over(contest: &Contest<'_>, best: &Contestant, gains: &[(f64, usize)], l
     let (place, energy) = strongest(best, gains)?;
     // Two searches, both paid for.
     let p_value = (2.0 * nameless_p_value(gains, best).min(last.p_value(best))).min(1.0);
-    let rival = &contest.rivals[place];
-    Some(Left { energy, p_value, state: rival.state, depends_on: rival.variables.clone() })
+    Some(Left { energy, p_value, rival: place, depends_on: contest.rivals[place].variables.clone() })
 }
 
 #[cfg(test)]

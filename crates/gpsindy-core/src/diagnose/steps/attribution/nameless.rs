@@ -11,9 +11,7 @@ pub(crate) fn kept(contest: &Contest<'_>, mut judged: Judged) -> Judged {
     let outcome = &mut judged.outcome;
     let is_there = |left: &&Left| left.p_value < STRUCTURED && left.energy > STRUCTURE;
     let Some(left) = outcome.left.as_ref().filter(is_there) else { return judged };
-    let Some(rival) = contest.rivals.iter().find(|r| r.state == left.state && r.variables == left.depends_on) else {
-        return judged;
-    };
+    let rival = &contest.rivals[left.rival];
     let applied = rival.apply(outcome.best.system.model(), &contest.scene);
     let hypothesis = Hypothesis::nameless(rival);
     let start = vec![0.0; applied.fitted.len()];

@@ -101,15 +101,13 @@ fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Cont
     let Some(left) = outcome.left.as_ref().filter(|_| outcome.best.hypotheses.is_empty()) else {
         return outcome.best.clone();
     };
-    let rival = rivals.iter().find(|r| r.state == left.state && r.variables == left.depends_on);
-    let fitted = rival.and_then(|rival| {
-        let applied = rival.apply(outcome.best.system.model(), &contest.scene);
-        let hypothesis = Hypothesis::nameless(rival);
-        let start = vec![0.0; applied.fitted.len()];
-        let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::NONE };
-        contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual).ok()
-    });
-    fitted.unwrap_or_else(|| outcome.best.clone())
+    let rival = &rivals[left.rival];
+    let applied = rival.apply(outcome.best.system.model(), &contest.scene);
+    let hypothesis = Hypothesis::nameless(rival);
+    let start = vec![0.0; applied.fitted.len()];
+    let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::NONE };
+    let fitted = contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual);
+    fitted.unwrap_or_else(|_| outcome.best.clone())
 }
 
 fn missing(nominal: &Contestant, corrected: &Contestant) -> Option<Missing> {
@@ -157,7 +155,7 @@ fn shares(
         energy[seat.hypothesis.state] += seat.removed.max(LISTED_AT_ALL);
     }
     if let Some(left) = &outcome.left {
-        energy[left.state] += left.energy;
+        energy[rivals[left.rival].state] += left.energy;
     }
     if outcome.best.hypotheses.is_empty() {
         for (rival, &(gain, degrees)) in rivals.iter().zip(gains) {

@@ -7,7 +7,8 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
-use crate::diagnose::catalogue::writer::{CORNER, POSITIVE, Writer};
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer};
+use crate::diagnose::limits::catalogue::CORNER;
 use crate::error::Result;
 use crate::expression::Expression;
 

@@ -6,7 +6,8 @@ use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
-use crate::diagnose::catalogue::writer::{CORNER, POSITIVE, Writer, amplitude};
+use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::diagnose::limits::catalogue::CORNER;
 use crate::error::Result;
 use crate::expression::{Expression, Function};
 
