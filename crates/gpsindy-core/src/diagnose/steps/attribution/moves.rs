@@ -42,7 +42,8 @@ pub(crate) fn moves(
     (survey, searches): (&Survey, Searches),
     (stage, known): (&str, f64),
 ) -> Result<Vec<Contestant>> {
-    let base = &contest.fitter.with_beginnings(base)?.with_derivatives(survey.kept.as_ref());
+    let bare = contest.fitter.with_beginnings(base)?;
+    let base = &bare.clone().with_derivatives(survey.kept.as_ref());
     let mut moves = chosen(contest, base, survey);
     moves.extend(gross(contest, base, survey).into_iter().filter_map(|gross| {
         let applied = &survey.suspects[gross.hypothesis].as_ref()?.applied;
@@ -57,7 +58,12 @@ pub(crate) fn moves(
         if contest.run.is_out_of_time() {
             return Ok(None);
         }
-        let fit = made(contest, nominal, base, &m, searches)?;
+        let mut fit = made(contest, nominal, base, &m, searches)?;
+        if survey.kept.is_some() && fit.as_ref().is_none_or(|fit| falls_short(achieved(base, fit), m.promised)) {
+            // A move that changes much has derivatives of its own.
+            let own = made(contest, nominal, &bare, &m, searches)?;
+            fit = [fit, own].into_iter().flatten().min_by(|a, b| a.evidence.squares().total_cmp(&b.evidence.squares()));
+        }
         stage.advance()?;
         Ok(fit)
     };
@@ -89,6 +95,11 @@ fn promised(fit: &Contestant, promises: &[(Vec<&Hypothesis>, f64)]) -> Option<f6
 /// By how much it fell.
 fn achieved(base: &Contestant, fit: &Contestant) -> f64 {
     base.evidence.squares() - fit.evidence.squares()
+}
+
+/// Whether a sum of squares fell by much less than was promised.
+fn falls_short(achieved: f64, promised: f64) -> bool {
+    achieved < promised - (1.0 - SUBSTITUTE) * promised.abs()
 }
 
 /// What a fit of one of the moves came to, of the `promises` of all.
@@ -138,7 +149,7 @@ fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesi
     let short = |(place, fit): (usize, &Contestant)| {
         let promised = promised(fit, promises)?;
         let is_one_more = fit.hypotheses.len() == base.hypotheses.len() + 1;
-        let is_short = achieved(base, fit) < SUBSTITUTE * promised && promised > most;
+        let is_short = falls_short(achieved(base, fit), promised) && promised > most;
         (is_one_more && is_short).then_some((place, promised))
     };
     let mut found: Vec<(usize, f64)> = fits.iter().enumerate().filter_map(short).collect();
