@@ -23,7 +23,3 @@ pub(crate) const STRUCTURE: f64 = 0.1;
 /// Evidence (nats) by which one hold of the controls must beat the other with the causes in place: odds of 20,000, far
 /// beyond what chance gives one binary choice. Argument.
 pub(crate) const HOLD: f64 = 10.0;
-
-/// Share of the gap that one more effect must remove where nothing else is left: a thousandth of its amplitude, to which integrators and the
-/// digits of a log agree. Argument.
-pub(crate) const TRACE: f64 = 1e-6;

@@ -41,12 +41,9 @@ pub(crate) const SIMULATED: usize = 30;
 /// Chance of as large a rest at which one that is seen is as likely structure as noise: one right explanation in a hundred is lost to it.
 /// Convention.
 pub(crate) const TYPICAL: f64 = 0.01;
-/// Share of the gap around which a rest begins to count however surely it is seen: a three-hundredth of its amplitude.
-///
-/// Two people who write the same effect down differ by less: a corner that is sharp or smoothed, a stop that pulls back or does not, another
-/// integrator left 1.0e-6 to 2.3e-6 in five plants by hand with the right cause. Imitations leave more: the least of those in `outside` and
-/// `beside` of 12300 to 12409 that a check refused was 5e-5. Data: these.
-pub(crate) const LEAST_REST: f64 = 1e-5;
+/// Share of the gap below which no rest counts however surely it is seen: a thousandth of its amplitude, to which integrators and
+/// the digits of a log agree. Argument.
+pub(crate) const LEAST_REST: f64 = 1e-6;
 
 /// Share of the gap from which a cause must be credible for the gap to be explained: without it a hundredth would be left, which the
 /// verdict allows. Argument.

@@ -2,7 +2,8 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, NOISE, SWAP, TRACE};
+use crate::diagnose::limits::weigh::LEAST_REST;
+use crate::diagnose::limits::{MOST_MOVES, NAMED, NOISE, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
 use crate::diagnose::steps::attribution::places::{self, Place};
@@ -80,7 +81,7 @@ fn moved(
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     // Where a rest is left anyhow, what removes little of the gap is a use for that.
-    let share = |fit: &Contestant| if is_structured && fit.evidence.misfit() > NOISE { NAMED } else { TRACE };
+    let share = |fit: &Contestant| if is_structured && fit.evidence.misfit() > NOISE { NAMED } else { LEAST_REST };
     let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share(fit)));
     richer(contest, other.unwrap_or(best), that_count)
         .or_else(|| contest.best(simpler))

@@ -124,9 +124,8 @@ fn unexplained(
     let size = left.energy / STRUCTURE;
     let relative = share / REST;
     let odds = (size * size).min(relative * relative);
-    // Simulated logs say how surely it is no noise; the less of the gap it is, the more likely it is but another way to write the same causes.
-    let counts = 1.0 / (1.0 + (LEAST_REST / share).powi(2));
-    let seen = typicality.map_or(0.0, |t| counts / (1.0 + (t.p_value / TYPICAL).powi(2)));
+    // Simulated logs say how surely it is no noise, of whatever size; below that of rounding it is none all the same.
+    let seen = typicality.filter(|_| share >= LEAST_REST).map_or(0.0, |t| 1.0 / (1.0 + (t.p_value / TYPICAL).powi(2)));
     let structure = (significant * odds / (1.0 + odds)).max(seen);
     let probability = 1.0 - (1.0 - structure) * (1.0 - missed);
     let depends_on = if structure > LIKELY { left.depends_on.clone() } else { Vec::new() };
