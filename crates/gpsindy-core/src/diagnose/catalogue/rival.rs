@@ -154,13 +154,15 @@ mod tests {
     fn worn(seed: u64) -> Dataset {
         let (step, fine, noise) = (0.02, 40, [0.003, 0.01]);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let runs = (0..4).map(|run| {
+        let runs = (0..4_i32).map(|run| {
             let (mut x, mut v) = (0.0, 0.0);
             let mut values = Mat::zeros(600, 3);
             for i in 0..600 {
                 let time = step * i as f64;
-                let levels = if (i / 45 + run).is_multiple_of(3) { -6.0 } else { 6.0 };
-                let u = 8.0 * (0.9 * time + run as f64).sin() + 6.0 * (2.3 * time + 2.0 * run as f64).sin() + levels;
+                let levels = if ((i / 45) as i32 + run) % 3 == 0 { -6.0 } else { 6.0 };
+                let u = 8.0 * (0.9 * time + f64::from(run)).sin()
+                    + 6.0 * (2.3 * time + 2.0 * f64::from(run)).sin()
+                    + levels;
                 values[(i, 0)] = x + noise[0] * normal(&mut random);
                 values[(i, 1)] = v + noise[1] * normal(&mut random);
                 values[(i, 2)] = u;
