@@ -5,6 +5,7 @@ mod lengthen;
 mod sharpen;
 
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::substeps::exact;
 use crate::diagnose::limits::Budget;
 use crate::diagnose::notes::Note;
@@ -14,7 +15,7 @@ use crate::diagnose::steps::attribution::simplify::{Pruned, pruned};
 use crate::error::Result;
 use charge::{Charged, charge_tolerated};
 use lengthen::lengthen;
-use sharpen::sharpened;
+use sharpen::{Sharpened, sharpened};
 
 /// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
 pub(crate) struct Settled {
@@ -45,21 +46,35 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
         Charged { nominal, best, names } = charged;
         notes.extend(names.into_iter().map(|name| Note::ChargedParameter { name }));
     }
-    let sharp = sharpened(contest, &best)?;
-    if let Some(sharp) = &sharp {
+    let Sharpened { best: sharp, left } = sharpened(contest, &best)?;
+    let mut is_other = sharp.is_some();
+    if let Some(sharp) = sharp {
         nominal.experiment.substeps = sharp.experiment.substeps;
-        best.clone_from(sharp);
+        best = sharp;
     }
-    let finer = if contest.run.is_out_of_time() { None } else { exact(&best) };
-    if let Some(finer) = &finer {
-        nominal = contest.fitter.on(&nominal, finer, Budget::Usual)?;
-        best = contest.fitter.on(&best, finer, Budget::Thorough)?;
+    if let Some((finer_nominal, finer_best)) = on_exact_steps(contest, &nominal, &best)? {
+        (nominal, best, is_other) = (finer_nominal, finer_best, true);
     }
-    let is_moved = !notes.is_empty() || sharp.is_some() || finer.is_some();
+    let is_moved = !notes.is_empty() || is_other;
     // Once more, because longer rollouts show what an effect is worth.
     let Pruned { best, rests } = if is_moved { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };
-    let left = nameless(contest, &best)?;
+    // What was asked of a single effect still holds, unless that effect is another fit now.
+    let left = left.filter(|_| !is_other).map_or_else(|| nameless(contest, &best), Ok)?;
     Ok(Settled { nominal, best, rests, left, notes, is_moved })
+}
+
+/// Both on integration steps by which no effect gains; none where the present ones are short enough, or a fit on shorter ones is refused.
+fn on_exact_steps(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+) -> Result<Option<(Contestant, Contestant)>> {
+    if contest.run.is_out_of_time() {
+        return Ok(None);
+    }
+    let Some(finer) = exact(best) else { return Ok(None) };
+    let on = |fit: &Contestant, budget| unless_refused(contest.fitter.on(fit, &finer, budget));
+    Ok(on(nominal, Budget::Usual)?.zip(on(best, Budget::Thorough)?))
 }
 
 #[cfg(test)]

@@ -12,16 +12,25 @@ use crate::diagnose::steps::attribution::screen::nameless;
 use crate::error::Result;
 use crate::refine::Free;
 
-/// `best` with sharp corners in place of friction that holds at rest, on integration steps that are short enough for them; none where that is
-/// no better, or nothing is left to explain.
-pub(crate) fn sharpened(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Contestant>> {
+/// What became of friction that holds at rest.
+#[derive(Default)]
+pub(super) struct Sharpened {
+    /// The winner with sharp corners in its place, on integration steps that are short enough for them; none where that is no better.
+    pub(super) best: Option<Contestant>,
+    /// Gain and degrees of freedom of every function without a name beside the winner as it was, where they were asked for.
+    pub(super) left: Option<Vec<(f64, usize)>>,
+}
+
+/// `best` with sharp corners in place of friction that holds at rest, where something is left to explain.
+pub(super) fn sharpened(contest: &Contest<'_>, best: &Contestant) -> Result<Sharpened> {
     let held: Vec<Free> = best.held().collect();
     if held.is_empty() || best.system.engine().is_some() || contest.run.is_out_of_time() {
-        return Ok(None);
+        return Ok(Sharpened::default());
     }
-    // Beside one effect that leaves nothing there is nothing to gain.
-    if best.hypotheses.len() == 1 && nameless_p_value(&nameless(contest, best)?, best) > CHANCE {
-        return Ok(None);
+    // Of several effects one may stand for what the corner leaves; a single one that leaves nothing has nothing to gain.
+    let left = if best.hypotheses.len() == 1 { Some(nameless(contest, best)?) } else { None };
+    if left.as_ref().is_some_and(|left| nameless_p_value(left, best) > CHANCE) {
+        return Ok(Sharpened { best: None, left });
     }
     let mut sharp = best.clone();
     for free in held {
@@ -31,8 +40,7 @@ pub(crate) fn sharpened(contest: &Contest<'_>, best: &Contestant) -> Result<Opti
     let (parameters, initial) = (&sharp.refined.parameters, &sharp.refined.initial);
     sharp.experiment = choose_substeps(&sharp.system, sharp.experiment.clone(), parameters, initial, INTEGRATION);
     let ranked = contest.fitter.carried_on(sharp, Budget::Rough)?;
-    if contest.score(&ranked) <= contest.score(best) {
-        return Ok(None);
-    }
-    Ok(Some(contest.fitter.carried_on(ranked, Budget::Thorough)?))
+    let is_better = contest.score(&ranked) > contest.score(best);
+    let best = if is_better { Some(contest.fitter.carried_on(ranked, Budget::Thorough)?) } else { None };
+    Ok(Sharpened { best, left })
 }
