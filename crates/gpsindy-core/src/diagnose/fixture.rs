@@ -31,6 +31,43 @@ pub(crate) fn drive(
     drive_of(5, tolerance, loses, noise, size)
 }
 
+/// Logs of `x' = v` and `v' = rate(x, v, u)` at 50 Hz under `input(time, run)`: four runs of so many samples with white noise of these deviations.
+pub(crate) fn slider(
+    seed: u64,
+    rate: impl Fn(f64, f64, f64) -> f64,
+    input: impl Fn(f64, f64) -> f64,
+    noise: [f64; 2],
+    n_samples: usize,
+) -> Dataset {
+    const STEP: f64 = 0.02;
+    const FINE: usize = 40;
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let runs = (0..4).map(|run| {
+        let time: Vec<f64> = (0..n_samples).map(|i| STEP * i as f64).collect();
+        let (mut x, mut v, mut values) = (0.0, 0.0, Mat::zeros(n_samples, 3));
+        for (i, &t) in time.iter().enumerate() {
+            let u = input(t, f64::from(run));
+            values[(i, 0)] = x + noise[0] * normal(&mut random);
+            values[(i, 1)] = v + noise[1] * normal(&mut random);
+            values[(i, 2)] = u;
+            let h = STEP / FINE as f64;
+            for _ in 0..FINE {
+                let middle = v + 0.5 * h * rate(x, v, u);
+                v += h * rate(x + 0.5 * h * v, middle, u);
+                x += h * v;
+            }
+        }
+        Run { name: format!("{run}"), time, values }
+    });
+    Dataset::new(["x", "v", "u"].map(Channel::new).into(), runs.collect()).unwrap()
+}
+
+/// The model of a [`slider`] whose rate is this expression.
+pub(crate) fn slider_model(rate: &str) -> Model {
+    let state = |name: &str, equation: &str| State::new(name, Expression::parse(equation).unwrap());
+    Model { states: vec![state("x", "v"), state("v", rate)], controls: vec![Control::new("u")], ..Model::default() }
+}
+
 /// The fit of a model of one column to logs with noise of a known deviation, and what fitted it.
 pub(crate) fn fitted(model: &Model, data: &Dataset, noise: f64) -> (Fitter, Contestant) {
     let system = System::new(model).unwrap();

@@ -140,54 +140,28 @@ impl Rival {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::*;
-    use crate::data::{Channel, Dataset, Run};
-    use crate::diagnose::{Diagnose, report::Verdict};
-    use crate::model::{Control, State};
+    use crate::data::Dataset;
+    use crate::diagnose::Diagnose;
+    use crate::diagnose::fixture::{slider, slider_model};
+    use crate::diagnose::report::Verdict;
     use crate::progress::Silent;
-    use crate::random::normal;
-    use faer::Mat;
-    use rand_chacha::ChaCha8Rng;
-    use rand_core::SeedableRng;
 
     /// A driven slider, `v' = u - 3 v`, with a dry friction of 3 where it is worn, a quarter to each side of 0.4.
     fn worn(seed: u64) -> Dataset {
-        let (step, fine, noise) = (0.02, 40, [0.003, 0.01]);
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let runs = (0..4_i32).map(|run| {
-            let (mut x, mut v) = (0.0, 0.0);
-            let mut values = Mat::zeros(600, 3);
-            for i in 0..600 {
-                let time = step * i as f64;
-                let levels = if ((i / 45) as i32 + run) % 3 == 0 { -6.0 } else { 6.0 };
-                let u = 8.0 * (0.9 * time + f64::from(run)).sin()
-                    + 6.0 * (2.3 * time + 2.0 * f64::from(run)).sin()
-                    + levels;
-                values[(i, 0)] = x + noise[0] * normal(&mut random);
-                values[(i, 1)] = v + noise[1] * normal(&mut random);
-                values[(i, 2)] = u;
-                for _ in 0..fine {
-                    let is_worn = f64::from((x - 0.4_f64).abs() < 0.25);
-                    let rate = |v: f64| u - 3.0 * v - 3.0 * is_worn * (v / 5e-3).tanh();
-                    let middle = v + 0.5 * step / f64::from(fine) * rate(v);
-                    v += step / f64::from(fine) * rate(middle);
-                    x += step / f64::from(fine) * v;
-                }
-            }
-            Run { name: format!("{run}"), time: (0..600).map(|i| step * f64::from(i)).collect(), values }
-        });
-        let channels = ["x", "v", "u"].map(Channel::new).into();
-        Dataset::new(channels, runs.collect()).unwrap()
+        let rate = |x: f64, v: f64, u: f64| {
+            let is_worn = f64::from((x - 0.4).abs() < 0.25);
+            u - 3.0 * v - 3.0 * is_worn * (v / 5e-3).tanh()
+        };
+        let input = |time: f64, run: f64| {
+            let levels = if ((time / 0.9).floor() + run) % 3.0 == 0.0 { -6.0 } else { 6.0 };
+            8.0 * (0.9 * time + run).sin() + 6.0 * (2.3 * time + 2.0 * run).sin() + levels
+        };
+        slider(seed, rate, input, [0.003, 0.01], 600)
     }
 
     #[test]
     fn a_friction_that_differs_from_place_to_place_depends_on_the_place_and_the_speed() {
-        let parse = |text: &str| Expression::parse(text).unwrap();
-        let model = Model {
-            states: vec![State::new("x", parse("v")), State::new("v", parse("u - 3*v"))],
-            controls: vec![Control::new("u")],
-            ..Model::default()
-        };
+        let model = slider_model("u - 3*v");
         let found = Diagnose::default().run(&model, &worn(1), &worn(2), &Silent).unwrap().diagnosis;
         assert_eq!(found.verdict, Verdict::Unexplained, "{:?}", found.causes);
         assert_eq!(found.unexplained.depends_on, ["x", "v"]);

@@ -80,33 +80,40 @@ fn on_exact_steps(
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use crate::diagnose::fixture::drive;
+    use crate::data::Dataset;
+    use crate::diagnose::fixture::{drive, slider, slider_model};
     use crate::diagnose::report::Verdict;
     use crate::diagnose::{Diagnose, hold_out};
+    use crate::model::Model;
     use crate::progress::Silent;
 
-    /// What is named of a drive with a dry friction of 0.3 whose sign is smoothed over `corner`, and the corner found.
-    fn named(corner: f64, noise: f64, size: (usize, usize)) -> (Verdict, Vec<String>, Option<f64>) {
-        let (model, data) = drive(None, |x| x + 0.3 * (x / corner).tanh(), noise, size);
-        let (train, holdout) = hold_out(&data).unwrap();
+    /// What is named of a machine with a dry friction of 0.3 whose sign is smoothed over a corner, and the corner found.
+    fn named(model: &Model, data: &Dataset) -> (Verdict, Vec<String>, Option<f64>) {
+        let (train, holdout) = hold_out(data).unwrap();
         let frictions = ["coulomb_friction", "stribeck_friction", "asymmetric_friction", "viscous_friction"];
         let diagnose = Diagnose { effects: frictions.map(String::from).into(), ..Diagnose::default() };
-        let found = diagnose.run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let found = diagnose.run(model, &train, &holdout, &Silent).unwrap().diagnosis;
         let corner = found.included().flat_map(|cause| &cause.parameters).find(|p| p.name == "w").map(|p| p.value);
         (found.verdict, found.included().map(|cause| cause.effect.clone()).collect(), corner)
     }
 
     #[test]
     fn what_the_integration_adds_to_a_long_log_is_no_further_effect() {
-        // A tenth of the noise is thirty nats here.
-        let (verdict, names, corner) = named(0.02, 0.002, (4, 2000));
+        // A tenth of the noise is sixty nats here.
+        let rate = |x: f64, v: f64, u: f64| u - 4.0 * x - 0.4 * v - 0.3 * (v / 0.01).tanh();
+        let input = |time: f64, run: f64| {
+            1.5 * (0.7 * time + run).sin() + if ((time / 1.2).floor() + run) % 2.0 == 0.0 { -0.8 } else { 0.8 }
+        };
+        let data = slider(1, rate, input, [0.002, 0.002], 2000);
+        let (verdict, names, corner) = named(&slider_model("u - 4*x - 0.4*v"), &data);
         assert_eq!((verdict, names), (Verdict::Explained, vec!["coulomb_friction".to_string()]));
-        assert!((corner.unwrap() - 0.02).abs() < 2e-3, "{corner:?}");
+        assert!((corner.unwrap() - 0.01).abs() < 1e-3, "{corner:?}");
     }
 
     #[test]
     fn a_corner_sharper_than_a_step_of_the_integration_is_found() {
-        let (verdict, names, corner) = named(4e-3, 5e-4, (4, 400));
+        let (model, data) = drive(None, |x| x + 0.3 * (x / 4e-3).tanh(), 5e-4, (4, 400));
+        let (verdict, names, corner) = named(&model, &data);
         assert_eq!((verdict, names), (Verdict::Explained, vec!["coulomb_friction".to_string()]));
         assert!((corner.unwrap() - 4e-3).abs() < 4e-4, "{corner:?}");
     }
