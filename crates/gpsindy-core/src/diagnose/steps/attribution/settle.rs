@@ -1,11 +1,10 @@
-//! Settle: the rollouts, tolerances, corners and integration steps by which causes are told apart.
+//! Settle: the rollouts, tolerances, corners and integration steps by which causes are distinguished.
 
 mod charge;
 mod lengthen;
 mod sharpen;
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::substeps::exact;
 use crate::diagnose::limits::Budget;
 use crate::diagnose::notes::Note;
@@ -52,8 +51,13 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
         nominal.experiment.substeps = sharp.experiment.substeps;
         best = sharp;
     }
-    if let Some((finer_nominal, finer_best)) = on_exact_steps(contest, &nominal, &best)? {
-        (nominal, best, is_other) = (finer_nominal, finer_best, true);
+    if let Some(finer) = exact(&best).filter(|_| !contest.run.is_out_of_time()) {
+        nominal.experiment.substeps = finer.substeps;
+        best.experiment.substeps = finer.substeps;
+        // From where they are: starts that the logs show may lead elsewhere.
+        nominal = contest.fitter.carried_on(nominal, Budget::Usual)?;
+        best = contest.fitter.carried_on(best, Budget::Thorough)?;
+        is_other = true;
     }
     let is_moved = !notes.is_empty() || is_other;
     // Once more, because longer rollouts show what an effect is worth.
@@ -61,20 +65,6 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
     // What was asked of a single effect still holds, unless that effect is another fit now.
     let left = left.filter(|_| !is_other).map_or_else(|| nameless(contest, &best), Ok)?;
     Ok(Settled { nominal, best, rests, left, notes, is_moved })
-}
-
-/// Both on integration steps by which no effect gains; none where the present ones are short enough, or a fit on shorter ones is refused.
-fn on_exact_steps(
-    contest: &Contest<'_>,
-    nominal: &Contestant,
-    best: &Contestant,
-) -> Result<Option<(Contestant, Contestant)>> {
-    if contest.run.is_out_of_time() {
-        return Ok(None);
-    }
-    let Some(finer) = exact(best) else { return Ok(None) };
-    let on = |fit: &Contestant, budget| unless_refused(contest.fitter.on(fit, &finer, budget));
-    Ok(on(nominal, Budget::Usual)?.zip(on(best, Budget::Thorough)?))
 }
 
 #[cfg(test)]
