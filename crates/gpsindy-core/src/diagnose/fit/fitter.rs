@@ -145,7 +145,8 @@ impl Fitter {
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
-        let refine = Refine { hopeless: HOPELESS * base.refined.cost, ..budget.refine() };
+        let refine =
+            Refine { hopeless: HOPELESS * base.refined.cost, ..budget.refine_of(base.evidence.effective_count()) };
         let fit = |experiment: &Experiment| refine.fit_on(&system, experiment, (&parameters, &free), &initial, kept);
         let mut refined = fit(&experiment)?;
         if entrants.iter().any(|e| e.hypothesis.reads_the_past()) {
@@ -186,7 +187,8 @@ impl Fitter {
             other.free.retain(|f| f.parameter != parameter);
             let Contestant { system, experiment, free, refined, .. } = &other;
             let at = (&refined.parameters[..], &free[..]);
-            let fit = budget.refine().fit_on(system, experiment, at, &refined.initial, refined.kept.as_ref());
+            let refine = budget.refine_of(other.evidence.effective_count());
+            let fit = refine.fit_on(system, experiment, at, &refined.initial, refined.kept.as_ref());
             let Some(refined) = unless_refused(fit)? else { continue };
             other.refined = refined;
             self.judge(&mut other);
@@ -207,7 +209,8 @@ impl Fitter {
             sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
         }
         let at = (&point.parameters[..], &free[..]);
-        let fit = budget.refine().fit_on(system, &experiment, at, &point.initial, kept.as_ref());
+        let refine = budget.refine_of(contestant.evidence.effective_count());
+        let fit = refine.fit_on(system, &experiment, at, &point.initial, kept.as_ref());
         // Where not one step further can be taken it stays where it is.
         let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
         let mut carried = Contestant { refined, experiment, ..contestant };
@@ -284,7 +287,8 @@ impl Fitter {
         let initial = with_lagging(&contestant.system, &experiment, guess, contestant.nominal_states());
         let at = (&contestant.refined.parameters[..], &contestant.free[..]);
         let kept = contestant.refined.kept.as_ref();
-        let refined = budget.refine().fit_on(&contestant.system, &experiment, at, &initial, kept)?;
+        let refine = budget.refine_of(contestant.evidence.effective_count());
+        let refined = refine.fit_on(&contestant.system, &experiment, at, &initial, kept)?;
         let mut moved = Contestant { experiment, refined, ..contestant.clone() };
         self.judge(&mut moved);
         Ok(moved)

@@ -31,7 +31,17 @@ impl Budget {
         };
         Refine { max_iterations, tolerance, ..Refine::default() }
     }
+
+    /// The same where only so many values count alone: the same share of the squares is fewer nats.
+    pub(crate) fn refine_of(self, effective: f64) -> Refine {
+        let refine = self.refine();
+        Refine { tolerance: refine.tolerance * (DECIDED / effective).max(1.0), ..refine }
+    }
 }
+
+/// Values that count alone in a log for which the tolerances above are made: a step of a hundred-thousandth of their squares is a hundredth
+/// of a nat, of which no decision depends. Argument.
+const DECIDED: f64 = 2000.0;
 
 /// By how many times a fit's cost may exceed that of what it is compared with, once its steps lower it by less than a tenth each: fifteen
 /// such steps take off four fifths, and twenty times the squares decide nothing. Argument.
