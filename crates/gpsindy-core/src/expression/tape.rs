@@ -3,22 +3,17 @@
 //! Equal parts are computed once (also across equations). A lane is one set of values: a batch of
 //! perturbed parameters, of initial states or of samples runs through the same instructions together.
 
-use super::{Expression, Function, Operator, elementary};
+mod fuse;
+mod operation;
+
+use super::{Expression, Operator};
 use crate::error::{Error, Result};
+use operation::Operation;
 use pulp::Simd;
 use std::collections::HashMap;
 use std::ops::Range;
 
 type Register = u32;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Operation {
-    Negate,
-    Binary(Operator),
-    Square,
-    Cube,
-    Call(Function),
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Instruction {
@@ -105,11 +100,11 @@ impl Tape {
             steps: Vec::new(),
             next,
         };
-        let outputs = expressions.iter().map(|e| compiler.compile(e)).collect::<Result<_>>()?;
+        let outputs = expressions.iter().map(|e| compiler.compile(e)).collect::<Result<Vec<_>>>()?;
         Ok(Self {
             n_variables: variables.len(),
             constants: compiler.constants,
-            instructions: compiler.steps,
+            instructions: fuse::fused(compiler.steps, &outputs),
             n_registers: compiler.next as usize,
             outputs,
         })
@@ -187,8 +182,8 @@ impl Tape {
                 Step::Compute(instruction, out) => {
                     // Results come after their operands.
                     let (before, after) = registers.split_at_mut(*out as usize);
-                    let operands = instruction.operands.map(|r| &before[r as usize]);
-                    compute(simd, instruction.operation, operands, &mut after[0]);
+                    let operand = |i: usize| &before[instruction.operands[i] as usize];
+                    instruction.operation.compute(simd, operand, &mut after[0]);
                 }
                 Step::Simulate(call) => simulate(call, registers, simulator),
             }
@@ -240,13 +235,13 @@ impl Compiler<'_> {
                     Expression::Number(3.0) => Ok(self.emit(Operation::Cube, [a, a, a])),
                     ref b => {
                         let b = self.compile(b)?;
-                        Ok(self.emit(Operation::Binary(Operator::Power), [a, b, a]))
+                        Ok(self.emit(Operation::Power, [a, b, a]))
                     }
                 }
             }
             Expression::Binary(operator, a, b) => {
                 let (a, b) = (self.compile(a)?, self.compile(b)?);
-                Ok(self.emit(Operation::Binary(*operator), [a, b, a]))
+                Ok(self.emit((*operator).into(), [a, b, a]))
             }
             Expression::Call(function, _) if function.has_memory() => Err(Error::model(format!(
                 "`{}` may only be used in a model's equations and measured outputs: `{expression}`",
@@ -301,94 +296,6 @@ fn simulate<const L: usize>(call: &SimulatorCall, registers: &mut [[f64; L]], si
         for (i, &value) in values.iter().enumerate() {
             registers[call.first_output as usize + i][lane] = value;
         }
-    }
-}
-
-/// One operation, lane by lane, in vectors where the processor has them for it.
-#[inline(always)]
-fn compute<S: Simd, const L: usize>(simd: S, operation: Operation, [a, b, c]: [&[f64; L]; 3], out: &mut [f64; L]) {
-    match operation {
-        Operation::Negate => vectors::<S, L>((a, a), out, |a, _| simd.neg_f64s(a), |a, _| -a),
-        Operation::Square => vectors::<S, L>((a, a), out, |a, _| simd.mul_f64s(a, a), |a, _| a * a),
-        Operation::Cube => {
-            vectors::<S, L>((a, a), out, |a, _| simd.mul_f64s(simd.mul_f64s(a, a), a), |a, _| a * a * a);
-        }
-        Operation::Binary(Operator::Add) => vectors::<S, L>((a, b), out, |a, b| simd.add_f64s(a, b), |a, b| a + b),
-        Operation::Binary(Operator::Subtract) => vectors::<S, L>((a, b), out, |a, b| simd.sub_f64s(a, b), |a, b| a - b),
-        Operation::Binary(Operator::Multiply) => vectors::<S, L>((a, b), out, |a, b| simd.mul_f64s(a, b), |a, b| a * b),
-        Operation::Binary(Operator::Divide) => vectors::<S, L>((a, b), out, |a, b| simd.div_f64s(a, b), |a, b| a / b),
-        Operation::Call(Function::Sin) => elementary::sin(a, out),
-        Operation::Call(Function::Cos) => elementary::cos(a, out),
-        Operation::Call(Function::Tanh) => elementary::tanh(a, out),
-        Operation::Call(Function::Stick) => {
-            let mut ratio = [0.0; L];
-            vectors::<S, L>((a, b), &mut ratio, |a, b| simd.div_f64s(a, b), |a, b| a / b);
-            elementary::tanh(&ratio, out);
-            for lane in 0..L {
-                if b[lane] == 0.0 {
-                    out[lane] = sign(a[lane]);
-                }
-            }
-        }
-        Operation::Call(Function::Exp) => elementary::exp(a, out),
-        Operation::Call(Function::Sqrt) => vectors::<S, L>((a, a), out, |a, _| simd.sqrt_f64s(a), |a, _| a.sqrt()),
-        Operation::Call(Function::Abs) => vectors::<S, L>((a, a), out, |a, _| simd.abs_f64s(a), |a, _| a.abs()),
-        other => single(other, [a, b, c], out),
-    }
-}
-
-/// `vector` on whole vectors, `scalar` on the lanes that are left.
-#[inline(always)]
-fn vectors<S: Simd, const L: usize>(
-    (a, b): (&[f64; L], &[f64; L]),
-    out: &mut [f64; L],
-    vector: impl Fn(S::f64s, S::f64s) -> S::f64s,
-    scalar: impl Fn(f64, f64) -> f64,
-) {
-    let ((a, a_rest), (b, b_rest)) = (S::as_simd_f64s(a), S::as_simd_f64s(b));
-    let (out, out_rest) = S::as_mut_simd_f64s(out);
-    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
-        *out = vector(a, b);
-    }
-    for ((out, &a), &b) in out_rest.iter_mut().zip(a_rest).zip(b_rest) {
-        *out = scalar(a, b);
-    }
-}
-
-/// The operations for which there is no vector instruction.
-fn single<const L: usize>(operation: Operation, [a, b, c]: [&[f64; L]; 3], out: &mut [f64; L]) {
-    let one = |f: fn(f64) -> f64| std::array::from_fn(|i| f(a[i]));
-    *out = match operation {
-        Operation::Binary(_) => std::array::from_fn(|i| a[i].powf(b[i])),
-        Operation::Call(function) => match function {
-            Function::Tan => one(f64::tan),
-            Function::Asin => one(f64::asin),
-            Function::Acos => one(f64::acos),
-            Function::Atan => one(f64::atan),
-            Function::Atan2 => std::array::from_fn(|i| a[i].atan2(b[i])),
-            Function::Sinh => one(f64::sinh),
-            Function::Cosh => one(f64::cosh),
-            Function::Log => one(f64::ln),
-            Function::Sign | Function::Breakaway => one(sign),
-            Function::Min => std::array::from_fn(|i| a[i].min(b[i])),
-            Function::Max => std::array::from_fn(|i| a[i].max(b[i])),
-            Function::Step => one(|z| f64::from(z > 0.0)),
-            Function::Clamp => std::array::from_fn(|i| a[i].max(b[i]).min(c[i])),
-            Function::DeadZone => std::array::from_fn(|i| a[i] - a[i].max(-b[i]).min(b[i])),
-            _ => [f64::NAN; L],
-        },
-        _ => [f64::NAN; L],
-    };
-}
-
-/// -1, 0 or 1; `f64::signum` has no zero.
-fn sign(z: f64) -> f64 {
-    if z > 0.0 {
-        1.0
-    } else if z < 0.0 {
-        -1.0
-    } else {
-        z
     }
 }
 

@@ -32,7 +32,8 @@ impl Jacobian {
             let of = |(window, block): (usize, &mut Block)| {
                 kept.is_some_and(|kept| kept.fill((system, experiment, free), (window, column), block))
             };
-            blocks.iter_mut().enumerate().map(of).fold(true, |all, known| all && known)
+            // One window without it, and all of them are passed anew.
+            blocks.iter_mut().enumerate().all(of)
         };
         let unknown = (0..n + free.len()).filter(|&column| !is_known(column));
         // Lane 0 of the first pass is the point itself; every other lane moves one value.

@@ -11,6 +11,7 @@ pub(crate) mod lockstep;
 pub(crate) mod path;
 mod product;
 mod sticking;
+mod sums;
 pub(crate) mod tangent;
 
 use super::experiment::{Log, Past};
@@ -150,10 +151,8 @@ impl<'a, const L: usize> Lanes<'a, L> {
                     [(0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)].into_iter().enumerate()
                 {
                     let length = ahead * step;
-                    for j in 0..n {
-                        for lane in 0..L {
-                            stage[j][lane] = x[j][lane] + length * rate[j][lane];
-                        }
+                    if number > 0 {
+                        sums::ahead(simd, &x, (&[length; L], &rate), &mut stage);
                     }
                     let from = if number == 0 { &x } else { &stage };
                     self.derivative(simd, a + length, from, &inputs, input, &mut rate);
@@ -169,21 +168,13 @@ impl<'a, const L: usize> Lanes<'a, L> {
                         }
                         sum.copy_from_slice(&rate);
                     } else {
-                        for j in 0..n {
-                            for lane in 0..L {
-                                sum[j][lane] += weight * rate[j][lane];
-                            }
-                        }
+                        sums::add(simd, &mut sum, &[weight; L], &rate);
                     }
                 }
                 if let Some(node) = nodes.last_mut() {
                     node.dx_end.clone_from(&rate);
                 }
-                for j in 0..n {
-                    for lane in 0..L {
-                        x[j][lane] += step / 6.0 * sum[j][lane];
-                    }
-                }
+                sums::add(simd, &mut x, &[step / 6.0; L], &sum);
             }
         }
     }

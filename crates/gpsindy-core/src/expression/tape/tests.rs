@@ -54,6 +54,31 @@ fn equal_parts_are_computed_once() {
 }
 
 #[test]
+fn products_are_in_the_sums_that_alone_read_them_and_no_bit_changes() {
+    let names: Vec<String> = ["a", "b", "x", "y"].map(String::from).into();
+    let values = [0.1, 0.7, -1.3, 3.1];
+    let [a, b, x, y] = values;
+    for (sources, steps, wanted) in [
+        (vec!["a*x + y"], 1, vec![a * x + y]),
+        (vec!["y + a*x"], 1, vec![y + a * x]),
+        (vec!["a*x - y"], 1, vec![a * x - y]),
+        (vec!["y - a*x"], 1, vec![y - a * x]),
+        (vec!["a*x - b*y"], 2, vec![a * x - b * y]),
+        (vec!["b*x - a*y - a*x + b"], 4, vec![b * x - a * y - a * x + b]),
+        // Read twice, or read by the caller.
+        (vec!["a*x + y", "a*x - b"], 3, vec![a * x + y, a * x - b]),
+        (vec!["a*x + y", "a*x"], 2, vec![a * x + y, a * x]),
+        (vec!["a*x + a*x"], 2, vec![a * x + a * x]),
+        (vec!["a*x*y + x"], 2, vec![a * x * y + x]),
+    ] {
+        let expressions: Vec<Expression> = sources.iter().map(|source| Expression::parse(source).unwrap()).collect();
+        let tape = Tape::new(&expressions, &names).unwrap();
+        assert_eq!(tape.instructions.len(), steps, "{sources:?}");
+        assert_eq!(tape.evaluate_once(&values, 0.0), wanted, "{sources:?}");
+    }
+}
+
+#[test]
 fn an_unknown_name_is_told_with_the_known_ones() {
     let error = Tape::new(&[Expression::parse("a*x").unwrap()], &["x".into()]).unwrap_err();
     assert_eq!(error.to_string(), "name `a` is unknown; known: x");

@@ -3,7 +3,7 @@
 //! Within a step no mode changes, so outputs are smooth in the parameters between two changes, and a finite difference
 //! across lanes goes through a change as the exact derivative does.
 
-use super::{Lanes, Node, Roll};
+use super::{Lanes, Node, Roll, sums};
 use crate::model::sticking::{Kept, Mode, Slots};
 use crate::refine::history::Stages;
 
@@ -191,24 +191,15 @@ fn attempt<S: pulp::Simd, const L: usize>(
     inputs: &[Stages<L>],
     trial: &mut Trial<L>,
 ) {
-    let n = x.len();
     let Trial { end, stage, sum, rate, start_rate, forces } = trial;
     rate.copy_from_slice(start_rate);
     sum.copy_from_slice(start_rate);
     for (number, (ahead, weight)) in STAGES.into_iter().enumerate().skip(1) {
-        for j in 0..n {
-            for lane in 0..L {
-                stage[j][lane] = x[j][lane] + ahead * length[lane] * rate[j][lane];
-            }
-        }
+        sums::ahead(simd, x, (&length.map(|l| ahead * l), rate), stage);
         let t = std::array::from_fn(|lane| a + done[lane] + ahead * length[lane]);
         let share = std::array::from_fn(|lane| (done[lane] + ahead * length[lane]) / step);
         slots.rates(simd, t, stage, inputs.iter().map(|stages| between(stages, share)), false, rate);
-        for j in 0..n {
-            for lane in 0..L {
-                sum[j][lane] += weight * rate[j][lane];
-            }
-        }
+        sums::add(simd, sum, &[weight; L], rate);
         for (slot, forces) in forces.iter_mut().enumerate() {
             for lane in 0..L {
                 let force = slots.force(slot, lane).0;
@@ -220,11 +211,7 @@ fn attempt<S: pulp::Simd, const L: usize>(
             }
         }
     }
-    for j in 0..n {
-        for lane in 0..L {
-            end[j][lane] = x[j][lane] + length[lane] / 6.0 * sum[j][lane];
-        }
-    }
+    sums::ahead(simd, x, (&length.map(|l| l / 6.0), sum), end);
 }
 
 /// Value of an input at a share of the step, by straight lines through what it is at the start, the middle and the end.
