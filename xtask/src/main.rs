@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     let task = std::env::args().nth(1).unwrap_or_default();
     let argument = std::env::args().nth(2);
     let done = match task.as_str() {
-        "test" => rust().and_then(|()| python::test()),
+        "test" => test(),
         "rust" => rust(),
         "python" => python::test(),
         "lint" => lint(),
@@ -98,6 +98,14 @@ fn format(how: &[&str]) -> Result<(), String> {
     let effects: Vec<String> = effects.iter().map(|path| path.to_string_lossy().into_owned()).collect();
     let edition = ["--edition", "2024"].into_iter();
     shell::run("rustfmt", edition.chain(how.iter().copied()).chain(effects.iter().map(String::as_str)), &[])
+}
+
+/// Both parts. What the second one needs from the package index comes while the first one compiles.
+fn test() -> Result<(), String> {
+    let fetching = std::thread::spawn(python::fetch);
+    rust()?;
+    fetching.join().unwrap_or_else(|_| Err("the thread that installs Python packages ended early".into()))?;
+    python::test()
 }
 
 /// Formatting, and tests with documentation tests: one profile, so that dependencies are built once.

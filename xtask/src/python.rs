@@ -3,7 +3,10 @@
 use crate::shell::{root, run};
 use std::path::PathBuf;
 
-const PIP: [&str; 5] = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+const MATURIN: &str = "maturin>=1.9,<2";
+
+/// Packages are compiled to bytecode as they are imported: most of their modules never are.
+const PIP: [&str; 6] = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile"];
 
 /// Builds the wheel with maturin, installs it with its test requirements, runs pytest and compares the stubs with the module.
 pub(crate) fn test() -> Result<(), String> {
@@ -20,20 +23,34 @@ pub(crate) fn test() -> Result<(), String> {
     run(&python, ["-m", "mypy.stubtest", "gpsindy._gpsindy"], &[])
 }
 
-/// The Python that has the wheel of this tree with its test requirements, and `more` packages.
-///
-/// Everything lives under `target/`: `target/venv` is made once and used again, `target/wheels` holds the wheel.
-pub(crate) fn environment(more: &[&str]) -> Result<PathBuf, String> {
+/// Installs what the wheel's build and tests require, which needs the network and no compiled crate: it can be done beside the Rust part.
+pub(crate) fn fetch() -> Result<(), String> {
+    let python = interpreter()?;
+    let manifest = root().join("crates/gpsindy-py/pyproject.toml");
+    let text = std::fs::read_to_string(&manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
+    let lines = text.lines().skip_while(|line| *line != "test = [").skip(1).take_while(|line| *line != "]");
+    let wanted: Vec<&str> = lines.map(|line| line.trim().trim_matches(|c| c == '"' || c == ',')).collect();
+    run(&python, PIP.iter().chain(&[MATURIN]).chain(&wanted), &[])
+}
+
+/// The Python of `target/venv`, which is made where it is not there.
+fn interpreter() -> Result<PathBuf, String> {
     let environment = root().join("target/venv");
-    let program = |name: &str| -> PathBuf {
-        if cfg!(windows) { environment.join("Scripts").join(name) } else { environment.join("bin").join(name) }
-    };
-    let python = program("python");
+    let programs = environment.join(if cfg!(windows) { "Scripts" } else { "bin" });
+    let python = programs.join("python");
     if !python.exists() {
         let system = std::env::var("PYTHON").unwrap_or_else(|_| "python3".into());
         run(system, ["-m", "venv", &environment.to_string_lossy()], &[])?;
     }
-    run(&python, PIP.iter().chain(&["maturin>=1.9,<2"]), &[])?;
+    Ok(python)
+}
+
+/// The Python that has the wheel of this tree with its test requirements, and `more` packages.
+///
+/// Everything lives under `target/`: `target/venv` is made once and used again, `target/wheels` holds the wheel.
+pub(crate) fn environment(more: &[&str]) -> Result<PathBuf, String> {
+    let python = interpreter()?;
+    run(&python, PIP.iter().chain(&[MATURIN]), &[])?;
 
     let wheels = root().join("target/wheels");
     if wheels.exists() {
