@@ -28,7 +28,7 @@ pub struct HandedOver {
 pub struct FamilyRank {
     /// The family.
     pub family: String,
-    /// Fits.
+    /// Fits that came to rest.
     pub of: usize,
     /// Rank correlation; absent where all are alike.
     pub correlation: Option<f64>,
@@ -47,7 +47,8 @@ impl HandedOver {
         let ratio = |set: &Handed| set.achieved / set.promised;
         let at_rest = all().filter(|set| set.at_rest && set.promised > 0.0);
         let mut families: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
-        for set in all() {
+        // A fit that was given up has not shown what it achieves.
+        for set in all().filter(|set| set.at_rest) {
             families.entry(set.family.clone()).or_default().push((set.promised, set.achieved));
         }
         let rank = |(family, pairs): (String, Vec<(f64, f64)>)| FamilyRank {

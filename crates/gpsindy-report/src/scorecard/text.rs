@@ -96,7 +96,7 @@ fn figure(text: &mut String, name: &str, value: Option<f64>) {
 /// How far each family keeps the order that straight lines promise.
 fn ranks(text: &mut String, handed: &HandedOver) {
     line(text, "");
-    line(text, "promised and achieved gain     fits   rank correlation");
+    line(text, "promised and achieved gain  at rest   rank correlation");
     for family in &handed.families {
         let correlation = family.correlation.map_or("-".into(), |c| format!("{c:.3}"));
         line(text, &format!("{:<28} {:>6} {correlation:>18}", family.family, family.of));
