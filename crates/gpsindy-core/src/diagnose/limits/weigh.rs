@@ -38,6 +38,13 @@ pub(crate) const AN_INTEGRATORS: f64 = 0.05;
 
 /// Logs that are simulated with the named causes: enough for the mean and the deviation of what they leave, to a seventh. Argument.
 pub(crate) const SIMULATED: usize = 30;
+
+/// Chances, by the tail beyond that many, that may lie on the other side of [`TYPICAL`] or be known no better than to a factor: a deviation of 30 values is
+/// off by a seventh to a fifth, and two of these take a chance of 1/2000 to 1/100. Up to how many logs are simulated there: the tail is then known
+/// twice as well, and the rank of one in 120 is below the level itself. Argument.
+pub(crate) const UNDECIDED: (f64, f64) = (0.0005, 0.05);
+pub(crate) const MOST_SIMULATED: usize = 120;
+
 /// Chance of as large a rest at which one that is seen is as likely structure as noise: one right explanation in a hundred is lost to it.
 /// Convention.
 pub(crate) const TYPICAL: f64 = 0.01;

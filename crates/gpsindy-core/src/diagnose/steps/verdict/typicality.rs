@@ -12,7 +12,7 @@ use crate::diagnose::fit::colours::noise::Noise;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::linear::basis::{Basis, Out};
 use crate::diagnose::fit::linear::gains::{Gain, gains_of_family};
-use crate::diagnose::limits::weigh::SIMULATED;
+use crate::diagnose::limits::weigh::{MOST_SIMULATED, SIMULATED, UNDECIDED};
 use crate::diagnose::limits::{NOISE, SKETCHED};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
@@ -44,23 +44,38 @@ pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Typi
     let sketch = whole.sketch(SKETCHED);
     let at = sketch.as_ref().map_or(whole, |sketch| sketch.linearised());
     let mut random = ChaCha8Rng::seed_from_u64(0);
-    let simulated: Vec<Out> = (0..SIMULATED).map(|_| drawn(&at, &mut random)).collect();
-    let basis = Basis::new(&at, Noise::Coloured, &simulated);
+    let (mut seen, mut simulated) = (0.0, Vec::new());
+    while simulated.len() < SIMULATED || (simulated.len() < MOST_SIMULATED && is_undecided(seen, &simulated)) {
+        let Some((own, more)) = left(contest, &at, &mut random) else { return Ok(None) };
+        seen = own;
+        simulated.extend(more);
+    }
+    Ok(Some(Typicality { p_value: chance(seen, &simulated), drawn: simulated.len() }))
+}
+
+/// The most that a function without a name explains of what the logs leave, and of so many simulated logs; none where time is up.
+fn left(contest: &Contest<'_>, at: &Linearised<'_>, random: &mut ChaCha8Rng) -> Option<(f64, Vec<f64>)> {
+    let simulated: Vec<Out> = (0..SIMULATED).map(|_| drawn(at, random)).collect();
+    let basis = Basis::new(at, Noise::Coloured, &simulated);
     let largest = |rival: &Rival| {
         if contest.run.is_out_of_time() {
             return Vec::new();
         }
         // By Akaike's criterion, so that large families do not win by their number.
         let left = |gain: Gain| gain.gain - 2.0 * gain.degrees as f64;
-        gains_of_family(rival, &contest.scene, &at, &basis).into_iter().map(left).collect()
+        gains_of_family(rival, &contest.scene, at, &basis).into_iter().map(left).collect()
     };
     let all: Vec<Vec<f64>> = parallel::map(&contest.rivals, largest);
     if contest.run.is_out_of_time() {
-        return Ok(None);
+        return None;
     }
     let most = |view: usize| all.iter().filter_map(|left| left.get(view)).copied().fold(f64::NEG_INFINITY, f64::max);
-    let simulated: Vec<f64> = (1..=SIMULATED).map(most).collect();
-    Ok(Some(Typicality { p_value: chance(most(0), &simulated), drawn: SIMULATED }))
+    Some((most(0), (1..=SIMULATED).map(most).collect()))
+}
+
+/// Whether more simulations may decide what is typical: none left as much as the logs, and the tail beyond them is not yet known.
+fn is_undecided(seen: f64, simulated: &[f64]) -> bool {
+    simulated.iter().all(|&one| one < seen) && (UNDECIDED.0..UNDECIDED.1).contains(&chance(seen, simulated))
 }
 
 /// Chance of one at least as large as `seen`: its rank, and beyond all that were simulated the tail of the distribution of largest
@@ -119,6 +134,15 @@ fn noise<'r>(colour: &Colour, random: &'r mut ChaCha8Rng) -> impl FnMut() -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn more_logs_are_simulated_where_few_do_not_decide() {
+        let simulated: Vec<f64> = (1..=30).map(|i| -(-(f64::from(i) / 31.0).ln()).ln()).collect();
+        // Within what was simulated, near the level, and far beyond.
+        assert!(!is_undecided(3.0, &simulated));
+        assert!(is_undecided(5.0, &simulated), "{}", chance(5.0, &simulated));
+        assert!(!is_undecided(12.0, &simulated), "{}", chance(12.0, &simulated));
+    }
 
     #[test]
     fn the_chance_of_a_largest_value_is_its_rank_and_beyond_all_the_tail_of_such_values() {
