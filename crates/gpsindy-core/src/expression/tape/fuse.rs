@@ -4,7 +4,7 @@
 
 use super::operation::Operation;
 use super::{Instruction, Register, Step};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// The same program with every product in the sum that alone reads it; `outputs` are read by the caller.
 pub(super) fn fused(steps: Vec<Step>, outputs: &[Register]) -> Vec<Step> {
@@ -29,7 +29,7 @@ pub(super) fn fused(steps: Vec<Step>, outputs: &[Register]) -> Vec<Step> {
         _ => None,
     };
     let products: HashMap<Register, [Register; 2]> = steps.iter().filter_map(product).collect();
-    let mut inside = Vec::new();
+    let mut inside = HashSet::new();
     let mut fuse = |step: Step| {
         let Step::Compute(Instruction { operation, operands: [a, b, _] }, out) = step else { return step };
         let (behind, before) = match operation {
@@ -42,7 +42,7 @@ pub(super) fn fused(steps: Vec<Step>, outputs: &[Register]) -> Vec<Step> {
             Some((of, Instruction { operation, operands: [*x, *y, other] }))
         });
         let Some((of, instruction)) = found else { return step };
-        inside.push(of);
+        inside.insert(of);
         Step::Compute(instruction, out)
     };
     let fused: Vec<Step> = steps.into_iter().map(&mut fuse).collect();
