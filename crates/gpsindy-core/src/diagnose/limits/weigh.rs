@@ -39,9 +39,9 @@ pub(crate) const AN_INTEGRATORS: f64 = 0.05;
 /// Logs that are simulated with the named causes: enough for the mean and the deviation of what they leave, to a seventh. Argument.
 pub(crate) const SIMULATED: usize = 30;
 
-/// Chances, by the tail beyond that many, that may lie on the other side of [`TYPICAL`] or be known no better than to a factor: a deviation of 30 values is
-/// off by a seventh to a fifth, and two of these take a chance of 1/2000 to 1/100. Up to how many logs are simulated there: the tail is then known
-/// twice as well, and the rank of one in 120 is below the level itself. Argument.
+/// Chances of what is above all of them that may lie on the other side of [`TYPICAL`]: the deviation of 30 values is off by a fifth, and two of these take a
+/// chance of 1/2000 to 1/100. And up to how many logs are simulated there: what is above all 120 is rarer than the level, whatever
+/// their distribution. Argument.
 pub(crate) const UNDECIDED: (f64, f64) = (0.0005, 0.05);
 pub(crate) const MOST_SIMULATED: usize = 120;
 
