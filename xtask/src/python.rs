@@ -30,6 +30,12 @@ pub(crate) fn fetch() -> Result<(), String> {
     let text = std::fs::read_to_string(&manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
     let lines = text.lines().skip_while(|line| *line != "test = [").skip(1).take_while(|line| *line != "]");
     let wanted: Vec<&str> = lines.map(|line| line.trim().trim_matches(|c| c == '"' || c == ',')).collect();
+    if wanted.is_empty() {
+        return Err(format!(
+            "{}: no requirements of the tests, a list that begins with the line `test = [`",
+            manifest.display()
+        ));
+    }
     run(&python, PIP.iter().chain(&[MATURIN]).chain(&wanted), &[])
 }
 

@@ -8,6 +8,7 @@ mod elementary;
 mod parse;
 mod print;
 mod tape;
+pub(crate) mod vectors;
 
 pub use tape::Tape;
 

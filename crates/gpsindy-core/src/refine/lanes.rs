@@ -151,10 +151,12 @@ impl<'a, const L: usize> Lanes<'a, L> {
                     [(0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)].into_iter().enumerate()
                 {
                     let length = ahead * step;
-                    if number > 0 {
+                    let from = if number == 0 {
+                        &x
+                    } else {
                         sums::ahead(simd, &x, (&[length; L], &rate), &mut stage);
-                    }
-                    let from = if number == 0 { &x } else { &stage };
+                        &stage
+                    };
                     self.derivative(simd, a + length, from, &inputs, input, &mut rate);
                     if number == 0 {
                         if keep {

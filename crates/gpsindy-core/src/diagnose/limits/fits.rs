@@ -40,7 +40,7 @@ impl Budget {
 }
 
 /// Values that count alone in a log for which the tolerances above are made: a step of a hundred-thousandth of their squares is a hundredth
-/// of a nat, of which no decision depends. Argument.
+/// of a nat, on which no decision depends. Argument.
 const DECIDED: f64 = 2000.0;
 
 /// By how many times a fit's cost may exceed that of what it is compared with, once its steps lower it by less than a tenth each: fifteen

@@ -39,10 +39,10 @@ pub(crate) const AN_INTEGRATORS: f64 = 0.05;
 /// Logs that are simulated with the named causes: enough for the mean and the deviation of what they leave, to a seventh. Argument.
 pub(crate) const SIMULATED: usize = 30;
 
-/// Chances of what is above all of them that may lie on the other side of [`TYPICAL`]: the deviation of 30 values is off by a fifth, and two of these take a
+/// Chance of what is above all of them from which it may lie on the other side of [`TYPICAL`]: the deviation of 30 values is off by a fifth, and two of these take a
 /// chance of 1/2000 to 1/100. And up to how many logs are simulated there: what is above all 120 is rarer than the level, whatever
 /// their distribution. Argument.
-pub(crate) const UNDECIDED: (f64, f64) = (0.0005, 0.05);
+pub(crate) const UNDECIDED: f64 = 0.0005;
 pub(crate) const MOST_SIMULATED: usize = 120;
 
 /// Chance of as large a rest at which one that is seen is as likely structure as noise: one right explanation in a hundred is lost to it.

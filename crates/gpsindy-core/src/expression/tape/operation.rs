@@ -1,5 +1,6 @@
 //! The operations of a tape, on several lanes at once.
 
+use crate::expression::vectors::vectors;
 use crate::expression::{Function, Operator, elementary};
 use pulp::Simd;
 
@@ -86,24 +87,6 @@ impl Operation {
             Self::Call(Function::Abs) => vectors::<S, L>(one(), out, |a, _, _| simd.abs_f64s(a), |a, _, _| a.abs()),
             other => single(other, three(), out),
         }
-    }
-}
-
-/// `vector` on whole vectors, `scalar` on the lanes that are left.
-#[inline(always)]
-fn vectors<S: Simd, const L: usize>(
-    [a, b, c]: [&[f64; L]; 3],
-    out: &mut [f64; L],
-    vector: impl Fn(S::f64s, S::f64s, S::f64s) -> S::f64s,
-    scalar: impl Fn(f64, f64, f64) -> f64,
-) {
-    let ((a, a_rest), (b, b_rest), (c, c_rest)) = (S::as_simd_f64s(a), S::as_simd_f64s(b), S::as_simd_f64s(c));
-    let (out, out_rest) = S::as_mut_simd_f64s(out);
-    for (((out, &a), &b), &c) in out.iter_mut().zip(a).zip(b).zip(c) {
-        *out = vector(a, b, c);
-    }
-    for (((out, &a), &b), &c) in out_rest.iter_mut().zip(a_rest).zip(b_rest).zip(c_rest) {
-        *out = scalar(a, b, c);
     }
 }
 

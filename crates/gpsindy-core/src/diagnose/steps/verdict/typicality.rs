@@ -75,7 +75,7 @@ fn left(contest: &Contest<'_>, at: &Linearised<'_>, random: &mut ChaCha8Rng) -> 
 
 /// Whether more simulations may decide what is typical: none left as much as the logs, and the tail beyond them is not yet known.
 fn is_undecided(seen: f64, simulated: &[f64]) -> bool {
-    simulated.iter().all(|&one| one < seen) && (UNDECIDED.0..UNDECIDED.1).contains(&chance(seen, simulated))
+    simulated.iter().all(|&one| one < seen) && chance(seen, simulated) >= UNDECIDED
 }
 
 /// Chance of one at least as large as `seen`: its rank, and beyond all that were simulated the tail of the distribution of largest
