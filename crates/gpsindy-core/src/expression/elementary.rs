@@ -103,11 +103,11 @@ fn waves<const L: usize, const AHEAD: u64>(x: &[f64; L], out: &mut [f64; L]) {
     }
 }
 
-pub(super) fn sin<const L: usize>(x: &[f64; L], out: &mut [f64; L]) {
+pub(crate) fn sin<const L: usize>(x: &[f64; L], out: &mut [f64; L]) {
     waves::<L, 0>(x, out);
 }
 
-pub(super) fn cos<const L: usize>(x: &[f64; L], out: &mut [f64; L]) {
+pub(crate) fn cos<const L: usize>(x: &[f64; L], out: &mut [f64; L]) {
     waves::<L, 1>(x, out);
 }
 

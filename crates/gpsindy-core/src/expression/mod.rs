@@ -4,7 +4,7 @@
 //! names, and the functions of [`Function`].
 
 mod derivative;
-mod elementary;
+pub(crate) mod elementary;
 mod parse;
 mod print;
 mod tape;

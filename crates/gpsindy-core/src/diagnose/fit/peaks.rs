@@ -2,6 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{CARRIED, FREQUENCIES, LINES, OF_LINE, OF_PERIOD};
+use crate::expression::elementary::{cos, sin};
 use crate::parallel;
 use std::f64::consts::{PI, TAU};
 
@@ -21,16 +22,12 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     let highest = CARRIED * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
     let count = FREQUENCIES.min((highest / spacing) as usize);
     let mut found: Vec<f64> = Vec::new();
-    for differenced in [false, true] {
-        let power: Vec<f64> =
-            parallel::map(1..=count, |k| power_at(fitted, spacing * k as f64, n_columns, differenced));
-        let mut lines: Vec<usize> = (0..power.len())
-            .filter(|&k| {
-                let near = |i: usize| power.get(i).copied().unwrap_or(0.0);
-                power[k] >= near(k + 1) && (k == 0 || power[k] >= near(k - 1))
-            })
-            .collect();
-        lines.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
+    let powers: Vec<[f64; 2]> = parallel::map(1..=count, |k| powers_at(fitted, spacing * k as f64, n_columns));
+    for kind in 0..2 {
+        let power = |k: usize| powers.get(k).map_or(0.0, |powers| powers[kind]);
+        let is_line = |&k: &usize| power(k) >= power(k + 1) && (k == 0 || power(k) >= power(k - 1));
+        let mut lines: Vec<usize> = (0..powers.len()).filter(is_line).collect();
+        lines.sort_by(|&a, &b| power(b).total_cmp(&power(a)));
         found.extend(lines.iter().take(LINES).map(|&k| spacing * (k + 1) as f64));
     }
     found.sort_by(f64::total_cmp);
@@ -53,11 +50,11 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
 /// Power of the residual at one angular frequency on the clock of the logs, all windows in phase, each column in units of its own.
 fn coherent_power_at(fitted: &Contestant, omega: f64, n_columns: usize) -> f64 {
     let mut sums = vec![(0.0, 0.0, 0.0); n_columns];
+    let mut waves = Waves::default();
     for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
         let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
-        let stride = thinned(time, omega);
-        for (&t, row) in time.iter().zip(residual.chunks_exact(n_columns)).step_by(stride) {
-            let (sine, cosine) = (omega * t).sin_cos();
+        let stride = waves.fill(time, omega);
+        for ((sine, cosine), row) in waves.values().zip(residual.chunks_exact(n_columns).step_by(stride)) {
             for (sum, value) in sums.iter_mut().zip(row).filter(|(_, value)| value.is_finite()) {
                 *sum = (sum.0 + value * cosine, sum.1 + value * sine, sum.2 + value * value);
             }
@@ -70,34 +67,61 @@ fn coherent_power_at(fitted: &Contestant, omega: f64, n_columns: usize) -> f64 {
     sums.iter().map(of_column).sum()
 }
 
-/// By how many samples to go where long windows are thinned to what a frequency needs.
-fn thinned(time: &[f64], omega: f64) -> usize {
-    let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
-    ((TAU / omega / OF_PERIOD / period) as usize).max(1)
-}
-
-/// Power of the residual at one angular frequency, summed over windows and columns.
-fn power_at(fitted: &Contestant, omega: f64, n_columns: usize, differenced: bool) -> f64 {
-    let mut power = 0.0;
+/// Power of the residual at one angular frequency, summed over windows and columns: as it is, and of its differences.
+fn powers_at(fitted: &Contestant, omega: f64, n_columns: usize) -> [f64; 2] {
+    let mut powers = [0.0; 2];
+    let mut waves = Waves::default();
     for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
         let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
-        let stride = thinned(time, omega);
+        let stride = waves.fill(time, omega);
         for c in 0..n_columns {
-            let (mut real, mut imaginary) = (0.0, 0.0);
+            let mut sums = [(0.0, 0.0); 2];
             let mut last = 0.0;
-            for (i, &t) in time.iter().enumerate().step_by(stride) {
-                let value = residual[i * n_columns + c];
-                if !value.is_finite() {
-                    continue;
+            for ((sine, cosine), row) in waves.values().zip(residual.chunks_exact(n_columns).step_by(stride)) {
+                let value = row[c];
+                if value.is_finite() {
+                    for (sum, used) in sums.iter_mut().zip([value, value - last]) {
+                        *sum = (sum.0 + used * cosine, sum.1 + used * sine);
+                    }
+                    last = value;
                 }
-                let used = if differenced { value - last } else { value };
-                last = value;
-                let (s, k) = (omega * t).sin_cos();
-                real += used * k;
-                imaginary += used * s;
             }
-            power += (real * real + imaginary * imaginary) * (stride * stride) as f64 / time.len() as f64;
+            for (power, (real, imaginary)) in powers.iter_mut().zip(sums) {
+                *power += (real * real + imaginary * imaginary) * (stride * stride) as f64 / time.len() as f64;
+            }
         }
     }
-    power
+    powers
+}
+
+/// Sine and cosine of a frequency at the samples of a window, which all columns share.
+#[derive(Default)]
+struct Waves {
+    sines: Vec<f64>,
+    cosines: Vec<f64>,
+}
+
+impl Waves {
+    /// By how many samples it goes: long windows are thinned to what the frequency needs.
+    fn fill(&mut self, time: &[f64], omega: f64) -> usize {
+        const LANES: usize = 8;
+        let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
+        let stride = ((TAU / omega / OF_PERIOD / period) as usize).max(1);
+        self.sines.clear();
+        self.cosines.clear();
+        for first in (0..time.len()).step_by(stride * LANES) {
+            // The last block is filled up with its last moment.
+            let angles = std::array::from_fn(|lane| omega * time[(first + lane * stride).min(time.len() - 1)]);
+            let mut values = [0.0; LANES];
+            sin(&angles, &mut values);
+            self.sines.extend_from_slice(&values);
+            cos(&angles, &mut values);
+            self.cosines.extend_from_slice(&values);
+        }
+        stride
+    }
+
+    fn values(&self) -> impl Iterator<Item = (&f64, &f64)> {
+        self.sines.iter().zip(&self.cosines)
+    }
 }

@@ -138,10 +138,10 @@ impl Path {
                 let moved = along.moved(self.n, &change.rows, &signals, experiment.substeps);
                 for (lane, shown) in shown.iter().enumerate() {
                     let mut values = self.read_out(system, along, read.as_deref(), &moved, lane);
-                    for (row, value) in values.iter_mut().enumerate() {
-                        if let Some(place) = places[row % n_columns] {
-                            *value += shown[place][row / n_columns];
-                        }
+                    for (column, place) in places.iter().enumerate() {
+                        let Some(shown) = place.map(|place| &shown[place]) else { continue };
+                        let own = values[column..].iter_mut().step_by(n_columns);
+                        own.zip(shown).for_each(|(value, shown)| *value += shown);
                     }
                     all[number * L + lane].push(values);
                 }
@@ -213,29 +213,25 @@ impl Path {
         moved: &[[f64; L]],
         lane: usize,
     ) -> Vec<f64> {
-        let samples = along.sample_time.len();
-        let n_columns = read.map_or(along.slopes.len() / (samples * self.n).max(1), <[Read]>::len);
-        let value = |row: usize| {
-            let (i, c) = (row / n_columns, row % n_columns);
-            match read.map(|read| read[c]) {
-                Some(Read::Now(state)) => moved[i * self.n + state][lane],
+        let (n, samples) = (self.n, along.sample_time.len());
+        let n_columns = read.map_or(along.slopes.len() / (samples * n).max(1), <[Read]>::len);
+        let mut values = vec![0.0; samples * n_columns];
+        for column in 0..n_columns {
+            let own = values[column..].iter_mut().step_by(n_columns).enumerate();
+            match read.map(|read| read[column]) {
+                Some(Read::Now(state)) => own.for_each(|(i, value)| *value = moved[i * n + state][lane]),
                 Some(Read::Late(number)) => {
                     let late = &system.late_states()[number];
-                    along.moved_at(
-                        self.n,
-                        moved,
-                        late.state,
-                        lane,
-                        late.moment(along.sample_time[i], self.late[number]),
-                    )
+                    let then = |i: usize| late.moment(along.sample_time[i], self.late[number]);
+                    own.for_each(|(i, value)| *value = along.moved_at(n, moved, late.state, lane, then(i)));
                 }
-                None => {
-                    let slopes = &along.slopes[row * self.n..][..self.n];
-                    (0..self.n).map(|j| slopes[j] * moved[i * self.n + j][lane]).sum()
-                }
+                None => own.for_each(|(i, value)| {
+                    let slopes = &along.slopes[(i * n_columns + column) * n..][..n];
+                    *value = (0..n).map(|j| slopes[j] * moved[i * n + j][lane]).sum();
+                }),
             }
-        };
-        (0..samples * n_columns).map(value).collect()
+        }
+        values
     }
 }
 

@@ -55,13 +55,14 @@ impl Whitener {
     /// Whitens values in place; what was not measured becomes zero.
     pub(crate) fn whiten(&self, values: &mut DVector<f64>) {
         let stride = self.filters.len();
+        let values = values.as_mut_slice();
         let mut own = Vec::with_capacity(values.len() / stride + 1);
         for (column, filter) in self.filters.iter().enumerate() {
             if let Some(filter) = filter {
                 own.clear();
-                own.extend(values.iter().skip(column).step_by(stride));
+                own.extend(values.chunks_exact(stride).map(|sample| sample[column]));
                 filter.run(&mut own);
-                values.iter_mut().skip(column).step_by(stride).zip(&own).for_each(|(value, own)| *value = *own);
+                values.chunks_exact_mut(stride).zip(&own).for_each(|(sample, own)| sample[column] = *own);
             }
         }
     }

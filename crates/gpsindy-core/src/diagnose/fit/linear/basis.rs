@@ -10,6 +10,7 @@ use crate::diagnose::fit::colours::whitening::Whitener;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::fitter::starts;
 use crate::diagnose::fit::guide::whiten;
+use crate::diagnose::fit::linear::dots::{dots, reject};
 use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::limits::MOST_STRAINED;
 use crate::refine::Starts;
@@ -87,7 +88,7 @@ impl Projected {
     fn project(&self, first: &First, values: &mut DVector<f64>) {
         self.whitening.apply(values);
         first.weigh(values);
-        *values -= &self.directions * self.directions.tr_mul(values);
+        reject(&self.directions, values);
     }
 }
 
@@ -214,23 +215,26 @@ impl Basis {
         }
         let all: Vec<&Vec<DVector<f64>>> = columns.iter().chain(self.strained.iter().map(|s| &s.column)).collect();
         let (own, k) = (columns.len(), all.len());
-        let mut gram = DMatrix::zeros(k, k);
-        let mut slopes = vec![DVector::zeros(k); self.views.len()];
-        let mut mixed = DMatrix::zeros(self.windows.first().map_or(0, |w| w.free.ncols()), k);
+        let q = self.windows.first().map_or(0, |w| w.free.ncols());
+        // Of every column the products with the residual of each view, with the free directions and with the columns up to itself.
+        let mut products: Vec<Vec<f64>> = (1..=k).map(|upto| vec![0.0; self.views.len() + q + upto]).collect();
         for (w, Projected { residuals, free, .. }) in self.windows.iter().enumerate() {
-            for i in 0..k {
-                slopes.iter_mut().zip(residuals).for_each(|(slope, residual)| slope[i] += all[i][w].dot(residual));
-                mixed.column_mut(i).gemv_tr(1.0, free, &all[i][w], 1.0);
-                for j in 0..=i {
-                    gram[(i, j)] += all[i][w].dot(&all[j][w]);
-                }
+            let mut others: Vec<&[f64]> = residuals.iter().map(DVector::as_slice).collect();
+            others.extend(free.as_slice().chunks_exact(free.nrows().max(1)));
+            for (column, products) in all.iter().zip(&mut products) {
+                others.push(column[w].as_slice());
+                dots(column[w].as_slice(), &others, products);
             }
         }
+        let (first, behind) = (self.views.len(), self.views.len() + q);
+        let mut gram = DMatrix::from_fn(k, k, |i, j| products[i.max(j)][behind + i.min(j)]);
+        let mixed = DMatrix::from_fn(q, k, |i, j| products[j][first + i]);
+        let mut slopes: Vec<DVector<f64>> =
+            (0..first).map(|view| DVector::from_fn(k, |i, _| products[i][view])).collect();
         for (i, strained) in self.strained.iter().enumerate() {
             gram[(own + i, own + i)] += strained.belief;
             slopes.iter_mut().for_each(|slope| slope[own + i] += strained.belief);
         }
-        gram.fill_upper_triangle_with_lower_triangle();
         let of = |(view, slope): (&View, DVector<f64>)| {
             let mixed = DMatrix::from_fn(view.kept.len(), k, |i, j| mixed[(view.kept[i], j)]);
             let eliminated = &view.inverse * &mixed;

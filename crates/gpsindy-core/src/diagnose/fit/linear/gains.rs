@@ -9,6 +9,7 @@ use crate::diagnose::fit::colours::noise::ByNoise;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::linear::basis::Basis;
 use crate::diagnose::fit::linear::bounded::{bounded_gain, span_gain};
+use crate::diagnose::fit::linear::dots::squares;
 use crate::diagnose::fit::linear::responses::{LANES, responses, responses_to_terms};
 use crate::diagnose::limits::{SHOWN, STEP};
 use nalgebra::{DMatrix, DVector};
@@ -30,7 +31,7 @@ pub(crate) struct Gain {
 impl Basis {
     /// Best straight-line gain of columns that belong together, for each view.
     fn gains(&self, start: &Start, fitted: &[(usize, Added)], columns: &mut [Vec<DVector<f64>>]) -> Vec<Gain> {
-        let before: Vec<f64> = columns.iter().map(|c| c.iter().map(DVector::norm_squared).sum()).collect();
+        let before: Vec<f64> = columns.iter().map(|column| squares(column)).collect();
         let count = columns.len();
         let products = self.products(columns);
         products.into_iter().map(|products| self.gain(start, fitted, (&before, count), products)).collect()
@@ -189,7 +190,8 @@ fn length_bounds(start: &Start, fitted: &[(usize, Added)], i: usize) -> (f64, f6
 }
 
 pub(crate) fn are_finite(columns: &[Vec<DVector<f64>>]) -> bool {
-    columns.iter().flatten().flatten().all(|value| value.is_finite())
+    // Without a branch for each value.
+    columns.iter().flatten().all(|values| values.as_slice().iter().fold(true, |all, value| all & value.is_finite()))
 }
 
 /// Gains of every start of an applied hypothesis: by start, noise model and view of its basis.

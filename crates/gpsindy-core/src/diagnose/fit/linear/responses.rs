@@ -100,11 +100,14 @@ fn along(
 
 /// Readings of every window in units of their noise; zero where nothing was measured.
 fn scaled(at: &Linearised<'_>, values: Vec<Vec<f64>>) -> Vec<DVector<f64>> {
-    let window = |(values, block): (Vec<f64>, &Block)| {
-        let noise = at.contestant.experiment.noise.iter().cycle();
-        let all = values.into_iter().zip(&block.present).zip(noise);
-        let all = all.map(|((value, &is_there), noise)| if is_there { value / noise } else { 0.0 });
-        DVector::from_iterator(block.residual.len(), all)
+    let noise = &at.contestant.experiment.noise;
+    let window = |(mut values, block): (Vec<f64>, &Block)| {
+        for (sample, present) in values.chunks_exact_mut(noise.len()).zip(block.present.chunks_exact(noise.len())) {
+            for ((value, &is_there), noise) in sample.iter_mut().zip(present).zip(noise) {
+                *value = if is_there { *value / noise } else { 0.0 };
+            }
+        }
+        DVector::from_vec(values)
     };
     values.into_iter().zip(&at.jacobian.blocks).map(window).collect()
 }

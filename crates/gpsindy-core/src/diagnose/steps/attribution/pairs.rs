@@ -7,6 +7,7 @@ use crate::diagnose::catalogue::hypothesis::{Added, Start};
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::linear::basis::Basis;
+use crate::diagnose::fit::linear::dots::squares;
 use crate::diagnose::fit::linear::gains::{Gain, are_finite};
 use crate::diagnose::fit::linear::responses::responses;
 use crate::diagnose::limits::{CONVINCING, PAIRED, PAIRS, VIEWS};
@@ -34,7 +35,7 @@ pub(crate) fn pairs(suspects: &[Option<Screened>], basis: &Basis, looked: &[Look
     if candidates.len() < 2 {
         return Vec::new();
     }
-    let before: Vec<f64> = columns.iter().map(|c| c.iter().map(DVector::norm_squared).sum()).collect();
+    let before: Vec<f64> = columns.iter().map(|column| squares(column)).collect();
     let products = basis.products(&mut columns);
     let mut all = Vec::new();
     // In the place of two only where these are few: the number of pairs of places grows with the square.

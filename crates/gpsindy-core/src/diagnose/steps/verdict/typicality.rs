@@ -103,7 +103,8 @@ fn drawn(at: &Linearised<'_>, random: &mut ChaCha8Rng) -> Out {
         let mut residual = DVector::zeros(block.residual.len());
         for (c, colour) in colours.iter().enumerate() {
             let mut series = noise(colour, random);
-            residual.iter_mut().skip(c).step_by(colours.len()).for_each(|value| *value = series());
+            let samples = residual.as_mut_slice().chunks_exact_mut(colours.len());
+            samples.for_each(|sample| sample[c] = series());
         }
         residual.iter_mut().zip(&block.present).filter(|(_, there)| !**there).for_each(|(value, _)| *value = 0.0);
         &block.residual - residual

@@ -114,7 +114,26 @@ impl Along {
 
     /// Differences from the path at every sample, state by state, that signals in `rows` make; one lane for each set of signals.
     pub(super) fn moved(&self, n: usize, rows: &[usize], signals: &[Vec<Vec<f64>>], substeps: usize) -> Vec<[f64; L]> {
-        let samples = self.sample_time.len();
+        pulp::Arch::new().dispatch(Moved { along: self, n, rows, signals, substeps })
+    }
+}
+
+/// The recursion of differences from a path, compiled for every kind of vector instructions.
+struct Moved<'s> {
+    along: &'s Along,
+    n: usize,
+    rows: &'s [usize],
+    signals: &'s [Vec<Vec<f64>>],
+    substeps: usize,
+}
+
+impl pulp::WithSimd for Moved<'_> {
+    type Output = Vec<[f64; L]>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
+        let Self { along, n, rows, signals, substeps } = self;
+        let samples = along.sample_time.len();
         let mut moved = vec![[0.0; L]; samples * n];
         if rows.is_empty() {
             return moved;
@@ -122,13 +141,13 @@ impl Along {
         let mut now = vec![[0.0; L]; n];
         let mut next = vec![[0.0; L]; n];
         let mut pushes = vec![[0.0; L]; rows.len()];
-        for step in 0..self.middle_time.len() {
+        for step in 0..along.middle_time.len() {
             for (place, push) in pushes.iter_mut().enumerate() {
                 for (lane, signals) in signals.iter().enumerate() {
                     push[lane] = signals[place][step];
                 }
             }
-            let (carried, pushed) = (&self.carried[step * n * n..][..n * n], &self.pushed[step * n * n..][..n * n]);
+            let (carried, pushed) = (&along.carried[step * n * n..][..n * n], &along.pushed[step * n * n..][..n * n]);
             for j in 0..n {
                 let mut sum = [0.0; L];
                 for (i, now) in now.iter().enumerate() {
