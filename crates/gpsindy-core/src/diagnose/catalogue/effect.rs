@@ -113,7 +113,7 @@ impl Effect {
 
     /// Whether the effect acts wherever a parameter appears.
     pub fn acts_on_parameter(self) -> bool {
-        [Place::Parameter, Place::Rate, Place::Heated].into_iter().any(|place| self.acts_at(place))
+        [Place::Parameter, Place::Rate, Place::Contact, Place::Heated].into_iter().any(|place| self.acts_at(place))
     }
 
     pub(crate) fn acts_at(self, place: Place) -> bool {
@@ -164,11 +164,17 @@ impl Effect {
     pub(crate) fn form_of(self, variables: &[String]) -> String {
         let Definition { form, symbols, .. } = self.definition();
         // All at once: a variable may be called like a symbol.
-        let name = |symbol: &str| symbols.iter().position(|s| *s == symbol).and_then(|place| variables.get(place));
+        let place = |symbol: &str| symbols.iter().position(|s| *s == symbol);
+        let is_difference = variables.len() > symbols.len();
+        let name =
+            |symbol: &str| place(symbol).filter(|place| !is_difference || *place == 0).and_then(|p| variables.get(p));
         let named: Vec<(&str, Expression)> =
             symbols.iter().filter_map(|s| Some((*s, Expression::variable(name(s)?.clone())))).collect();
         match written(form, &named) {
             Ok(expression) => expression.to_string(),
+            Err(_) if is_difference => {
+                format!("{}, z: the difference that {} multiplies", with_words(form, name), variables[0])
+            }
             Err(_) => with_words(form, name),
         }
     }

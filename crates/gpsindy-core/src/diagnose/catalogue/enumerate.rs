@@ -6,6 +6,7 @@ use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::sense;
+use crate::diagnose::catalogue::slipping::slip;
 use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};
@@ -158,7 +159,8 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
             loads.map(|load| vec![own, load]).collect()
         }
         Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
-        Place::DriveAndSpeed | Place::Supply | Place::Rate | Place::Heated | Place::Gap => Vec::new(),
+        Place::DriveAndSpeed | Place::Supply | Place::Rate => Vec::new(),
+        Place::Contact | Place::Heated | Place::Gap => Vec::new(),
     }
 }
 
@@ -176,6 +178,10 @@ fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec
         }
         // Only a parameter that scales its terms has a rate that can saturate.
         Place::Rate => set().flat_map(|(j, p)| scaled(model, j, p).map(move |z| (j, vec![p, z]))).collect(),
+        Place::Contact => {
+            let of = |(j, p): (usize, &'a str)| Some((j, std::iter::once(p).chain(slip(model, p)?.1).collect()));
+            set().filter_map(of).collect()
+        }
         Place::Heated => {
             let heats = |j: usize, u: &str| model.states[j].equation.contains(u);
             // What a resistance or a friction loses goes with the square of what it scales.

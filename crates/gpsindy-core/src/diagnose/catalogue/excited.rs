@@ -26,6 +26,8 @@ pub(crate) struct Scene {
     pub(crate) window: f64,
     /// Angular frequencies (rad/s) at which the residual has peaks, strongest first.
     pub(crate) peaks: Vec<f64>,
+    /// States and then controls at some moments of the nominal paths, spread over all of them.
+    pub(crate) moments: Vec<Vec<f64>>,
     /// What ports, controls and a simulator's own parameters move.
     pub(crate) reach: Reach,
 }
@@ -73,8 +75,37 @@ impl Scene {
         let reach = Reach::new(system, &states, &controls, &rates);
         let clocks = clocks(system, experiment, paths);
         let window = experiment.longest_window();
-        Self { states, controls, turns, clocks, rates, period, times, duration, window, peaks: Vec::new(), reach }
+        let moments = moments(experiment, paths);
+        Self {
+            states,
+            controls,
+            turns,
+            clocks,
+            rates,
+            period,
+            times,
+            duration,
+            window,
+            peaks: Vec::new(),
+            moments,
+            reach,
+        }
     }
+}
+
+/// States and then controls at a few hundred moments of the paths.
+fn moments(experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
+    const MOMENTS: usize = 300;
+    let total: usize = paths.iter().map(|path| path.first().map_or(0, Vec::len)).sum();
+    let windows = experiment.windows.iter().zip(paths);
+    let of_window = |(window, path): (&Window, &Vec<Vec<f64>>)| -> Vec<Vec<f64>> {
+        let log = &experiment.logs[window.log];
+        let at = |i: usize| {
+            path.iter().map(|state| state[i]).chain(log.controls.iter().map(|c| c[window.first + i])).collect()
+        };
+        (0..path.first().map_or(0, Vec::len)).step_by(total.div_ceil(MOMENTS).max(1)).map(at).collect()
+    };
+    windows.flat_map(of_window).collect()
 }
 
 /// States and controls that show how long a run has lasted: states by their logs, those that are not logged by the trajectories.

@@ -4,7 +4,7 @@ pub(crate) use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Ro
 use crate::diagnose::catalogue::custom::{CustomEffect, FUNCTION};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::list::Effect;
-use crate::diagnose::catalogue::place::Family;
+use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::site::Site;
@@ -93,7 +93,17 @@ impl Hypothesis {
 
     /// Whether it is a suspect only where a setting names it.
     pub(crate) fn is_only_if_asked(&self) -> bool {
-        self.effect().is_some_and(Effect::is_only_if_asked)
+        self.effect().is_some_and(Effect::is_only_if_asked) && !self.is_of_a_difference()
+    }
+
+    /// Whether it depends on the difference that its parameter multiplies: of such there are few places.
+    pub(crate) fn is_of_a_difference(&self) -> bool {
+        self.variables.len() > 2 && self.effect().is_some_and(|effect| effect.acts_at(Place::Contact))
+    }
+
+    /// Whether it waits until an effect that imitates it leads.
+    pub(crate) fn waits(&self) -> bool {
+        self.effect().is_some_and(|effect| !effect.stands_behind().is_empty()) && !self.is_of_a_difference()
     }
 
     /// Whether it may be the truth where `other` leads: an effect that imitates it, in the same equation and at the same parameter where

@@ -55,6 +55,8 @@ pub(crate) enum Place {
     Supply,
     /// Wherever a parameter appears, on a state that its terms hold.
     Rate,
+    /// Wherever a parameter appears, on the difference of speeds that it multiplies.
+    Contact,
     /// Wherever a parameter appears, on a control of the same equation or a state that its terms hold.
     Heated,
     /// The difference of two places of the model.
@@ -69,7 +71,8 @@ impl Place {
         [Self::Row, Self::Own, Self::Position, Self::Other, Self::Pair, Self::Time, Self::Load];
 
     /// The places that are not of one equation, in the order in which they are tried.
-    pub(crate) const ELSEWHERE: [Self; 5] = [Self::DriveAndSpeed, Self::Supply, Self::Rate, Self::Heated, Self::Gap];
+    pub(crate) const ELSEWHERE: [Self; 6] =
+        [Self::DriveAndSpeed, Self::Supply, Self::Rate, Self::Contact, Self::Heated, Self::Gap];
 
     /// The place in words.
     pub(crate) fn words(self) -> &'static str {
@@ -93,6 +96,9 @@ impl Place {
                 "every equation that contains a control, as a function of a logged control that no equation uses"
             }
             Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
+            Self::Contact => {
+                "every equation that contains a parameter, as a function of the difference of speeds that it multiplies"
+            }
             Self::Heated => {
                 "every equation that contains a parameter, as a function of a control of the same equation or of a state in its terms"
             }

@@ -5,9 +5,10 @@
 
 use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Role, Start};
 use crate::diagnose::catalogue::excited::Scene;
-use crate::diagnose::limits::catalogue::CORNER;
+use crate::diagnose::limits::catalogue::{CORNER, MOST_RIPPLES};
 use crate::expression::{Expression, Function};
 use crate::model::{Model, Parameter};
+use std::f64::consts::TAU;
 
 /// A family of functions without a name, added to the equation of a state.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +37,20 @@ fn products(a: &[Expression], b: &[Expression]) -> Vec<Expression> {
     a.iter().flat_map(|x| b.iter().map(|y| x.clone().times(y.clone()))).collect()
 }
 
-/// Every rival of a model: functions of one variable, of two, of time, and of each control's past; and of one variable times the sign of the
-/// row's own state, as a dry friction is that differs from place to place or with the load.
+/// Ripples along a position, by sines and cosines: over its range, or over a turn of what turns more than twice.
+fn ripples(z: &Expression, range: f64, unit: &str) -> Vec<Expression> {
+    let turn = match unit {
+        "rad" => TAU,
+        "deg" | "°" => 360.0,
+        _ => f64::INFINITY,
+    };
+    let base = TAU / if range > 2.0 * turn { turn } else { range };
+    let wave = |k: usize, function| Expression::Number(base * k as f64).times(z.clone()).apply(function);
+    (1..=MOST_RIPPLES).flat_map(|k| [Function::Sin, Function::Cos].map(|function| wave(k, function))).collect()
+}
+
+/// Every rival of a model: functions of one variable, of two, of time, of each control's past, and ripples along the row's own position; and
+/// of one variable times the sign of the row's own state, as a dry friction is that differs from place to place or with the load.
 pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<Rival> {
     let states = (0..n_nominal).map(|j| (model.states[j].name.as_str(), &scene.states[j]));
     let controls = model.controls.iter().zip(&scene.controls).map(|(c, e)| (c.name.as_str(), e));
@@ -56,6 +69,12 @@ pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<R
             for &(other, other_low, other_high) in &moving[i + 1..] {
                 let second = hats(&Expression::variable(other), other_low, other_high, 4);
                 push(&[name, other], products(&hats(&z, low, high, 4), &second));
+            }
+        }
+        let position = model.integral_of(j).map(|i| &model.states[i]);
+        for state in position.into_iter() {
+            for (name, low, high) in moving.iter().filter(|(name, ..)| *name == state.name) {
+                push(&[name], ripples(&Expression::variable(*name), high - low, &state.unit));
             }
         }
         let own = &model.states[j].name;

@@ -44,14 +44,18 @@ impl Sense {
 
     /// Whether it holds for an effect in the equation of `state` that depends on `variables`.
     pub(crate) fn holds(self, state: usize, variables: &[String], model: &Model, scene: &Scene) -> bool {
-        let excursion = |index: usize| variables.get(index).and_then(|name| excursion(name, model, scene));
+        // The range of a difference is not that of its variables.
+        let is_difference = variables.len() > 2;
+        let excursion = |index: usize| {
+            variables.get(index).filter(|_| !is_difference).and_then(|name| excursion(name, model, scene))
+        };
         match self {
             Self::Speed => may_be_speed(model, state),
             Self::Balance => !has_place(model, state),
             Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= 0.0),
             Self::EitherSign(index) => {
                 // What the logs say of its place: the start of a rollout may go the other way.
-                let state = variables.get(index).and_then(|name| model.state_index(name));
+                let state = variables.get(index).filter(|_| !is_difference).and_then(|name| model.state_index(name));
                 let turns = state.and_then(|j| scene.turns.get(j).copied().flatten());
                 turns.unwrap_or_else(|| excursion(index).is_none_or(reverses))
             }
@@ -94,7 +98,7 @@ fn is_temperature(unit: &str) -> bool {
 }
 
 /// Whether the state is the rate of a place of the model, or by its unit a speed; or says nothing of either.
-fn may_be_speed(model: &Model, state: usize) -> bool {
+pub(crate) fn may_be_speed(model: &Model, state: usize) -> bool {
     has_place(model, state) || model.states[state].unit.is_empty()
 }
 
@@ -147,6 +151,7 @@ mod tests {
                 duration: 1.0,
                 window: 1.0,
                 peaks: Vec::new(),
+                moments: Vec::new(),
                 reach: Default::default(),
             };
             Sense::NoTarget(1).holds(0, &variables, &model, &scene)

@@ -2,11 +2,12 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
-use crate::diagnose::limits::{IMITATED, INTEGRATION, MOST_SUBSTEPS};
+use crate::diagnose::limits::{IMITATED, INTEGRATION, MOST_STIFF, MOST_SUBSTEPS};
 use crate::model::System;
 use crate::refine::Experiment;
 
-/// Doubles the integration steps until the outputs no longer change by `allowed` times the noise.
+/// Doubles the integration steps until the outputs no longer change by `allowed` times the noise; further where they are no numbers, as
+/// those of a stiff model are that steps too far.
 pub(crate) fn choose_substeps(
     system: &System,
     mut experiment: Experiment,
@@ -16,7 +17,11 @@ pub(crate) fn choose_substeps(
 ) -> Experiment {
     let outputs = |e: &Experiment| outputs(system, e, parameters, initial);
     let mut coarse = outputs(&experiment);
-    while experiment.substeps < MOST_SUBSTEPS {
+    let most = |outputs: &[Vec<f64>]| match outputs.iter().flatten().all(|value| value.is_finite()) {
+        true => MOST_SUBSTEPS,
+        false => MOST_STIFF,
+    };
+    while experiment.substeps < most(&coarse) {
         let finer = Experiment { substeps: 2 * experiment.substeps, ..experiment.clone() };
         let fine = outputs(&finer);
         let count = fine.iter().map(Vec::len).sum::<usize>().max(1) as f64;

@@ -39,3 +39,7 @@ pub(crate) const CORNER: f64 = 0.02;
 /// Least and greatest share of [`CORNER`] to which a fit may go: simulators have corners of a thousandth of their speeds, and what is sharper
 /// differs by nothing that shows from friction that holds at rest. Argument.
 pub(crate) const CORNERS: (f64, f64) = (0.03, 5.0);
+
+/// Most ripples over the range of a position that functions without a name have, or over a turn: eight corners follow no more than three.
+/// Convention.
+pub(crate) const MOST_RIPPLES: usize = 24;

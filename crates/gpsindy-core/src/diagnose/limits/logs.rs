@@ -51,6 +51,10 @@ pub(crate) const IMITATED: f64 = 1.0;
 /// Most integration steps between two samples: a step of a hundredth of a drive's electrical time constant at 1 kHz. Convention.
 pub(crate) const MOST_SUBSTEPS: usize = 32;
 
+/// The same while a rollout gives no numbers: a reaction of a millisecond in a log at 1 Hz, which an explicit method follows with a third of
+/// that. Argument.
+pub(crate) const MOST_STIFF: usize = 4096;
+
 /// Most samples that a search looks at: an effect of a fifth of the noise then stands 20 deviations above it, and more
 /// samples change no answer, only the time. Argument.
 pub(crate) const MOST_SAMPLES: usize = 12_000;

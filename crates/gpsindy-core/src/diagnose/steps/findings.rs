@@ -2,6 +2,7 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::forcing::CROWDED_LAW;
 use crate::diagnose::limits::weigh::{CROWDED, DISTINGUISHED, TWINS};
 use crate::diagnose::limits::{MATERIAL, NO_REST, SUBSTITUTE};
 use crate::diagnose::notes::Note;
@@ -89,7 +90,12 @@ impl Seat {
 /// How much likelier a chance is of what crowds near zero, as those of imitations and of structure do, than of what is spread
 /// evenly.
 pub(crate) fn crowding(chance: f64) -> f64 {
-    CROWDED * chance.clamp(1e-12, 1.0).powf(CROWDED - 1.0)
+    crowded(chance, CROWDED)
+}
+
+/// The same where the chance of what crowds is distributed as its `power`.
+fn crowded(chance: f64, power: f64) -> f64 {
+    power * chance.clamp(1e-12, 1.0).powf(power - 1.0)
 }
 
 /// A random process as a report states it: of a force in a state's row, or of an error of its sensor.
@@ -123,7 +129,7 @@ impl Forcing {
 
 /// The same, from the chance of as large a function besides the forces.
 pub(crate) fn probability_of_random(p_value: f64) -> f64 {
-    1.0 / (1.0 + crowding(p_value))
+    1.0 / (1.0 + crowded(p_value, CROWDED_LAW))
 }
 
 /// A nominal model, whether it has a gap, and what causes it.

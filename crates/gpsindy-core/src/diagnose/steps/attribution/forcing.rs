@@ -11,6 +11,7 @@ mod climb;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
+use crate::diagnose::limits::verify::LEFT;
 use crate::diagnose::limits::weigh::LIKELY;
 use crate::diagnose::limits::{CHANCE, CONVINCING, NOISE};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
@@ -20,7 +21,8 @@ use account::Account;
 
 /// The verdict with random forces, where they are a better account of the training logs than what was found without them.
 ///
-/// They are asked for last, where the effects leave more than the noise: what a name or a function explains is not random.
+/// They are asked for last, where the effects leave more than the noise and more than a hundredth of the gap, which the verdict allows: what a
+/// name or a function explains is not random.
 pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged> {
     let was_asked = std::mem::replace(&mut judged.was_asked_for_forces, true);
     // Gusts may look like coloured noise, and no gap is detected; but a sensor's noise is of a size that is known.
@@ -31,7 +33,8 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     }
     let Outcome { best, left, near, .. } = &judged.outcome;
     let is_left = left.as_ref().is_some_and(|l| l.p_value < CHANCE) || best.evidence.misfit() > NOISE;
-    if !best.hypotheses.is_empty() && !is_left {
+    let is_material = best.evidence.misfit() - 1.0 > LEFT * (judged.nominal.evidence.misfit() - 1.0);
+    if !best.hypotheses.is_empty() && !(is_left && is_material) {
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;

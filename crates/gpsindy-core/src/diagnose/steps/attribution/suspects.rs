@@ -63,10 +63,7 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
         };
         is_chosen && !choice.without.iter().any(|e| e == id)
     };
-    let waits = |h: &Hypothesis| {
-        let effect = h.effect().filter(|effect| !effect.stands_behind().is_empty());
-        effect.is_some() && choice.chosen.is_empty() && is_suspect(h.id(), false)
-    };
+    let waits = |h: &Hypothesis| h.waits() && choice.chosen.is_empty() && is_suspect(h.id(), false);
     all.retain(|h| is_suspect(h.id(), h.is_only_if_asked()) || waits(h));
     let is_asked = |h: &Hypothesis| {
         let state = &model.states[h.state].name;

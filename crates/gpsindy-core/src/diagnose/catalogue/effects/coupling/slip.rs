@@ -2,15 +2,18 @@
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::example::{Drive, Example};
-use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::form::written;
+use crate::diagnose::catalogue::hypothesis::{Hypothesis, Start};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::slipping::{size, slip};
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::error::Result;
 use crate::expression::Expression;
-use crate::model::unit;
+use crate::model::{Model, unit};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "slip",
@@ -18,9 +21,9 @@ pub(super) static DEFINITION: Definition = Definition {
     family: Family::Coupling,
     form: "p becomes p/sqrt(1 + q*z^2)",
     symbols: &["p", "z"],
-    parameters: "q: one over the square of the slip at which the force saturates",
+    parameters: "q: one over the square of the slip z at which the force saturates",
     signature: "gentle motion fits, hard manoeuvres have less effect than modelled",
-    places: &[Place::Rate],
+    places: &[Place::Rate, Place::Contact],
     sense: &[Sense::Speed, Sense::EitherSign(1), Sense::Moves(1)],
     twins: &[
         (Effect::ParameterError, "gentle and hard manoeuvres of one kind"),
@@ -38,24 +41,38 @@ pub(super) static DEFINITION: Definition = Definition {
     reported: as_fitted,
     example: Example::of(&[("r", 0.0, "4*u - 2*r")], Drive::Ramp, 6.0, "r", &[("r", "4*u/sqrt(1 + 0.6*r^2) - 2*r")]),
     in_mjcf: None,
-    about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. It could act at every parameter of every equation of a speed, so it is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
+    about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. The slip is a speed, or the difference of speeds that the parameter multiplies, as in `C*(delta - (vy + a*r)/vx)`. It could act with one speed at every parameter of every equation of a speed, so that is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
 };
 
+/// What slips: the second variable of the hypothesis, or the difference that the parameter multiplies where it depends on more; and its typical
+/// size and unit.
+fn slipping(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> (Expression, f64, String) {
+    let difference = hypothesis.is_of_a_difference().then(|| slip(model, &hypothesis.variables[0])).flatten();
+    let slip = difference.map_or_else(|| Expression::variable(hypothesis.variables[1].clone()), |(slip, _)| slip);
+    let units: Vec<String> = (1..hypothesis.variables.len()).map(|i| hypothesis.unit_of(model, i)).collect();
+    // A difference of unlike variables has a unit that their factors decide.
+    let unit =
+        if units.iter().all(|unit| *unit == units[0]) { unit::product(&[(&units[0], -2)]) } else { String::new() };
+    let size = size(&slip, model, scene);
+    (slip, size, unit)
+}
+
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
-    let square = writer.size(1).powi(2);
-    let unit = unit::product(&[(&writer.unit_of(1), -2)]);
+    let (slip, size, unit) = slipping(writer.hypothesis, &writer.model, writer.scene);
+    let square = size.powi(2);
     let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, &unit);
     let name = writer.hypothesis.variables[0].clone();
-    let limited = writer.form("p/sqrt(1 + q*z^2)", &[("q", q)])?;
-    writer.replace(&name, &limited);
+    let symbols = [("p", Expression::variable(name.clone())), ("q", q), ("z", slip)];
+    writer.replace(&name, &written("p/sqrt(1 + q*z^2)", &symbols)?);
     Ok(vec![amplitude(&[1e-3 / square])])
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let square = planting.size_of(1).powi(2);
+    let (slip, size, unit) = slipping(planting.hypothesis, &planting.model, planting.scene);
+    let square = size.powi(2);
     let name = planting.name(0);
-    let symbols = [("p", Expression::variable(name.clone())), ("z", Expression::variable(planting.name(1)))];
+    let symbols = [("p", Expression::variable(name.clone())), ("z", slip)];
     let limited = planting.written("p*(1 + c*z*z)^(-0.5)", "c", &symbols)?;
     planting.replace(&name, &limited);
-    Ok(Some(Size::within("q", unit::product(&[(&planting.unit_of(1), -2)]), (0.02 / square, 100.0 / square), "")))
+    Ok(Some(Size::within("q", unit, (0.02 / square, 100.0 / square), "")))
 }

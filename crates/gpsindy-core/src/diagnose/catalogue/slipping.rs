@@ -1,0 +1,98 @@
+//! What slips at a contact: the difference of speeds that a parameter multiplies, as in `C*(delta - (vy + a*r)/vx)` or `c*(R*w - v)`.
+
+use crate::diagnose::catalogue::excited::Scene;
+use crate::diagnose::catalogue::sense;
+use crate::expression::{Expression, Operator, Tape};
+use crate::model::Model;
+
+/// The sum or difference that `parameter` multiplies, in the first equation where it has one of several variables, of which each state is a
+/// speed; and the names of these.
+pub(crate) fn slip<'m>(model: &'m Model, parameter: &str) -> Option<(Expression, Vec<&'m str>)> {
+    let mut found = None;
+    for state in &model.states {
+        state.equation.visit(&mut |part| {
+            if found.is_none() {
+                found = multiplied(part, parameter).and_then(|sum| Some((sum.clone(), speeds(model, sum)?)));
+            }
+        });
+    }
+    found
+}
+
+/// The sum among the factors of a product that has `parameter` as another one.
+fn multiplied<'e>(product: &'e Expression, parameter: &str) -> Option<&'e Expression> {
+    let mut all = Vec::new();
+    factors(product, &mut all);
+    let is_parameter = |factor: &&Expression| matches!(factor, Expression::Variable(name) if name == parameter);
+    let is_sum = |factor: &&&Expression| matches!(factor, Expression::Binary(Operator::Add | Operator::Subtract, ..));
+    all.iter().any(|factor| is_parameter(factor)).then(|| all.iter().find(is_sum).copied()).flatten()
+}
+
+/// The factors of a product, without what divides it.
+fn factors<'e>(product: &'e Expression, all: &mut Vec<&'e Expression>) {
+    match product {
+        Expression::Binary(Operator::Multiply, a, b) => {
+            factors(a, all);
+            factors(b, all);
+        }
+        Expression::Binary(Operator::Divide, a, _) | Expression::Negate(a) => factors(a, all),
+        other => all.push(other),
+    }
+}
+
+/// The states and controls of a sum, of which at least two move and each state is a speed.
+fn speeds<'m>(model: &'m Model, sum: &Expression) -> Option<Vec<&'m str>> {
+    let states: Vec<usize> = (0..model.states.len()).filter(|&j| sum.contains(&model.states[j].name)).collect();
+    let controls = model.controls.iter().map(|c| c.name.as_str()).filter(|name| sum.contains(name));
+    let are_speeds = !states.is_empty() && states.iter().all(|&j| sense::may_be_speed(model, j));
+    let all: Vec<&str> = states.iter().map(|&j| model.states[j].name.as_str()).chain(controls).collect();
+    (are_speeds && all.len() > 1).then_some(all)
+}
+
+/// Typical size of an expression of states, controls and parameters along the paths of the nominal model; one where it is zero.
+pub(crate) fn size(expression: &Expression, model: &Model, scene: &Scene) -> f64 {
+    let names: Vec<String> = model.names().map(str::to_string).collect();
+    let Ok(tape) = Tape::new(std::slice::from_ref(expression), &names) else { return 1.0 };
+    let parameters = model.parameters.iter().map(|p| p.value);
+    let value = |moment: &Vec<f64>| {
+        let mut values: Vec<f64> = moment.iter().copied().chain(parameters.clone()).collect();
+        values.resize(names.len(), 0.0);
+        tape.evaluate_once(&values, scene.times.0)[0]
+    };
+    let finite: Vec<f64> = scene.moments.iter().map(value).filter(|v| v.is_finite()).collect();
+    let square = finite.iter().map(|v| v * v).sum::<f64>() / finite.len().max(1) as f64;
+    if square > 0.0 { square.sqrt() } else { 1.0 }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::model::{Control, Parameter, State};
+
+    fn model(states: &[(&str, &str, &str)]) -> Model {
+        let state = |(name, unit, rate): &(&str, &str, &str)| State {
+            unit: (*unit).into(),
+            ..State::new(*name, Expression::parse(rate).unwrap())
+        };
+        Model {
+            states: states.iter().map(state).collect(),
+            controls: vec![Control::new("delta")],
+            parameters: ["C", "a", "vx", "k"].map(|n| Parameter::new(n, 2.0)).into(),
+            ..Model::default()
+        }
+    }
+
+    #[test]
+    fn a_tyre_slips_by_an_angle_of_speeds_and_a_spring_does_not() {
+        let car = model(&[
+            ("vy", "m/s", "(C*(delta - (vy + a*r)/vx))/k - vx*r"),
+            ("r", "rad/s", "-(a*C*(delta - (vy + a*r)/vx)) - r"),
+        ]);
+        let (found, names) = slip(&car, "C").unwrap();
+        assert_eq!((found.to_string().as_str(), names), ("delta - (vy + a*r)/vx", vec!["vy", "r", "delta"]));
+        assert_eq!(slip(&car, "k"), None);
+        let spring = model(&[("x", "m", "v"), ("y", "m", "w"), ("v", "m/s", "k*(y - x)"), ("w", "m/s", "k*(x - y)")]);
+        assert_eq!(slip(&spring, "k"), None);
+    }
+}
