@@ -49,8 +49,8 @@ fn ripples(z: &Expression, range: f64, unit: &str) -> Vec<Expression> {
     (1..=MOST_RIPPLES).flat_map(|k| [Function::Sin, Function::Cos].map(|function| wave(k, function))).collect()
 }
 
-/// Every rival of a model: functions of one variable, of two, of time, of each control's past, and ripples along the row's own position; and
-/// of one variable times the sign of the row's own state, as a dry friction is that differs from place to place or with the load.
+/// Every rival of a model: functions of one variable, of two, of time, and of each control's past; and of one variable times the sign of the
+/// row's own state, as a dry friction is that differs from place to place or with the load.
 pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<Rival> {
     let states = (0..n_nominal).map(|j| (model.states[j].name.as_str(), &scene.states[j]));
     let controls = model.controls.iter().zip(&scene.controls).map(|(c, e)| (c.name.as_str(), e));
@@ -69,12 +69,6 @@ pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<R
             for &(other, other_low, other_high) in &moving[i + 1..] {
                 let second = hats(&Expression::variable(other), other_low, other_high, 4);
                 push(&[name, other], products(&hats(&z, low, high, 4), &second));
-            }
-        }
-        let position = model.integral_of(j).map(|i| &model.states[i]);
-        for state in position.into_iter() {
-            for (name, low, high) in moving.iter().filter(|(name, ..)| *name == state.name) {
-                push(&[name], ripples(&Expression::variable(*name), high - low, &state.unit));
             }
         }
         let own = &model.states[j].name;
@@ -98,6 +92,18 @@ pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<R
         }
     }
     all
+}
+
+/// Ripples of each row along its own position: finer than any other function, they are asked before a force is called random.
+pub(crate) fn along_positions(model: &Model, scene: &Scene) -> Vec<Rival> {
+    let rows = (0..model.states.len()).filter_map(|j| Some((j, model.integral_of(j)?)));
+    let moving = rows.filter(|&(_, i)| scene.states.get(i).is_some_and(|place| place.range() > 0.0));
+    let one = |(j, i): (usize, usize)| {
+        let place = &model.states[i];
+        let basis = ripples(&Expression::variable(place.name.clone()), scene.states[i].range(), &place.unit);
+        Rival { state: j, variables: vec![place.name.clone()], basis }
+    };
+    moving.map(one).collect()
 }
 
 /// Functions of each logged state, and of time, on what its column reads.
@@ -184,5 +190,22 @@ mod tests {
         let found = Diagnose::default().run(&model, &worn(1), &worn(2), &Silent).unwrap().diagnosis;
         assert_eq!(found.verdict, Verdict::Unexplained, "{:?}", found.causes);
         assert_eq!(found.unexplained.depends_on, ["x", "v"]);
+    }
+
+    #[test]
+    fn ripples_along_a_rail_where_no_effect_may_depend_on_the_place_are_no_random_force() {
+        let rate = |x: f64, v: f64, u: f64| u - 3.0 * v - 4.0 * (25.0 * x).sin();
+        let input = |time: f64, run: f64| 8.0 * (0.9 * time + run).sin() + 6.0 * (2.3 * time + 2.0 * run).sin();
+        let rail = |seed| slider(seed, rate, input, [0.003, 0.01], 400);
+        let mut model = slider_model("u - 3*v");
+        for (state, unit) in model.states.iter_mut().zip(["m", "m/s"]) {
+            state.unit = unit.into();
+        }
+        let run = |settings: &Diagnose| settings.run(&model, &rail(1), &rail(2), &Silent).unwrap().diagnosis;
+        let found = run(&Diagnose::default());
+        assert_eq!(found.verdict, Verdict::Unexplained, "{:?}", found.causes);
+        let asked = run(&Diagnose { allow_place: true, ..Diagnose::default() });
+        let named: Vec<&str> = asked.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(named, ["cogging"], "{:?}", asked.verdict);
     }
 }

@@ -68,7 +68,15 @@ pub(crate) fn size(expression: &Expression, model: &Model, scene: &Scene) -> f64
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::Diagnose;
+    use crate::diagnose::report::Verdict;
     use crate::model::{Control, Parameter, State};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     fn model(states: &[(&str, &str, &str)]) -> Model {
         let state = |(name, unit, rate): &(&str, &str, &str)| State {
@@ -94,5 +102,40 @@ mod tests {
         assert_eq!(slip(&car, "k"), None);
         let spring = model(&[("x", "m", "v"), ("y", "m", "w"), ("v", "m/s", "k*(y - x)"), ("w", "m/s", "k*(x - y)")]);
         assert_eq!(slip(&spring, "k"), None);
+    }
+
+    /// Logs of an axle, `C (R w - v)` at its contact of `force`, driven by steps of torque.
+    fn axle(seed: u64, force: impl Fn(f64) -> f64) -> Dataset {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let runs = (0..4).map(|run| {
+            let (mut v, mut w) = (5.0, 10.0);
+            let mut rows = Vec::new();
+            for i in 0..500 {
+                let drive = 2.0 * f64::from((i / 40 + run) * 7 % 5) - 3.0;
+                rows.push([v + 0.01 * normal(&mut random), w + 0.01 * normal(&mut random), drive]);
+                for _ in 0..20 {
+                    let pull = force(0.5 * w - v);
+                    v += 1e-3 * (pull - 0.1 * v);
+                    w += 1e-3 * (drive - 0.5 * pull);
+                }
+            }
+            let time = (0..500).map(|i| 0.02 * f64::from(i)).collect();
+            Run { name: format!("{run}"), time, values: Mat::from_fn(500, 3, |i, c| rows[i][c]) }
+        });
+        Dataset::new(["v", "w", "T"].map(Channel::new).into(), runs.collect()).unwrap()
+    }
+
+    #[test]
+    fn an_axle_that_spins_on_its_rail_slips_by_the_difference_of_its_speeds() {
+        let mut model = model(&[("v", "m/s", "C*(R*w - v) - 0.1*v"), ("w", "rad/s", "T - R*C*(R*w - v)")]);
+        model.controls = vec![Control::new("T")];
+        model.parameters = vec![Parameter::new("C", 4.0), Parameter::new("R", 0.5)];
+        let limited = |slip: f64| (4.0 * slip).clamp(-2.0, 2.0);
+        let found = Diagnose::default().run(&model, &axle(1, limited), &axle(2, limited), &Silent).unwrap().diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!((found.verdict, named), (Verdict::Explained, vec!["slip"]), "{:?}", found.checks);
+        // The force saturates at a slip of a half.
+        let q = found.causes[0].parameters.iter().find(|p| p.name == "q").unwrap();
+        assert!((q.value / 4.0 - 1.0).abs() < 0.1, "{q:?}");
     }
 }

@@ -57,3 +57,28 @@ fn with_change_below(contestant: &Contestant, share: f64) -> Option<Experiment> 
     let finer = choose_substeps(&contestant.system, contestant.experiment.clone(), parameters, initial, allowed);
     (finer.substeps > contestant.experiment.substeps).then_some(finer)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::expression::Expression;
+    use crate::model::{Model, State};
+    use faer::Mat;
+
+    #[test]
+    fn a_stiff_model_has_as_many_steps_as_give_numbers() {
+        let states = vec![State::new("x", Expression::parse("-200*(x - sin(t))").unwrap())];
+        let system = System::new(&Model { states, ..Model::default() }).unwrap();
+        let time: Vec<f64> = (0..200).map(f64::from).collect();
+        let values = Mat::from_fn(200, 1, |i, _| time[i].sin());
+        let run = Run { name: "run".into(), time, values };
+        let data = Dataset::new(vec![Channel::new("x")], vec![run]).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap();
+        let chosen = choose_substeps(&system, experiment, &[], &[vec![0.0]], INTEGRATION);
+        // An explicit method of fourth order is stable with steps below 2.8/200 s.
+        assert!((72..=256).contains(&chosen.substeps), "{}", chosen.substeps);
+        assert!(outputs(&system, &chosen, &[], &[vec![0.0]]).iter().flatten().all(|v| v.is_finite()));
+    }
+}

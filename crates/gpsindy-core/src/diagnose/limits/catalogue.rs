@@ -43,3 +43,7 @@ pub(crate) const CORNERS: (f64, f64) = (0.03, 5.0);
 /// Most ripples over the range of a position that functions without a name have, or over a turn: eight corners follow no more than three.
 /// Convention.
 pub(crate) const MOST_RIPPLES: usize = 24;
+
+/// How suddenly a force may saturate with the slip: more gently than a hyperbola no tyre does, and beyond the last the corner is within a
+/// thirtieth of the slip. Argument.
+pub(crate) const SUDDEN: (f64, f64) = (1.0, 20.0);

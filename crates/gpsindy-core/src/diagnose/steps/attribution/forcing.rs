@@ -238,6 +238,13 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_below_a_hundredth_of_the_gap_asks_for_no_random_force() {
+        let found = boat(0.0, |w, gust| 0.02 * gust - 0.9 * w * w.abs()).diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(named, ["quadratic_drag"], "{:?}", found.verdict);
+    }
+
+    #[test]
     fn gusts_are_told_from_a_sensor_whose_errors_have_a_memory() {
         let found = boat(0.2, |_, gust| 2.0 * gust);
         let diagnosis = &found.diagnosis;

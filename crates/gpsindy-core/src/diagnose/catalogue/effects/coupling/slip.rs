@@ -11,6 +11,7 @@ use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::slipping::{size, slip};
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
+use crate::diagnose::limits::catalogue::SUDDEN;
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::{Model, unit};
@@ -19,9 +20,9 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "slip",
     meaning: "A contact force that saturates, like that of a tyre at its limit.",
     family: Family::Coupling,
-    form: "p becomes p/sqrt(1 + q*z^2)",
+    form: "p becomes p/(1 + (q*z^2)^(n/2))^(1/n)",
     symbols: &["p", "z"],
-    parameters: "q: one over the square of the slip z at which the force saturates",
+    parameters: "q: one over the square of the slip z at which the force saturates, n: how suddenly (2: by degrees, 20: at once)",
     signature: "gentle motion fits, hard manoeuvres have less effect than modelled",
     places: &[Place::Rate, Place::Contact],
     sense: &[Sense::Speed, Sense::EitherSign(1), Sense::Moves(1)],
@@ -41,7 +42,7 @@ pub(super) static DEFINITION: Definition = Definition {
     reported: as_fitted,
     example: Example::of(&[("r", 0.0, "4*u - 2*r")], Drive::Ramp, 6.0, "r", &[("r", "4*u/sqrt(1 + 0.6*r^2) - 2*r")]),
     in_mjcf: None,
-    about: "The force saturates with the slip, without the decrease beyond the peak that the magic formula of Pacejka has. The slip is a speed, or the difference of speeds that the parameter multiplies, as in `C*(delta - (vy + a*r)/vx)`. It could act with one speed at every parameter of every equation of a speed, so that is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
+    about: "The force saturates with the slip, by degrees as on a tyre or at once as where dry friction takes over, without the decrease beyond the peak that the magic formula of Pacejka has. The slip is a speed, or the difference of speeds that the parameter multiplies, as in `C*(delta - (vy + a*r)/vx)`. It could act with one speed at every parameter of every equation of a speed, so that is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
 };
 
 /// What slips: the second variable of the hypothesis, or the difference that the parameter multiplies where it depends on more; and its typical
@@ -61,10 +62,12 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (slip, size, unit) = slipping(writer.hypothesis, &writer.model, writer.scene);
     let square = size.powi(2);
     let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, &unit);
+    let n = writer.add("n", 2.0, 1.0, SUDDEN, "");
     let name = writer.hypothesis.variables[0].clone();
-    let symbols = [("p", Expression::variable(name.clone())), ("q", q), ("z", slip)];
-    writer.replace(&name, &written("p/sqrt(1 + q*z^2)", &symbols)?);
-    Ok(vec![amplitude(&[1e-3 / square])])
+    let symbols = [("p", Expression::variable(name.clone())), ("q", q), ("z", slip), ("n", n)];
+    // A power of zero has no derivative by its exponent.
+    writer.replace(&name, &written("p/(1 + (q*z^2 + 1e-12)^(n/2))^(1/n)", &symbols)?);
+    Ok(vec![amplitude(&[1e-3 / square, 2.0])])
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {

@@ -225,7 +225,8 @@ impl Account {
         let Some(found) = self.filtered(&self.processes, Pace::Samples) else { return Ok(0.0) };
         let experiment = &self.fit.experiment;
         let of_columns = rival::of_columns(self.fit.system.model(), &contest.scene, &experiment.columns);
-        let in_rows = contest.rivals.iter().map(|r| (Acts::Row(r.state), r));
+        let along_positions = rival::along_positions(self.fit.system.model(), &contest.scene);
+        let in_rows = contest.rivals.iter().chain(&along_positions).map(|r| (Acts::Row(r.state), r));
         let on_columns = of_columns.iter().filter_map(|r| Some((Acts::Column(experiment.column_of(r.state)?), r)));
         let all: Vec<(Acts, &Rival)> = in_rows.chain(on_columns).collect();
         let spent = self.fit.evidence.spent() + 2 * self.processes.len();
