@@ -270,7 +270,7 @@ impl Diagnose {
         let suspected = begun(&contest, &prepared, suspected)?;
         let judged = forced(&contest, attribute(&contest, suspected)?)?;
         let judged = reconsider_hold(&contest, &prepared, judged)?;
-        let judged = forced(&contest, judged)?;
+        let judged = forced(&contest, judged)?.with_structure();
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         self.reported(contest, prepared, judged)
     }

@@ -4,7 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::forcing::CROWDED_LAW;
 use crate::diagnose::limits::weigh::{CROWDED, DISTINGUISHED, TWINS};
-use crate::diagnose::limits::{MATERIAL, NO_REST, SUBSTITUTE};
+use crate::diagnose::limits::{CERTAIN, MATERIAL, NO_REST, SUBSTITUTE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::survey::Summary;
 
@@ -146,6 +146,16 @@ pub(crate) struct Judged {
     pub(crate) was_asked_for_forces: bool,
     /// What the user should know of the way to it.
     pub(crate) notes: Vec<Note>,
+}
+
+impl Judged {
+    /// With a gap where the nominal model leaves what no sensor's noise does, however coloured, whether or not anything explains it.
+    pub(crate) fn with_structure(mut self) -> Self {
+        if self.forcing.is_none() && self.nominal.evidence.is_structured() {
+            self.detected = Detected { gap: true, p_value: self.detected.p_value.min(CERTAIN) };
+        }
+        self
+    }
 }
 
 /// Whether `best` removes a `share` of the gap beyond what `rest` does.

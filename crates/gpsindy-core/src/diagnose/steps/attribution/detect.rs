@@ -105,8 +105,6 @@ fn judge(first: &Expansion, nameless: Option<&[(f64, usize)]>, nominal: &Contest
     let nameless = nameless.map_or(1.0, |gains| nameless_p_value(gains, nominal));
     let searches = [refitted, first.p_value(nominal), nameless, strained(nominal)];
     let p_value = Searches::of(searches.len()).pay(searches.into_iter().fold(1.0, f64::min));
-    // What no sensor's noise leaves is a gap, whether or not anything explains it.
-    let p_value = if evidence.is_structured() { p_value.min(CERTAIN) } else { p_value };
     Detected { gap: p_value <= CHANCE, p_value }
 }
 

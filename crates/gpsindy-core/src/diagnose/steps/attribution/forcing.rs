@@ -238,6 +238,17 @@ mod tests {
     }
 
     #[test]
+    fn what_no_sensor_leaves_is_a_gap_though_nothing_explains_it() {
+        let (model, data) = logs_of_boat(0.0, |_, gust| 2.0 * gust);
+        let (train, holdout) = hold_out(&data).unwrap();
+        let without = vec![Effect::ProcessNoise.id().to_string()];
+        let found =
+            Diagnose { without, ..Diagnose::default() }.run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        assert_eq!(found.verdict, Verdict::Unexplained, "{:?}", found.causes);
+        assert!(found.gap.detected && found.gap.p_value < 0.05);
+    }
+
+    #[test]
     fn what_is_left_below_a_hundredth_of_the_gap_asks_for_no_random_force() {
         let found = boat(0.0, |w, gust| 0.02 * gust - 0.9 * w * w.abs()).diagnosis;
         let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
