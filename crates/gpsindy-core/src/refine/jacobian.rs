@@ -72,6 +72,14 @@ fn pass<const L: usize>(
         }
     }
     experiment.tally.pass(Purpose::Derivatives, experiment.n_samples());
+    // By what the change of a reading is divided, and the column of derivatives that it is in.
+    let moved = |noise: &f64| -> Vec<(usize, usize, f64)> {
+        let of = |(lane, column): (usize, &Option<usize>)| {
+            column.map(|column| (lane, column, noise * difference(experiment, n, free, column)))
+        };
+        lanes_of.iter().enumerate().filter_map(of).collect()
+    };
+    let moved: Vec<_> = experiment.noise.iter().map(moved).collect();
     let mut diverged = None;
     for (log_index, log) in experiment.logs.iter().enumerate() {
         let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
@@ -99,11 +107,9 @@ fn pass<const L: usize>(
                 }
                 // The point's own output, once its residual is known.
                 let base = measured - block.residual[row] * noise;
-                for (lane, column) in lanes_of.iter().enumerate() {
-                    if let Some(column) = *column {
-                        let slope = (v[lane] - base) / (noise * difference(experiment, n, free, column));
-                        block.derivative[(row, column)] = if slope.is_finite() { slope } else { 0.0 };
-                    }
+                for &(lane, column, by) in &moved[c] {
+                    let slope = (v[lane] - base) / by;
+                    block.derivative[(row, column)] = if slope.is_finite() { slope } else { 0.0 };
                 }
             });
         }

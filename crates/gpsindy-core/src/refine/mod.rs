@@ -6,6 +6,7 @@
 //! Wright 2006, Numerical Optimization, section 10.3.
 
 mod blocks;
+pub(crate) mod dots;
 mod experiment;
 mod history;
 mod jacobian;

@@ -1,5 +1,6 @@
 //! The normal equations of a fit and its damped steps; every window's initial state is eliminated from them.
 
+use super::dots::products;
 use super::{Experiment, Free, Jacobian, Point, Starts};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -32,8 +33,7 @@ impl Normal {
             .blocks
             .iter()
             .map(|block| {
-                let mut product = block.derivative.tr_mul(&block.derivative);
-                let mut slope = block.derivative.tr_mul(&block.residual);
+                let (mut product, mut slope) = products(&block.derivative, &block.residual);
                 if more > 0.0 {
                     let first = (samples * experiment.columns.len()).min(block.residual.len());
                     let derivative = block.derivative.rows(0, first);

@@ -10,10 +10,10 @@ use crate::diagnose::fit::colours::whitening::Whitener;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::fitter::starts;
 use crate::diagnose::fit::guide::whiten;
-use crate::diagnose::fit::linear::dots::{dots, reject};
 use crate::diagnose::fit::moved::is_strained;
 use crate::diagnose::limits::MOST_STRAINED;
 use crate::refine::Starts;
+use crate::refine::dots::{dots, reject};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 

@@ -9,9 +9,9 @@ use crate::diagnose::fit::colours::noise::ByNoise;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::linear::basis::Basis;
 use crate::diagnose::fit::linear::bounded::{bounded_gain, span_gain};
-use crate::diagnose::fit::linear::dots::squares;
 use crate::diagnose::fit::linear::responses::{LANES, responses, responses_to_terms};
 use crate::diagnose::limits::{SHOWN, STEP};
+use crate::refine::dots::squares;
 use nalgebra::{DMatrix, DVector};
 
 /// What a start of a hypothesis would gain.

@@ -2,7 +2,6 @@
 
 pub(crate) mod basis;
 pub(crate) mod bounded;
-pub(crate) mod dots;
 pub(crate) mod elimination;
 pub(crate) mod functions;
 pub(crate) mod gains;

@@ -7,11 +7,11 @@ use crate::diagnose::catalogue::hypothesis::{Added, Start};
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::linear::basis::Basis;
-use crate::diagnose::fit::linear::dots::squares;
 use crate::diagnose::fit::linear::gains::{Gain, are_finite};
 use crate::diagnose::fit::linear::responses::responses;
 use crate::diagnose::limits::{CONVINCING, PAIRED, PAIRS, VIEWS};
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened};
+use crate::refine::dots::squares;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 

@@ -17,9 +17,9 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "elastic joint",
     meaning: "The drive and its load are joined by a spring that the model assumes to be rigid.",
     family: Family::Coupling,
-    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r",
+    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else",
     symbols: &["z"],
-    parameters: "m: inertia of the load as a share of the drive's, omega: rad/s, zeta: damping",
+    parameters: "m: inertia of the load as a share of the drive's, omega: rad/s, zeta: damping, l: share of the load's inertia that the model has already, as part of its own",
     signature: "a resonance after each jump of the force, and no effect at slow motion",
     places: &[Place::Own],
     sense: &[Sense::Speed],
@@ -36,7 +36,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*v + 0.6*(36*s + 1.2*r)"), ("s", "r"), ("r", "-36*s - 1.2*r - (2*u - 0.8*v)")],
     ),
     in_mjcf: None,
-    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia.",
+    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia, unless the model has that of the load already.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -47,6 +47,13 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let m = writer.add("m", 0.0, 1.0, (0.0, 10.0), "");
     let omega = writer.add_scale("omega", slowest, slowest, (slowest, PI / period), "rad/s");
     let zeta = writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "");
+    // A rigid model has the inertia of both, or of the drive alone. The rate of a simulator that steps is its own.
+    let is_equation = writer.hypothesis.site.is_none() && !writer.model.calls_simulator();
+    let both = is_equation.then(|| writer.add("l", 0.0, 1.0, (0.0, 1.0), ""));
+    if let Some(l) = &both {
+        let rate = writer.model.states[state].equation.clone();
+        writer.model.states[state].equation = rate.times(Expression::Number(1.0).plus(l.clone().times(m.clone())));
+    }
     let name = writer.model.states[state].name.clone();
     let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
     let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
@@ -57,7 +64,12 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     writer.set_rate(&twist, unwinding.clone());
     writer.set_rate(&unwinding, pull.negated().minus(whole));
     let ratio = (fastest / slowest).max(1.0);
-    Ok((0..7).map(|k| amplitude(&[1e-3, slowest * ratio.powf(f64::from(k) / 6.0), 0.05])).collect())
+    let shares = if both.is_some() { vec![vec![0.0], vec![1.0]] } else { vec![Vec::new()] };
+    let start = |k: i32, share: &Vec<f64>| {
+        let joint = [1e-3, slowest * ratio.powf(f64::from(k) / 6.0), 0.05];
+        amplitude(&[&joint[..], share].concat())
+    };
+    Ok((0..7).flat_map(|k| shares.iter().map(move |share| start(k, share))).collect())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {

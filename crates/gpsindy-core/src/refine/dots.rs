@@ -15,6 +15,19 @@ pub(crate) fn dots(x: &[f64], others: &[&[f64]], out: &mut [f64]) {
     pulp::Arch::new().dispatch(Dots { x, others, out });
 }
 
+/// Products of the columns of a matrix with each other and with `right`.
+pub(crate) fn products(matrix: &DMatrix<f64>, right: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
+    let width = matrix.ncols();
+    let columns: Vec<&[f64]> = matrix.as_slice().chunks_exact(matrix.nrows().max(1)).collect();
+    let (mut gram, mut slope) = (DMatrix::zeros(width, width), DVector::zeros(width));
+    for (j, column) in columns.iter().enumerate() {
+        dots(column, &columns[j..], &mut gram.as_mut_slice()[j * width + j..][..width - j]);
+    }
+    gram.fill_upper_triangle_with_lower_triangle();
+    dots(right.as_slice(), &columns, slope.as_mut_slice());
+    (gram, slope)
+}
+
 /// Squares of all values of a column, one window after the other.
 pub(crate) fn squares(column: &[DVector<f64>]) -> f64 {
     let of_window = |values: &DVector<f64>| {
@@ -152,6 +165,17 @@ mod tests {
         let column = [values(21, 0.9), values(5, 0.2)];
         let expected: f64 = column.iter().map(DVector::norm_squared).sum();
         assert!((squares(&column) - expected).abs() < 1e-13);
+    }
+
+    #[test]
+    fn products_of_a_matrix_are_those_of_all_of_its_columns() {
+        for width in [0, 1, 5] {
+            let matrix = DMatrix::from_fn(21, width, |i, j| ((1.3 + j as f64) * (i as f64 + 0.5)).sin());
+            let right = values(21, 0.7);
+            let (gram, slope) = products(&matrix, &right);
+            assert!((gram - matrix.tr_mul(&matrix)).norm() < 1e-12, "{width}");
+            assert!((slope - matrix.tr_mul(&right)).norm() < 1e-12, "{width}");
+        }
     }
 
     #[test]
