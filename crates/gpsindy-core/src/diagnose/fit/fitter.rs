@@ -4,7 +4,7 @@ use crate::diagnose::catalogue::hypothesis::{Added, Applied};
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
-use crate::diagnose::fit::sampling;
+use crate::diagnose::fit::{sampling, stops};
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
 use crate::error::{Error, Result};
 use crate::model::System;
@@ -142,6 +142,7 @@ impl Fitter {
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
             sampling::settle(base, &system, &experiment, (&applied.fitted, &free), &mut point)?;
+            stops::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -207,6 +208,7 @@ impl Fitter {
         // What was left out at the first step.
         if budget == Budget::Rough && system.engine().is_none() {
             sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
+            stops::settle(system, &experiment, (&added.concat(), free), &mut point)?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());

@@ -13,5 +13,6 @@ pub(crate) mod moved;
 pub(crate) mod outputs;
 pub(crate) mod peaks;
 pub(crate) mod sampling;
+pub(crate) mod stops;
 pub(crate) mod substeps;
 pub(crate) mod tolerance;

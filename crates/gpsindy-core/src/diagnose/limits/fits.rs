@@ -51,6 +51,9 @@ pub(crate) const HOPELESS: f64 = 100.0;
 /// from the usual width comes down to. Argument.
 pub(crate) const SHARP: f64 = 0.1;
 
+/// Share of a rollout in which a machine hits a stop once: of ten hits each then has a start of its own. Argument.
+pub(crate) const OF_A_HIT: f64 = 0.1;
+
 /// Mean squared residual (noise units) that no sensor's noise has, however coloured.
 ///
 /// First-order noise with innovations of one, as differences of samples see them, and a coefficient of 0.975 has

@@ -72,8 +72,10 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         let values = [small / depth, upper, lower, 0.0, 0.0];
         amplitude(if is_own { &values[..3] } else { &values })
     };
-    let above = [0.92, 0.8, 0.65, 0.5].map(|part| start(low + part * range, *low));
-    let below = [0.92, 0.8, 0.65, 0.5].map(|part| start(*high, high - part * range));
+    // A stiff buffer gives way by a fiftieth of the travel.
+    let parts = [0.98, 0.95, 0.9, 0.8, 0.65, 0.5];
+    let above = parts.map(|part| start(low + part * range, *low));
+    let below = parts.map(|part| start(*high, high - part * range));
     Ok(above.into_iter().chain(below).collect())
 }
 
