@@ -263,3 +263,12 @@ impl Error {
         Self::Shape { what: what.into(), expected: expected.to_string(), found: found.to_string() }
     }
 }
+
+/// Nothing where the numbers refuse; any other error stays one.
+pub(crate) fn unless_refused<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(Error::Diverged { .. } | Error::NotPositiveDefinite { .. } | Error::NotConverged { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}

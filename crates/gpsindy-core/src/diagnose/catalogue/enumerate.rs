@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::sense;
-use crate::diagnose::catalogue::slipping::slip;
+use crate::diagnose::catalogue::sense::slipping::slip;
 use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};

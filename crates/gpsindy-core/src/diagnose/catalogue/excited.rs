@@ -2,6 +2,7 @@
 
 use crate::diagnose::catalogue::excursion::{Excursion, shows_time, turns};
 use crate::diagnose::catalogue::site::Reach;
+use crate::diagnose::limits::catalogue::MOMENTS_OF_PATHS;
 use crate::model::System;
 use crate::refine::{Experiment, Log, Window, present};
 
@@ -95,7 +96,6 @@ impl Scene {
 
 /// States and then controls at a few hundred moments of the paths.
 fn moments(experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
-    const MOMENTS: usize = 300;
     let total: usize = paths.iter().map(|path| path.first().map_or(0, Vec::len)).sum();
     let windows = experiment.windows.iter().zip(paths);
     let of_window = |(window, path): (&Window, &Vec<Vec<f64>>)| -> Vec<Vec<f64>> {
@@ -103,7 +103,7 @@ fn moments(experiment: &Experiment, paths: &[Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
         let at = |i: usize| {
             path.iter().map(|state| state[i]).chain(log.controls.iter().map(|c| c[window.first + i])).collect()
         };
-        (0..path.first().map_or(0, Vec::len)).step_by(total.div_ceil(MOMENTS).max(1)).map(at).collect()
+        (0..path.first().map_or(0, Vec::len)).step_by(total.div_ceil(MOMENTS_OF_PATHS).max(1)).map(at).collect()
     };
     windows.flat_map(of_window).collect()
 }

@@ -19,5 +19,4 @@ pub(crate) mod planting;
 pub(crate) mod rival;
 mod sense;
 pub(crate) mod site;
-pub(crate) mod slipping;
 mod writer;

@@ -1,5 +1,7 @@
 //! Where an effect makes physical sense: by units, by the ranges in the logs, by the terms of the equation.
 
+pub(crate) mod slipping;
+
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::limits::catalogue::{MOVES, PROBED, REVERSES};

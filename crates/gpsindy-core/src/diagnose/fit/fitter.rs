@@ -6,7 +6,7 @@ use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
 use crate::diagnose::fit::{sampling, stops};
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{
     Experiment, Free, Past, Point, Refine, Refined, Starts, Window, costs, drawn_starts, first_starts, guess_starts,
@@ -19,15 +19,6 @@ use std::sync::Arc;
 pub(crate) struct Fitter {
     /// Mean squared structure (noise units) that the model owes to its own making and not to the machine.
     pub(crate) model_error: f64,
-}
-
-/// Nothing where the numbers refuse; any other error stays one.
-pub(crate) fn unless_refused<T>(result: Result<T>) -> Result<Option<T>> {
-    match result {
-        Ok(value) => Ok(Some(value)),
-        Err(Error::Diverged { .. } | Error::NotPositiveDefinite { .. } | Error::NotConverged { .. }) => Ok(None),
-        Err(error) => Err(error),
-    }
 }
 
 impl Fitter {

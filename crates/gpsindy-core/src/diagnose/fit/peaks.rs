@@ -6,6 +6,9 @@ use crate::expression::elementary::{cos, sin};
 use crate::parallel;
 use std::f64::consts::{PI, TAU};
 
+/// Samples whose sines are computed side by side. Exact.
+const LANES: usize = 8;
+
 /// Angular frequencies at which the residual has lines, with neighbours as close as all logs together can part.
 pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     let experiment = &fitted.experiment;
@@ -104,7 +107,6 @@ struct Waves {
 impl Waves {
     /// By how many samples it goes: long windows are thinned to what the frequency needs.
     fn fill(&mut self, time: &[f64], omega: f64) -> usize {
-        const LANES: usize = 8;
         let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
         let stride = ((TAU / omega / OF_PERIOD / period) as usize).max(1);
         self.sines.clear();

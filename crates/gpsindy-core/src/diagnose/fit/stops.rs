@@ -4,9 +4,8 @@
 //! of the hits and stays there; between starts of their own every hit stands for itself (multiple shooting, Bock 1983).
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
-use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::limits::{Budget, OF_A_HIT};
-use crate::error::Result;
+use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, costs, guess_initial};
 

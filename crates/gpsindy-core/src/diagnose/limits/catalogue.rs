@@ -47,3 +47,6 @@ pub(crate) const MOST_RIPPLES: usize = 24;
 /// How suddenly a force may saturate with the slip: more gently than a hyperbola no tyre does, and beyond the last the corner is within a
 /// thirtieth of the slip. Argument.
 pub(crate) const SUDDEN: (f64, f64) = (1.0, 20.0);
+
+/// Moments of the nominal paths from which the size of an expression is taken: its mean square is then known to a tenth. Argument.
+pub(crate) const MOMENTS_OF_PATHS: usize = 300;

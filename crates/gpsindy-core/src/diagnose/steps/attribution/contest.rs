@@ -7,11 +7,11 @@ use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
-use crate::diagnose::fit::fitter::{Fitter, standing_at, unless_refused};
+use crate::diagnose::fit::fitter::{Fitter, standing_at};
 use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, NOISE, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::attribution::suspects::Suspects;
-use crate::error::Result;
+use crate::error::{Result, unless_refused};
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -34,7 +34,8 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     let Outcome { best, left, near, .. } = &judged.outcome;
     let is_left = left.as_ref().is_some_and(|l| l.p_value < CHANCE) || best.evidence.misfit() > NOISE;
     let is_material = best.evidence.misfit() - 1.0 > LEFT * (judged.nominal.evidence.misfit() - 1.0);
-    if !best.hypotheses.is_empty() && !(is_left && is_material) {
+    let is_asked = best.hypotheses.is_empty() || (is_left && is_material);
+    if !is_asked {
         return Ok(judged);
     }
     let stage = contest.run.stage("random forces", 3)?;

@@ -1,14 +1,13 @@
 //! Hold: whether the control is held or interpolated between its samples.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::limits::{Budget, FINALISTS, HOLD};
 use crate::diagnose::steps::attribution::attribute::attribute;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, detect};
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::prepare::Prepared;
-use crate::error::Result;
+use crate::error::{Result, unless_refused};
 use crate::refine::{Experiment, Hold};
 
 /// What the search begins with: the first round under interpolated controls, where one of its leaders accounts for the logs clearly

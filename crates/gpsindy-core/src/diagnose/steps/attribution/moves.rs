@@ -7,7 +7,6 @@
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Start};
 use crate::diagnose::fit::colours::noise::Noise;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
-use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::fit::linear::gains::Gain;
 use crate::diagnose::handed::{Handed, Member};
 use crate::diagnose::limits::{
@@ -18,7 +17,7 @@ use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::gross::gross;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
-use crate::error::Result;
+use crate::error::{Result, unless_refused};
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
 struct Move<'a> {

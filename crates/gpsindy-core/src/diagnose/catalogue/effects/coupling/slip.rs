@@ -9,7 +9,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
-use crate::diagnose::catalogue::slipping::{size, slip};
+use crate::diagnose::catalogue::sense::slipping::{size, slip};
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::diagnose::limits::catalogue::SUDDEN;
 use crate::error::Result;

@@ -1,11 +1,10 @@
 //! Lengthen: a better model allows longer rollouts, up to whole runs.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::fitter::unless_refused;
 use crate::diagnose::limits::{Budget, PILED, STEADY};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::logs::windows::{doubled, is_loud, stays_near};
-use crate::error::Result;
+use crate::error::{Result, unless_refused};
 
 /// The nominal model and the winner on the longest rollouts on which the winner stays near the logs; none where these are the
 /// present ones.

@@ -25,7 +25,7 @@ fn multiplied<'e>(product: &'e Expression, parameter: &str) -> Option<&'e Expres
     factors(product, &mut all);
     let is_parameter = |factor: &&Expression| matches!(factor, Expression::Variable(name) if name == parameter);
     let is_sum = |factor: &&&Expression| matches!(factor, Expression::Binary(Operator::Add | Operator::Subtract, ..));
-    all.iter().any(|factor| is_parameter(factor)).then(|| all.iter().find(is_sum).copied()).flatten()
+    if all.iter().any(is_parameter) { all.iter().find(is_sum).copied() } else { None }
 }
 
 /// The factors of a product, without what divides it.
