@@ -54,7 +54,8 @@ impl Sense {
         match self {
             Self::Speed => may_be_speed(model, state),
             Self::Balance => !has_place(model, state),
-            Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= 0.0),
+            // Noise takes an amount that is used up below zero.
+            Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= -REVERSES * e.size()),
             Self::EitherSign(index) => {
                 // What the logs say of its place: the start of a rollout may go the other way.
                 let state = variables.get(index).filter(|_| !is_difference).and_then(|name| model.state_index(name));
@@ -131,9 +132,39 @@ fn is_scaled(equation: &Expression, model: &Model) -> bool {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::model::{Control, Parameter, State};
+
+    /// What the logs excite where the states take these values.
+    fn scene(states: Vec<Excursion>) -> Scene {
+        Scene {
+            states,
+            controls: Vec::new(),
+            turns: Vec::new(),
+            clocks: Vec::new(),
+            rates: Vec::new(),
+            period: 0.01,
+            times: (0.0, 1.0),
+            duration: 1.0,
+            window: 1.0,
+            peaks: Vec::new(),
+            moments: Vec::new(),
+            reach: Default::default(),
+        }
+    }
+
+    #[test]
+    fn an_amount_that_noise_takes_below_zero_is_never_negative() {
+        let states = vec![State::new("s", Expression::parse("-0.5*s").unwrap())];
+        let model = Model { states, ..Model::default() };
+        let holds = |values: &[f64]| {
+            Sense::NotNegative(0).holds(0, &["s".to_string()], &model, &scene(vec![Excursion::of(values)]))
+        };
+        assert!(holds(&[1.6, 0.8, 0.3, -0.01]));
+        assert!(!holds(&[1.6, 0.8, -0.3, -0.9]));
+    }
 
     #[test]
     fn the_target_of_a_servo_is_no_load() {
@@ -142,20 +173,7 @@ mod tests {
             let states = vec![State::new("v", Expression::variable("u"))];
             let model = Model { states, controls: vec![control], ..Model::default() };
             let variables = ["v", "u"].map(String::from);
-            let scene = Scene {
-                states: Vec::new(),
-                controls: Vec::new(),
-                turns: Vec::new(),
-                clocks: Vec::new(),
-                rates: Vec::new(),
-                period: 0.01,
-                times: (0.0, 1.0),
-                duration: 1.0,
-                window: 1.0,
-                peaks: Vec::new(),
-                moments: Vec::new(),
-                reach: Default::default(),
-            };
+            let scene = scene(Vec::new());
             Sense::NoTarget(1).holds(0, &variables, &model, &scene)
         };
         assert!(!of("rad") && !of("mm"));
