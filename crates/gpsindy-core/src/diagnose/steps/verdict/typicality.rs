@@ -12,7 +12,7 @@ use crate::diagnose::fit::colours::noise::Noise;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::linear::basis::{Basis, Out};
 use crate::diagnose::fit::linear::gains::{Gain, gains_of_family};
-use crate::diagnose::limits::weigh::{MOST_SIMULATED, SIMULATED, UNDECIDED};
+use crate::diagnose::limits::weigh::{MOST_SIMULATED, SIMULATED, TYPICAL_REST, UNDECIDED};
 use crate::diagnose::limits::{NOISE, SKETCHED};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
@@ -44,8 +44,7 @@ pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Typi
     let sketch = whole.sketch(SKETCHED);
     let at = sketch.as_ref().map_or(whole, |sketch| sketch.linearised());
     let mut random = ChaCha8Rng::seed_from_u64(0);
-    // What no test calls a gap is typical, too.
-    let allowed = best.evidence.negligible() * at.contestant.experiment.n_values() as f64;
+    let allowed = (TYPICAL_REST + best.evidence.model_error) * at.contestant.experiment.n_values() as f64;
     let (mut seen, mut simulated) = (0.0, Vec::new());
     while simulated.len() < SIMULATED || (simulated.len() < MOST_SIMULATED && is_undecided(seen, &simulated)) {
         let Some((own, more)) = left(contest, &at, &mut random) else { return Ok(None) };
