@@ -119,7 +119,7 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("115 of 120 right", "115 of 120 are right"),
+            ("119 of 124 right", "119 of 124 are right"),
             ("19 explained by another effect", "explained by another effect | 19 |"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
