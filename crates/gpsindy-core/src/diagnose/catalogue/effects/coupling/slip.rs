@@ -12,7 +12,7 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::sense::slipping::{size, slip};
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::diagnose::limits::catalogue::SUDDEN;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Model, unit};
 
@@ -47,19 +47,28 @@ pub(super) static DEFINITION: Definition = Definition {
 
 /// What slips: the second variable of the hypothesis, or the difference that the parameter multiplies where it depends on more; and its typical
 /// size and unit.
-fn slipping(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> (Expression, f64, String) {
-    let difference = hypothesis.is_of_a_difference().then(|| slip(model, &hypothesis.variables[0])).flatten();
-    let slip = difference.map_or_else(|| Expression::variable(hypothesis.variables[1].clone()), |(slip, _)| slip);
+///
+/// # Errors
+/// A parameter in whose place another effect has put something: it multiplies no difference any more.
+fn slipping(hypothesis: &Hypothesis, model: &Model, scene: &Scene) -> Result<(Expression, f64, String)> {
+    let parameter = &hypothesis.variables[0];
+    let slip = match hypothesis.is_of_a_difference() {
+        true => slip(model, parameter).map(|(slip, _)| slip),
+        false => Some(Expression::variable(hypothesis.variables[1].clone())),
+    };
+    let Some(slip) = slip else {
+        return Err(Error::model(format!("`{parameter}` multiplies no difference of speeds that may slip")));
+    };
     let units: Vec<String> = (1..hypothesis.variables.len()).map(|i| hypothesis.unit_of(model, i)).collect();
     // A difference of unlike variables has a unit that their factors decide.
     let unit =
         if units.iter().all(|unit| *unit == units[0]) { unit::product(&[(&units[0], -2)]) } else { String::new() };
     let size = size(&slip, model, scene);
-    (slip, size, unit)
+    Ok((slip, size, unit))
 }
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
-    let (slip, size, unit) = slipping(writer.hypothesis, &writer.model, writer.scene);
+    let (slip, size, unit) = slipping(writer.hypothesis, &writer.model, writer.scene)?;
     let square = size.powi(2);
     let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, &unit);
     let n = writer.add("n", 2.0, 1.0, SUDDEN, "");
@@ -71,7 +80,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let (slip, size, unit) = slipping(planting.hypothesis, &planting.model, planting.scene);
+    let (slip, size, unit) = slipping(planting.hypothesis, &planting.model, planting.scene)?;
     let square = size.powi(2);
     let name = planting.name(0);
     let symbols = [("p", Expression::variable(name.clone())), ("z", slip)];
