@@ -33,7 +33,9 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     }
     let Outcome { best, left, near, .. } = &judged.outcome;
     let is_left = left.as_ref().is_some_and(|l| l.p_value < CHANCE) || best.evidence.misfit() > NOISE;
-    let is_material = best.evidence.misfit() - 1.0 > LEFT * (judged.nominal.evidence.misfit() - 1.0);
+    // In amplitudes, as the verdict has it.
+    let beyond = |fit: &Contestant| fit.evidence.misfit().sqrt() - 1.0;
+    let is_material = beyond(best) > LEFT * beyond(&judged.nominal);
     let is_asked = best.hypotheses.is_empty() || (is_left && is_material);
     if !is_asked {
         return Ok(judged);
@@ -251,7 +253,7 @@ mod tests {
 
     #[test]
     fn what_is_left_below_a_hundredth_of_the_gap_asks_for_no_random_force() {
-        let found = boat(0.0, |w, gust| 0.02 * gust - 0.9 * w * w.abs()).diagnosis;
+        let found = boat(0.0, |w, gust| 0.0025 * gust - 0.9 * w * w.abs()).diagnosis;
         let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
         assert_eq!(named, ["quadratic_drag"], "{:?}", found.verdict);
     }
