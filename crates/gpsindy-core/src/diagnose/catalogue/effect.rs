@@ -5,6 +5,7 @@ use crate::diagnose::catalogue::example::Example;
 use crate::diagnose::catalogue::form::{with_words, written};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
+use crate::diagnose::catalogue::sense::slipping::is_of_a_difference;
 use crate::expression::Expression;
 use crate::model::Model;
 
@@ -165,7 +166,7 @@ impl Effect {
         let Definition { form, symbols, .. } = self.definition();
         // All at once: a variable may be called like a symbol.
         let place = |symbol: &str| symbols.iter().position(|s| *s == symbol);
-        let is_difference = variables.len() > symbols.len();
+        let is_difference = is_of_a_difference(variables);
         let name =
             |symbol: &str| place(symbol).filter(|place| !is_difference || *place == 0).and_then(|p| variables.get(p));
         let named: Vec<(&str, Expression)> =
@@ -215,6 +216,10 @@ mod tests {
 
     #[test]
     fn a_form_names_the_variables_and_leaves_its_own_symbols_alone() {
+        let wrong = Effect::ParameterError.form_of(&["m".to_string()]);
+        assert_eq!(wrong, Effect::ParameterError.form());
+        let slip = Effect::Slip.form_of(&["C", "v", "w"].map(String::from));
+        assert_eq!(slip, "C becomes C/(1 + (q*z^2)^(n/2))^(1/n), z: the difference that C multiplies");
         let form = |effect: Effect, variables: &[&str]| {
             effect.form_of(&variables.iter().map(ToString::to_string).collect::<Vec<_>>())
         };

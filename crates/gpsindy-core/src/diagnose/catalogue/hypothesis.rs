@@ -7,6 +7,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::sense::slipping::is_of_a_difference;
 use crate::diagnose::catalogue::site::Site;
 use crate::model::{Model, unit};
 use std::sync::Arc;
@@ -98,7 +99,7 @@ impl Hypothesis {
 
     /// Whether it depends on the difference that its parameter multiplies: of such there are few places.
     pub(crate) fn is_of_a_difference(&self) -> bool {
-        self.variables.len() > 2 && self.effect().is_some_and(|effect| effect.acts_at(Place::Contact))
+        is_of_a_difference(&self.variables) && self.effect().is_some_and(|effect| effect.acts_at(Place::Contact))
     }
 
     /// Whether it waits until an effect that imitates it leads.

@@ -47,10 +47,8 @@ impl Sense {
     /// Whether it holds for an effect in the equation of `state` that depends on `variables`.
     pub(crate) fn holds(self, state: usize, variables: &[String], model: &Model, scene: &Scene) -> bool {
         // The range of a difference is not that of its variables.
-        let is_difference = variables.len() > 2;
-        let excursion = |index: usize| {
-            variables.get(index).filter(|_| !is_difference).and_then(|name| excursion(name, model, scene))
-        };
+        let one = |index: usize| variables.get(index).filter(|_| !slipping::is_of_a_difference(variables));
+        let excursion = |index: usize| one(index).and_then(|name| excursion(name, model, scene));
         match self {
             Self::Speed => may_be_speed(model, state),
             Self::Balance => !has_place(model, state),
@@ -58,7 +56,7 @@ impl Sense {
             Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= -REVERSES * e.size()),
             Self::EitherSign(index) => {
                 // What the logs say of its place: the start of a rollout may go the other way.
-                let state = variables.get(index).filter(|_| !is_difference).and_then(|name| model.state_index(name));
+                let state = one(index).and_then(|name| model.state_index(name));
                 let turns = state.and_then(|j| scene.turns.get(j).copied().flatten());
                 turns.unwrap_or_else(|| excursion(index).is_none_or(reverses))
             }

@@ -17,11 +17,8 @@ pub(crate) fn choose_substeps(
 ) -> Experiment {
     let outputs = |e: &Experiment| outputs(system, e, parameters, initial);
     let mut coarse = outputs(&experiment);
-    let most = |outputs: &[Vec<f64>]| match outputs.iter().flatten().all(|value| value.is_finite()) {
-        true => MOST_SUBSTEPS,
-        false => MOST_STIFF,
-    };
-    while experiment.substeps < most(&coarse) {
+    let is_finite = |outputs: &[Vec<f64>]| outputs.iter().flatten().all(|value| value.is_finite());
+    while experiment.substeps < if is_finite(&coarse) { MOST_SUBSTEPS } else { MOST_STIFF } {
         let finer = Experiment { substeps: 2 * experiment.substeps, ..experiment.clone() };
         let fine = outputs(&finer);
         let count = fine.iter().map(Vec::len).sum::<usize>().max(1) as f64;
@@ -31,6 +28,10 @@ pub(crate) fn choose_substeps(
         }
         experiment = finer;
         coarse = fine;
+    }
+    // What diverges at any step is not stiff.
+    if !is_finite(&coarse) {
+        experiment.substeps = MOST_SUBSTEPS;
     }
     experiment
 }
@@ -80,5 +81,10 @@ mod tests {
         // An explicit method of fourth order is stable with steps below 2.8/200 s.
         assert!((72..=256).contains(&chosen.substeps), "{}", chosen.substeps);
         assert!(outputs(&system, &chosen, &[], &[vec![0.0]]).iter().flatten().all(|v| v.is_finite()));
+        // One that grows without bound is not stiff.
+        let states = vec![State::new("x", Expression::parse("1 + x^3").unwrap())];
+        let system = System::new(&Model { states, ..Model::default() }).unwrap();
+        let experiment = Experiment { substeps: 1, ..chosen };
+        assert_eq!(choose_substeps(&system, experiment, &[], &[vec![0.0]], INTEGRATION).substeps, MOST_SUBSTEPS);
     }
 }

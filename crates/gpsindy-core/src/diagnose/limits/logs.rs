@@ -53,7 +53,7 @@ pub(crate) const MOST_SUBSTEPS: usize = 32;
 
 /// The same while a rollout gives no numbers: a reaction of a millisecond in a log at 1 Hz, which an explicit method follows with a third of
 /// that. Argument.
-pub(crate) const MOST_STIFF: usize = 4096;
+pub(crate) const MOST_STIFF: usize = 512;
 
 /// Most samples that a search looks at: an effect of a fifth of the noise then stands 20 deviations above it, and more
 /// samples change no answer, only the time. Argument.

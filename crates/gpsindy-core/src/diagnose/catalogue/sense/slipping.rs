@@ -5,6 +5,11 @@ use crate::diagnose::catalogue::sense;
 use crate::expression::{Expression, Operator, Tape};
 use crate::model::Model;
 
+/// Whether these are the variables of an effect on a difference: its parameter, and at least two that move.
+pub(crate) fn is_of_a_difference(variables: &[String]) -> bool {
+    variables.len() > 2
+}
+
 /// The sum or difference that `parameter` multiplies, in the first equation where it has one of several variables, of which each state is a
 /// speed; and the names of these.
 pub(crate) fn slip<'m>(model: &'m Model, parameter: &str) -> Option<(Expression, Vec<&'m str>)> {
