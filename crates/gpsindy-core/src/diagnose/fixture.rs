@@ -62,6 +62,15 @@ pub(crate) fn slider(
     Dataset::new(["x", "v", "u"].map(Channel::new).into(), runs.collect()).unwrap()
 }
 
+/// A model of states, each with its name, unit and rate.
+pub(crate) fn model_of(states: &[(&str, &str, &str)]) -> Model {
+    let state = |(name, unit, rate): &(&str, &str, &str)| State {
+        unit: (*unit).into(),
+        ..State::new(*name, Expression::parse(rate).unwrap())
+    };
+    Model { states: states.iter().map(state).collect(), ..Model::default() }
+}
+
 /// The model of a [`slider`] whose rate is this expression.
 pub(crate) fn slider_model(rate: &str) -> Model {
     let state = |name: &str, equation: &str| State::new(name, Expression::parse(equation).unwrap());

@@ -77,6 +77,15 @@ fn factor(word: &str) -> Option<Option<(String, i32)>> {
         .then(|| Some((symbol.to_string(), power)))
 }
 
+/// A full turn in a unit of angle; `None` for other units.
+pub(crate) fn turn(unit: &str) -> Option<f64> {
+    match unit {
+        "rad" => Some(std::f64::consts::TAU),
+        "deg" | "°" => Some(360.0),
+        _ => None,
+    }
+}
+
 /// A unit in which the second means another unit of time: `kpelts/s` counted in `year` gives `kpelts/year`.
 pub(crate) fn in_time_unit(unit: &str, time_unit: &str) -> String {
     let mut found = String::with_capacity(unit.len());

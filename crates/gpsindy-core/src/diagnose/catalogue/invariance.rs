@@ -37,32 +37,24 @@ fn is_angle(unit: &str) -> bool {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::expression::Expression;
-
-    fn model(states: &[(&str, &str, &str)]) -> Model {
-        let state = |(name, unit, rate): &(&str, &str, &str)| State {
-            unit: (*unit).into(),
-            ..State::new(*name, Expression::parse(rate).unwrap())
-        };
-        Model { states: states.iter().map(state).collect(), ..Model::default() }
-    }
+    use crate::diagnose::fixture::model_of;
 
     #[test]
     fn a_fall_has_no_place_and_a_spring_has_one() {
-        assert_eq!(places(&model(&[("h", "m", "v"), ("v", "m/s", "-9.81")])), ["h"]);
-        assert!(places(&model(&[("x", "m", "v"), ("v", "m/s", "-4*x")])).is_empty());
+        assert_eq!(places(&model_of(&[("h", "m", "v"), ("v", "m/s", "-9.81")])), ["h"]);
+        assert!(places(&model_of(&[("x", "m", "v"), ("v", "m/s", "-4*x")])).is_empty());
     }
 
     #[test]
     fn a_car_has_a_heading_and_a_shaft_or_a_pendulum_none() {
         let car = [("x", "m", "v*cos(th)"), ("y", "m", "v*sin(th)"), ("th", "rad", "v"), ("v", "m/s", "-v")];
-        assert_eq!(places(&model(&car)), ["x", "y", "th"]);
-        assert!(places(&model(&[("phi", "rad", "w"), ("w", "rad/s", "-w")])).is_empty());
-        assert!(places(&model(&[("phi", "rad", "w"), ("w", "rad/s", "-sin(phi)")])).is_empty());
+        assert_eq!(places(&model_of(&car)), ["x", "y", "th"]);
+        assert!(places(&model_of(&[("phi", "rad", "w"), ("w", "rad/s", "-w")])).is_empty());
+        assert!(places(&model_of(&[("phi", "rad", "w"), ("w", "rad/s", "-sin(phi)")])).is_empty());
     }
 
     #[test]
     fn without_units_nothing_is_ruled_out() {
-        assert!(places(&model(&[("h", "", "v"), ("v", "", "-9.81")])).is_empty());
+        assert!(places(&model_of(&[("h", "", "v"), ("v", "", "-9.81")])).is_empty());
     }
 }

@@ -7,7 +7,7 @@ use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Role, Start};
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::limits::catalogue::{CORNER, MOST_RIPPLES};
 use crate::expression::{Expression, Function};
-use crate::model::{Model, Parameter};
+use crate::model::{Model, Parameter, unit};
 use std::f64::consts::TAU;
 
 /// A family of functions without a name, added to the equation of a state.
@@ -39,12 +39,7 @@ fn products(a: &[Expression], b: &[Expression]) -> Vec<Expression> {
 
 /// Ripples along a position, by sines and cosines: over its range, or over a turn of what turns more than twice.
 fn ripples(z: &Expression, range: f64, unit: &str) -> Vec<Expression> {
-    let turn = match unit {
-        "rad" => TAU,
-        "deg" | "°" => 360.0,
-        _ => f64::INFINITY,
-    };
-    let base = TAU / if range > 2.0 * turn { turn } else { range };
+    let base = TAU / unit::turn(unit).filter(|turn| range > 2.0 * turn).unwrap_or(range);
     let wave = |k: usize, function| Expression::Number(base * k as f64).times(z.clone()).apply(function);
     (1..=MOST_RIPPLES).flat_map(|k| [Function::Sin, Function::Cos].map(|function| wave(k, function))).collect()
 }

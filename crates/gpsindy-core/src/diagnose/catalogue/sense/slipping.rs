@@ -75,37 +75,30 @@ mod tests {
     use super::*;
     use crate::data::{Channel, Dataset, Run};
     use crate::diagnose::Diagnose;
+    use crate::diagnose::fixture::model_of;
     use crate::diagnose::report::Verdict;
-    use crate::model::{Control, Parameter, State};
+    use crate::model::{Control, Parameter};
     use crate::progress::Silent;
     use crate::random::normal;
     use faer::Mat;
     use rand_chacha::ChaCha8Rng;
     use rand_core::SeedableRng;
 
-    fn model(states: &[(&str, &str, &str)]) -> Model {
-        let state = |(name, unit, rate): &(&str, &str, &str)| State {
-            unit: (*unit).into(),
-            ..State::new(*name, Expression::parse(rate).unwrap())
-        };
-        Model {
-            states: states.iter().map(state).collect(),
-            controls: vec![Control::new("delta")],
-            parameters: ["C", "a", "vx", "k"].map(|n| Parameter::new(n, 2.0)).into(),
-            ..Model::default()
-        }
-    }
-
     #[test]
     fn a_tyre_slips_by_an_angle_of_speeds_and_a_spring_does_not() {
-        let car = model(&[
+        let of = |states: &[(&str, &str, &str)]| Model {
+            controls: vec![Control::new("delta")],
+            parameters: ["C", "a", "vx", "k"].map(|n| Parameter::new(n, 2.0)).into(),
+            ..model_of(states)
+        };
+        let car = of(&[
             ("vy", "m/s", "(C*(delta - (vy + a*r)/vx))/k - vx*r"),
             ("r", "rad/s", "-(a*C*(delta - (vy + a*r)/vx)) - r"),
         ]);
         let (found, names) = slip(&car, "C").unwrap();
         assert_eq!((found.to_string().as_str(), names), ("delta - (vy + a*r)/vx", vec!["vy", "r", "delta"]));
         assert_eq!(slip(&car, "k"), None);
-        let spring = model(&[("x", "m", "v"), ("y", "m", "w"), ("v", "m/s", "k*(y - x)"), ("w", "m/s", "k*(x - y)")]);
+        let spring = of(&[("x", "m", "v"), ("y", "m", "w"), ("v", "m/s", "k*(y - x)"), ("w", "m/s", "k*(x - y)")]);
         assert_eq!(slip(&spring, "k"), None);
     }
 
@@ -132,7 +125,7 @@ mod tests {
 
     #[test]
     fn an_axle_that_spins_on_its_rail_slips_by_the_difference_of_its_speeds() {
-        let mut model = model(&[("v", "m/s", "C*(R*w - v) - 0.1*v"), ("w", "rad/s", "T - R*C*(R*w - v)")]);
+        let mut model = model_of(&[("v", "m/s", "C*(R*w - v) - 0.1*v"), ("w", "rad/s", "T - R*C*(R*w - v)")]);
         model.controls = vec![Control::new("T")];
         model.parameters = vec![Parameter::new("C", 4.0), Parameter::new("R", 0.5)];
         let limited = |slip: f64| (4.0 * slip).clamp(-2.0, 2.0);

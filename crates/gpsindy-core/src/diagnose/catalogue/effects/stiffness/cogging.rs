@@ -53,12 +53,9 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     // Up to sixty ripples over the range, in steps of half a ripple, so that no line is missed.
     let over_range = (3..120).map(|k| PI * f64::from(k) / range);
     // What turns repeats with its turns, of which a log may hold many: a whole number of ripples a turn.
-    let turn = match writer.unit_of(0).as_str() {
-        "rad" => 1.0,
-        "deg" => PI / 180.0,
-        _ => f64::INFINITY,
-    };
-    let of_turns = (1..=MOST_OF_TURN).map(|k| turn * f64::from(k)).filter(|n| n.is_finite() && n * range > 120.0 * PI);
+    let by_turn = unit::turn(&writer.unit_of(0)).map(|turn| TAU / turn);
+    let of_turns = by_turn.into_iter().flat_map(|one| (1..=MOST_OF_TURN).map(move |k| one * f64::from(k)));
+    let of_turns = of_turns.filter(|n| n * range > 120.0 * PI);
     Ok(over_range.chain(of_turns).map(|n| sinusoid(&[small, n, 0.0])).collect())
 }
 
