@@ -75,7 +75,9 @@ fn moved(
     let own = best.hypotheses.len();
     let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = places.iter().filter_map(|place| place.rest.as_ref()).filter(superfluous);
-    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP;
+    // Where more than noise is left, an exchange must remove as much of the gap as an effect that has a name.
+    let is_worth = |fit: &Contestant| best.evidence.misfit() < NOISE || counts(nominal, fit, best, NAMED);
+    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP && is_worth(fit);
     let other = contest.best(places.iter().flat_map(|place| &place.fits).filter(is_better));
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =

@@ -53,20 +53,35 @@ pub(crate) fn moves(
     let promises: Vec<(Vec<&Hypothesis>, f64)> =
         moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
     let stage = contest.run.stage(stage, moves.len())?;
-    let first = |m: Move<'_>| {
+    let first = |m: &Move<'_>| {
         if contest.run.is_out_of_time() {
             return Ok(None);
         }
-        let mut fit = made(contest, nominal, base, &m, searches)?;
-        if survey.kept.is_some() && fit.as_ref().is_none_or(|fit| falls_short(achieved(base, fit), m.promised)) {
-            // A move that changes much has derivatives of its own.
-            let own = made(contest, nominal, &bare, &m, searches)?;
-            fit = [fit, own].into_iter().flatten().min_by(|a, b| a.evidence.squares().total_cmp(&b.evidence.squares()));
-        }
+        let fit = made(contest, nominal, base, m, searches)?;
         stage.advance()?;
         Ok(fit)
     };
-    let fits = base.each(moves, first)?.into_iter().flatten();
+    let fits = base.each(moves.iter().collect(), first)?;
+    let count = |m: &Move<'_>| base.hypotheses.len() - m.out.len() + m.members.len();
+    let most = |effects: usize| {
+        let of = fits.iter().flatten().filter(|fit| fit.hypotheses.len() <= effects);
+        of.map(|fit| achieved(base, fit)).fold(0.0, f64::max)
+    };
+    // A move that changes much has derivatives of its own. They are worth it where it may still lead among as many effects: a straight line
+    // underrates a curved effect by half.
+    let is_worth_more = |m: &Move<'_>, fit: &Option<Contestant>| {
+        let is_short = fit.as_ref().is_none_or(|fit| falls_short(achieved(base, fit), m.promised));
+        survey.kept.is_some() && is_short && m.promised > SUBSTITUTE * most(count(m))
+    };
+    let again: Vec<(&Move<'_>, bool)> = moves.iter().zip(&fits).map(|(m, fit)| (m, is_worth_more(m, fit))).collect();
+    let own = base.each(again, |(m, is_worth_more)| match is_worth_more && !contest.run.is_out_of_time() {
+        true => made(contest, nominal, &bare, m, searches),
+        false => Ok(None),
+    })?;
+    let better = |fits: [Option<Contestant>; 2]| {
+        fits.into_iter().flatten().min_by(|a, b| a.evidence.squares().total_cmp(&b.evidence.squares()))
+    };
+    let fits = fits.into_iter().zip(own).filter_map(|(fit, own)| better([fit, own]));
     // What can't be followed to the end of the logs is no account of them.
     let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
     let fits = raced(contest, base, fits, &promises)?;
@@ -175,18 +190,21 @@ fn raced(
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
     let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
-    let finish = |(fit, leads): (Contestant, bool)| {
+    let finish = |(place, (fit, leads)): (usize, (Contestant, bool))| {
         let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
         // A leader that is far behind what stands already leads among what is no use.
         let leads = leads && fit.hypotheses.len() > base.hypotheses.len();
-        let may_win = (leads || contest.score(&fit) >= best - IN_SIGHT) && may_gain;
+        // Beside a large residual few values count alone, and everything would be in sight.
+        let is_in_sight = place < RACED && contest.score(&fit) >= best - IN_SIGHT;
+        let may_win = (leads || is_in_sight) && may_gain;
         if !may_win || contest.run.is_out_of_time() {
             return Ok(fit);
         }
         // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
         fitter.carried_on(fitter.refollowed(fit, Budget::Rough)?, Budget::Usual)
     };
-    let mut fits = base.each(leading(contest, fits, (FINALISTS, 1)), finish)?;
+    let runners = leading(contest, fits, (FINALISTS, 1)).into_iter().enumerate().collect();
+    let mut fits = base.each(runners, finish)?;
     contest.sort(&mut fits);
     Ok(fits)
 }
