@@ -23,6 +23,10 @@ pub(crate) enum Sense {
     Moves(usize),
     /// The equation is none of a temperature, which nothing stops or rubs.
     NotThermal,
+    /// The equation is that of the rate of a place, or none of a voltage, a pressure or another amount, which nothing rubs.
+    Moving,
+    /// The variable with this number has a rate of its own, or is no voltage, pressure or other amount, which has no weight and no teeth.
+    Placed(usize),
     /// No parameter scales the whole equation: it would be the same suspect.
     NoScale,
     /// The variable with this number is no command in the unit of a place: such a one is where to go, and loads nothing.
@@ -39,6 +43,8 @@ impl Sense {
             Self::EitherSign(_) => "the variable takes both signs in the logs",
             Self::Moves(_) => "the variable moves in the logs",
             Self::NotThermal => "the equation is not that of a temperature",
+            Self::Moving => "the equation is not that of an amount, such as a voltage or a pressure",
+            Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
             Self::NoScale => "no parameter scales the whole equation",
             Self::NoTarget(_) => "the variable is not the target of a position servo",
         }
@@ -62,6 +68,12 @@ impl Sense {
             }
             Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > MOVES * e.size()),
             Self::NotThermal => !is_temperature(&model.states[state].unit),
+            Self::Moving => has_place(model, state) || !is_amount(&model.states[state].unit),
+            Self::Placed(index) => {
+                let state = variables.get(index).and_then(|name| model.state_index(name));
+                let has_speed = |j| (0..model.states.len()).any(|i| model.integral_of(i) == Some(j));
+                state.is_none_or(|j| has_speed(j) || !is_amount(&model.states[j].unit))
+            }
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
             Self::NoTarget(index) => {
                 let control = variables.get(index).and_then(|name| model.control_index(name));
@@ -96,6 +108,18 @@ fn is_place(unit: &str) -> bool {
 /// Whether a unit is one of a temperature.
 fn is_temperature(unit: &str) -> bool {
     matches!(unit, "K" | "°C" | "degC" | "deg C" | "C" | "°F" | "degF")
+}
+
+/// Whether a unit begins with one of an electrical or thermal quantity, of a pressure or of an amount of matter. Percent may be those of a
+/// valve's travel, and are none.
+fn is_amount(unit: &str) -> bool {
+    let first = unit.split(['/', '*', '^', ' ', '·']).next().unwrap_or_default();
+    let is_base = |name: &str| {
+        let known = ["V", "A", "W", "J", "Pa", "bar", "psi", "atm", "mol", "M", "g", "l", "L", "Ohm", "ppm"];
+        known.contains(&name) || is_temperature(name)
+    };
+    let without_prefix = first.strip_prefix(['k', 'M', 'm', 'u', 'µ', 'n', 'c', 'd', 'h']);
+    is_base(first) || without_prefix.is_some_and(is_base)
 }
 
 /// Whether the state is the rate of a place of the model, or by its unit a speed; or says nothing of either.
@@ -176,6 +200,34 @@ mod tests {
         };
         assert!(!of("rad") && !of("mm"));
         assert!(of("N m") && of("A") && of("") && of("rad/s"));
+    }
+
+    #[test]
+    fn an_amount_has_neither_weight_nor_friction_and_a_place_of_any_unit_may() {
+        for unit in ["V", "mA", "bar", "kPa", "mg", "mol/l", "K", "kW", "g/l", "degC"] {
+            assert!(is_amount(unit), "{unit}");
+        }
+        for unit in [
+            "", "rad", "deg", "m", "mm", "cm/s", "rpm", "%", "counts", "rad/s", "m/s", "N*m*s", "km/h", "mrad", "rev",
+            "Nm",
+        ] {
+            assert!(!is_amount(unit), "{unit}");
+        }
+    }
+
+    #[test]
+    fn a_voltage_that_oscillates_has_friction_and_weight_where_one_that_relaxes_has_none() {
+        let of = |rates: [&str; 2], unit: &str| {
+            let state = |name: &str, rate: &str| State::new(name, Expression::parse(rate).unwrap());
+            let mut states = vec![state("q", rates[0]), state("r", rates[1])];
+            states.iter_mut().for_each(|state| state.unit = unit.into());
+            let model = Model { states, ..Model::default() };
+            let holds = |sense: Sense, state: usize| sense.holds(state, &["q".to_string()], &model, &scene(Vec::new()));
+            (holds(Sense::Moving, 1), holds(Sense::Placed(0), 1))
+        };
+        assert_eq!(of(["r", "-q - r"], "V"), (true, true));
+        assert_eq!(of(["-q", "q - r"], "V"), (false, false));
+        assert_eq!(of(["-q", "q - r"], "m"), (true, true));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
 use crate::diagnose::limits::catalogue::CORNER;
 use crate::error::Result;
@@ -20,7 +21,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: friction level, w: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "linear decay of oscillations, sticking at rest, a jump of the rate at every reversal",
     places: &[Place::Own],
-    sense: &[],
+    sense: &[Sense::Moving],
     twins: &[
         (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
         (Effect::StribeckFriction, experiment::SLOW_REVERSALS),

@@ -6,6 +6,7 @@ use crate::diagnose::catalogue::hypothesis::{Combine, Start};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, number};
 use crate::diagnose::limits::catalogue::CORNER;
 use crate::error::Result;
@@ -20,7 +21,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: level at speed, s: level near zero, s_minus_c: difference of the two levels, w: speed that separates them, corner: speed within which the sign is smoothed; 0 where it holds at rest",
     signature: "stick-slip: jerky motion at low speed",
     places: &[Place::Own],
-    sense: &[],
+    sense: &[Sense::Moving],
     twins: &[
         (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
         (Effect::QuadraticDrag, experiment::SLOW_REVERSALS),

@@ -7,6 +7,7 @@ use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{FREE, RIPPLES, Writer, sinusoid};
 use crate::error::Result;
 use crate::expression::{Expression, Function, Operator};
@@ -25,7 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: size, n: spatial frequency, phase",
     signature: "a ripple that is periodic in the position",
     places: &[Place::Position],
-    sense: &[],
+    sense: &[Sense::Placed(0)],
     twins: &[(Effect::PeriodicDisturbance, "the same motion at two speeds")],
     traits: Traits::PLAIN,
     write,

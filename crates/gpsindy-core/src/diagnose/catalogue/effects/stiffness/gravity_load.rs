@@ -5,6 +5,7 @@ use crate::diagnose::catalogue::example::{self, Drive, Example};
 use crate::diagnose::catalogue::hypothesis::Start;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
+use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{FREE, Writer, sinusoid};
 use crate::error::Result;
 use crate::expression::{Expression, Function};
@@ -18,7 +19,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: largest load, phase: where it vanishes",
     signature: "a load that depends on the angle",
     places: &[Place::Position],
-    sense: &[],
+    sense: &[Sense::Placed(0)],
     twins: &[],
     traits: Traits::PLAIN,
     write,
