@@ -126,6 +126,13 @@ pub(crate) fn doubled(experiment: &Experiment) -> Option<Experiment> {
     (longer.windows.len() < experiment.windows.len()).then_some(longer)
 }
 
+/// The experiment with windows half as long; none where they would be too short.
+pub(crate) fn halved(experiment: &Experiment) -> Option<Experiment> {
+    let samples = experiment.windows.iter().map(|w| w.last - w.first + 1).max().unwrap_or(0);
+    let is_long = samples / 2 >= SHORTEST * experiment.rows_a_value();
+    is_long.then(|| experiment.clone().with_windows_of(0.5 * experiment.longest_window()))
+}
+
 pub(crate) fn whole_runs(mut experiment: Experiment) -> Experiment {
     experiment.windows =
         experiment.logs.iter().enumerate().map(|(i, l)| Window { log: i, first: 0, last: l.time.len() - 1 }).collect();

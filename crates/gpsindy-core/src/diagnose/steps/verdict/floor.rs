@@ -10,11 +10,14 @@ use crate::diagnose::limits::floor::{COPIES, FIRST_SAMPLES, SAME_COMMAND, SAME_S
 use crate::diagnose::steps::verdict::start::{beginnings, starts};
 use crate::refine::{Experiment, Jacobian, Log, Point};
 
+/// What a floor is taken from where no runs repeat each other.
+pub(crate) const SENSORS: &str = "sensor noise";
+
 /// The floor of every column in its unit, and what it was taken from.
 pub(crate) fn of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'static str) {
     match between_runs(&experiment.logs, &experiment.noise) {
         Some(floor) => (floor, "repeated runs"),
-        None => (with_start(best, experiment, sensor_noise(best, &experiment.noise)), "sensor noise"),
+        None => (with_start(best, experiment, sensor_noise(best, &experiment.noise)), SENSORS),
     }
 }
 

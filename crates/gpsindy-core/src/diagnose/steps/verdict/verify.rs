@@ -5,12 +5,14 @@
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
-use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY};
+use crate::diagnose::limits::verify::{
+    ALLOWED, BLOCKS, DRAWS, GROWN, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY,
+};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolution};
-use crate::diagnose::steps::logs::windows::{Purpose, choose_windows};
+use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halved};
 use crate::diagnose::steps::verdict::spread::{self, Spread};
 use crate::diagnose::steps::verdict::start::starts;
 use crate::diagnose::steps::verdict::{curves, floor};
@@ -75,6 +77,9 @@ struct Heldout {
     moving: Vec<usize>,
     /// Length of the rollouts, s, where they are not whole runs.
     cut: Option<f64>,
+    /// What noise leaves of every column, in units of the noise, and what it was taken from.
+    floor: Vec<f64>,
+    floor_source: &'static str,
 }
 
 /// Squared errors of one block of a run, in units of the noise: sums and counts by column.
@@ -88,7 +93,7 @@ struct Block {
 pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Result<Verification> {
     let (nominal, best) = (&judged.nominal, &judged.outcome.best);
     let system = &nominal.system;
-    let Heldout { experiment, moving, cut } = held_out(best, holdout)?;
+    let Heldout { experiment, moving, cut, floor, floor_source } = predictable(best, held_out(best, holdout)?);
     let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
     let resting: Vec<usize> =
         (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
@@ -102,9 +107,6 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let after = if changed { rollouts(best, &best.refined.parameters, &experiment) } else { before.clone() };
     let forcing = judged.forcing.as_ref().filter(|forcing| !forcing.forces.is_empty());
     let spread = forcing.and_then(|forcing| spread::of(best, &experiment, &moving, &after, forcing));
-    let (floor, floor_source) = floor::of(best, &experiment);
-    // In units of the noise, as everything here.
-    let floor: Vec<f64> = floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect();
     let blocks = blocks(&experiment, &moving, &before, &after);
     let (before_all, after_all) = (overall(&blocks, |b| &b.before), overall(&blocks, |b| &b.after));
     let floor_all = floor_of_all(&blocks, &floor);
@@ -164,7 +166,26 @@ fn held_out(best: &Contestant, holdout: &Dataset) -> Result<Heldout> {
             cut = Some(length);
         }
     }
-    Ok(Heldout { experiment, moving, cut })
+    let (floor, floor_source) = floor_of(best, &experiment);
+    Ok(Heldout { experiment, moving, cut, floor, floor_source })
+}
+
+/// The same in rollouts so short that the noise of a start does not grow beyond what the sensors add: longer ones show the start alone, and
+/// no wrong model could miss them.
+fn predictable(best: &Contestant, mut heldout: Heldout) -> Heldout {
+    let is_grown = |floor: &[f64], moving: &[usize]| moving.iter().any(|&c| floor[c] > GROWN);
+    while heldout.floor_source == floor::SENSORS && is_grown(&heldout.floor, &heldout.moving) {
+        let Some(experiment) = halved(&heldout.experiment) else { break };
+        let (floor, _) = floor_of(best, &experiment);
+        heldout = Heldout { cut: Some(experiment.longest_window()), experiment, floor, ..heldout };
+    }
+    heldout
+}
+
+/// The floor in units of the noise, as everything here.
+fn floor_of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'static str) {
+    let (floor, source) = floor::of(best, experiment);
+    (floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect(), source)
 }
 
 /// Whether a column moves in any log by more than one step of its sensor, or the rounding of its digits.
@@ -289,7 +310,8 @@ fn missed(blocks: &[Block], floor: f64, model_error: f64, c: usize) -> f64 {
     let allowed = ((1.0 + ALLOWED) * (floor * floor + model_error)).max(of_gap);
     let variance = own.iter().map(|b| (b.after[c] / b.count[c] - after).powi(2)).sum::<f64>();
     let degrees = (own.len() as f64 - 1.0).max(1.0);
-    let deviation = (variance / degrees / own.len() as f64).sqrt().max(1e-12 * allowed);
+    // The mean of the blocks scatters by no more than two values of noise would: one block far off is a miss, too.
+    let deviation = (variance / degrees / own.len() as f64).sqrt().clamp(1e-12 * allowed, allowed);
     let chance = StudentsT::new(0.0, 1.0, degrees).map_or(0.5, |t| t.sf((after - allowed) / deviation));
     let odds = RARELY * (1.0 - chance) / chance.max(f64::MIN_POSITIVE);
     odds / (1.0 + odds)

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::data::{Channel, Run};
+use crate::diagnose::steps::logs::windows::whole_runs;
 use crate::diagnose::{Diagnose, Verdict, hold_out};
 use crate::expression::Expression;
 use crate::model::{Control, Model, State};
@@ -90,4 +91,41 @@ fn a_held_out_rollout_starts_where_the_log_does_and_what_rests_counts_nothing() 
     assert!(diagnosis.gap.by_state.iter().all(|s| s.state == "q"), "{:?}", diagnosis.gap.by_state);
     assert!(figures.rollouts.iter().all(|f| f.column == "q"));
     assert!(diagnosis.notes.iter().any(|n| n.starts_with("r: ")), "{:?}", diagnosis.notes);
+}
+
+/// Blocks of one column whose squared errors (noise units) after the correction are these; all are a hundred before.
+fn blocks_of(after: &[f64]) -> Vec<Block> {
+    let one = |&after: &f64| Block { before: vec![100.0], after: vec![after], count: vec![1.0] };
+    after.iter().map(one).collect()
+}
+
+#[test]
+fn one_block_that_is_far_off_is_a_miss_and_a_loud_one_is_not() {
+    let probability = |last: f64| {
+        let after: Vec<f64> = [1.0; 15].into_iter().chain([last]).collect();
+        missed(&blocks_of(&after), 1.0, 0.0, 0)
+    };
+    // Together 4 times the noise, 1.25 times, and the noise itself.
+    assert!(probability(240.0) > 0.5, "{}", probability(240.0));
+    assert!(probability(9.0) < 0.5, "{}", probability(9.0));
+    assert!(probability(1.0) < 0.01, "{}", probability(1.0));
+}
+
+#[test]
+fn held_out_rollouts_end_where_the_noise_of_their_starts_outgrows_that_of_the_sensors() {
+    let runs = (0..2).map(|run| {
+        let values =
+            Mat::from_fn(400, 1, |i, _| 0.5 * (0.1 * i as f64 + f64::from(run)).sin() + 1e-3 * ((i * 7 % 5) as f64));
+        Run { name: format!("run {run}"), time: (0..400).map(|i| 0.02 * f64::from(i)).collect(), values }
+    });
+    let data = Dataset::new(vec![Channel::new("x")], runs.collect()).unwrap();
+    let length = |rate: &str| {
+        let model = Model { states: vec![State::new("x", Expression::parse(rate).unwrap())], ..Model::default() };
+        let (_, nominal) = crate::diagnose::fixture::fitted(&model, &data, 0.01);
+        let nominal = Contestant { experiment: whole_runs(nominal.experiment.clone()), ..nominal };
+        predictable(&nominal, held_out(&nominal, &data).unwrap()).experiment.longest_window()
+    };
+    // An error grows by e in a third of a second, and falls by as much.
+    assert!(length("3*x") < 2.0, "{}", length("3*x"));
+    assert!(length("-3*x") > 7.0, "{}", length("-3*x"));
 }
