@@ -103,6 +103,9 @@ fn an_effect_that_is_left_out_is_not_called_explained_by_another() {
     );
     assert_eq!(left["cases"][0]["left_out"], "bias x");
     assert_ne!(left["cases"][0]["verdict"], "explained", "{card}");
+    // What explains nothing leaves the held-out logs as they were.
+    assert_eq!(left["cases"][0]["follows"], false, "{card}");
+    assert_eq!(left["visibly_wrong"]["hits"].as_u64(), Some(0), "{card}");
     let without: serde_json::Value =
         serde_json::from_str(&folder.read("exam/case_1/without_1_bias/report.json")).unwrap();
     assert!(without["causes"].as_array().unwrap().iter().all(|c| c["effect"] != "bias"), "{without}");

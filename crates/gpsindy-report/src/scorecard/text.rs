@@ -40,6 +40,7 @@ pub(super) fn text(card: &ScoreCard) -> String {
     if let Some(left_out) = &card.left_out {
         rate(&mut text, "effect left out of the catalogue: explained", left_out.explained);
         rate(&mut text, "  by what was not called equivalent to it", left_out.wrongly_explained);
+        rate(&mut text, "  and misses the held-out logs by more than it", left_out.visibly_wrong);
     }
     if let Some(handed) = &card.handed {
         rate(&mut text, "in the catalogue: the right set was fitted", handed.right_set);
@@ -145,9 +146,16 @@ fn cases(text: &mut String, card: &ScoreCard) {
 /// What was said with an effect left out, where that was no honest rest.
 fn without(text: &mut String, left_out: &LeftOut) {
     line(text, "");
-    line(text, "explained with an effect left out (= where it was called equivalent)");
+    line(
+        text,
+        "explained with an effect left out (= called equivalent to it, ~ follows the held-out logs as well as it)",
+    );
     for case in left_out.cases.iter().filter(|c| c.verdict == Some(Verdict::Explained)) {
-        let mark = if case.equivalent { "=" } else { "-" };
+        let mark = match (case.equivalent, case.follows) {
+            (true, _) => "=",
+            (false, true) => "~",
+            (false, false) => "-",
+        };
         line(text, &format!("{}  without {}  {mark}  {}", case.id, case.left_out, case.named.join(", ")));
     }
 }
