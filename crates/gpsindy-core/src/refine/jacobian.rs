@@ -80,13 +80,16 @@ fn pass<const L: usize>(
         lanes_of.iter().enumerate().filter_map(of).collect()
     };
     let moved: Vec<_> = experiment.noise.iter().map(moved).collect();
+    // What is held at rest by more than what acts in motion slides off where it is moved by anything: no derivative is that of its start.
+    let held = system.sticks().map_or_else(Vec::new, |sticks| sticks.firmly_held(&point.parameters));
     let mut diverged = None;
     for (log_index, log) in experiment.logs.iter().enumerate() {
         let mut lanes = Lanes::<L>::new(system, log, (experiment.hold, experiment.past), &parameters);
         for (w, window) in experiment.windows.iter().enumerate().filter(|(_, w)| w.log == log_index) {
             let mut initial: Vec<[f64; L]> = point.initial[w].iter().map(|&v| [v; L]).collect();
             for (lane, column) in lanes_of.iter().enumerate() {
-                if let Some(column) = column.filter(|&c| c < n) {
+                let rests = |c: usize| held.contains(&c) && point.initial[w][c] == 0.0;
+                if let Some(column) = column.filter(|&c| c < n && !rests(c)) {
                     initial[column][lane] += difference(experiment, n, free, column);
                 }
             }

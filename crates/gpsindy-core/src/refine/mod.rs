@@ -21,7 +21,7 @@ pub(crate) mod tally;
 pub(crate) use crate::data::Hold;
 pub(crate) use experiment::present;
 pub use experiment::{Experiment, Log, Past, Starts, Window};
-pub(crate) use jacobian::{Block, Jacobian, Point, costs, prior_cost};
+pub(crate) use jacobian::{Block, Jacobian, Point, costs, misses, prior_cost};
 pub(crate) use kept::Kept;
 pub(crate) use lanes::guided::Guided;
 pub(crate) use lanes::lockstep::{Job, roll_together};

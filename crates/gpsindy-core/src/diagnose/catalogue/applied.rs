@@ -32,6 +32,8 @@ pub(crate) enum Role {
     Phase,
     /// The speed within which dry friction turns around: beyond its lower end, where no fit can walk to, it is zero.
     Corner,
+    /// The level of dry friction at rest, behind that in motion: the outputs jump when it moves, so it is found by trial.
+    AtRest,
     /// How long something takes, or at what speed or frequency it happens. At an end of its range, which is that of what logs can show, its effect
     /// is another one that has no such scale, or none.
     Scale,
@@ -49,7 +51,7 @@ impl Added {
             Role::Corner => Some(0.0),
             Role::Above => Some(self.upper + far),
             Role::Below => Some(self.lower - far),
-            Role::Plain | Role::Angle | Role::Period | Role::Phase | Role::Scale => None,
+            Role::Plain | Role::Angle | Role::Period | Role::Phase | Role::AtRest | Role::Scale => None,
         }
     }
 
@@ -65,7 +67,7 @@ impl Added {
 
     /// Whether it is found by trial, and the fit leaves it where it is.
     pub(crate) fn is_tried(&self) -> bool {
-        matches!(self.role, Role::Period | Role::Phase)
+        matches!(self.role, Role::Period | Role::Phase | Role::AtRest)
     }
 
     /// Where the end of a travel is that the logs never reached, which leaves it at `value`: far beyond them, so that a rollout of other

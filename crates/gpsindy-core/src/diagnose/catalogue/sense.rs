@@ -31,6 +31,8 @@ pub(crate) enum Sense {
     NoScale,
     /// The variable with this number is no command in the unit of a place: such a one is where to go, and loads nothing.
     NoTarget(usize),
+    /// The rates are equations: within a step of a simulator that steps nothing can hold.
+    Modes,
 }
 
 impl Sense {
@@ -47,6 +49,7 @@ impl Sense {
             Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
             Self::NoScale => "no parameter scales the whole equation",
             Self::NoTarget(_) => "the variable is not the target of a position servo",
+            Self::Modes => "the model has equations, not a simulator that steps",
         }
     }
 
@@ -79,6 +82,7 @@ impl Sense {
                 let control = variables.get(index).and_then(|name| model.control_index(name));
                 control.is_none_or(|c| !is_place(&model.controls[c].unit))
             }
+            Self::Modes => !model.calls_simulator(),
         }
     }
 }

@@ -133,6 +133,15 @@ impl<'a> Writer<'a> {
         corner
     }
 
+    /// Adds the level of dry friction at rest, the parameter before it being that in motion: found by trial.
+    pub(crate) fn add_level_at_rest(&mut self, symbol: &str, scale: f64, unit: &str) -> Expression {
+        let rest = self.add(symbol, 0.0, scale, POSITIVE, unit);
+        if let Some((_, added)) = self.fitted.last_mut() {
+            added.role = Role::AtRest;
+        }
+        rest
+    }
+
     /// Adds an end of the travel, above or below, that the logs may never reach.
     pub(crate) fn add_end(&mut self, symbol: &str, role: Role, scale: f64, bounds: (f64, f64)) -> Expression {
         let (value, unit) = (if role == Role::Above { bounds.1 } else { bounds.0 }, self.unit_of(0));

@@ -1,10 +1,11 @@
 //! Makes contestants: fits a model with hypotheses to the training logs.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied};
+use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
-use crate::diagnose::fit::{sampling, stops};
+use crate::diagnose::fit::{breakaway, sampling, stops};
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
@@ -134,6 +135,7 @@ impl Fitter {
         if budget != Budget::Glance || system.engine().is_some() {
             sampling::settle(base, &system, &experiment, (&applied.fitted, &free), &mut point)?;
             stops::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
+            breakaway::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -200,6 +202,7 @@ impl Fitter {
         if budget == Budget::Rough && system.engine().is_none() {
             sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
             stops::settle(system, &experiment, (&added.concat(), free), &mut point)?;
+            breakaway::settle(system, &experiment, (&added.concat(), free), &mut point)?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());
@@ -278,6 +281,7 @@ impl Fitter {
             }
         };
         let initial = with_lagging(&contestant.system, &experiment, guess, contestant.nominal_states());
+        let initial = rested(&contestant.system, &experiment, &contestant.refined.parameters, &initial);
         let at = (&contestant.refined.parameters[..], &contestant.free[..]);
         let kept = contestant.refined.kept.as_ref();
         let refine = budget.refine_of(contestant.evidence.effective_count());

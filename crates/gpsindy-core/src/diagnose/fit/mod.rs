@@ -1,5 +1,6 @@
 //! Contestants of the diagnosis, their fits to the logs, and their evidence.
 
+pub(crate) mod breakaway;
 pub(crate) mod colours;
 pub(crate) mod contestant;
 pub(crate) mod evidence;

@@ -94,4 +94,11 @@ impl Sticks {
             rates: Tape::with_simulator(&with_slots, &variables, n_simulator_outputs)?,
         }))
     }
+
+    /// The states that are held at rest by more than what acts on them in motion, at these parameters, all of the system's.
+    pub(crate) fn firmly_held(&self, parameters: &[f64]) -> Vec<usize> {
+        let bounds = self.bounds.evaluate_once(parameters, 0.0);
+        let is_firm = |slot: &usize| bounds[2 * slot] == 0.0 && bounds[2 * slot + 1] > 1.0;
+        (0..self.states.len()).filter(is_firm).map(|slot| self.states[slot]).collect()
+    }
 }

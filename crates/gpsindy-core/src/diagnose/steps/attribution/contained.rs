@@ -41,11 +41,22 @@ fn narrow<'a>(
     let is_it = |h: &&Hypothesis| {
         h.is(effect) && (h.state, &h.site) == (wide.state, &wide.site) && h.variables.first() == wide.variables.first()
     };
-    if let Some(found) = contest.hypotheses.iter().find(is_it) {
-        return Some((found, values.first().into_iter().chain(values.last()).copied().collect()));
+    if let Some(found) = contest.all().find(is_it) {
+        return Some((found, as_in(wide, effect, values)?));
     }
     let (_, parameter) = wide.site.as_ref()?.carried.iter().find(|(id, _)| *id == effect.id())?;
     let found = contest.hypotheses.iter().find(|h| h.frees() == Some(parameter))?;
     let nominal = base.refined.parameters[base.system.model().parameter_index(parameter)?];
     Some((found, vec![nominal + values.first()?]))
+}
+
+/// The values of `effect` with which it does what the wide one with these values does but for what sets the two apart.
+fn as_in(wide: &Hypothesis, effect: Effect, values: &[f64]) -> Option<Vec<f64>> {
+    match (wide.effect()?, effect) {
+        // The level at rest is that at standstill.
+        (Effect::StribeckFriction, Effect::Stiction) => Some(vec![*values.first()?, values.first()? + values.get(1)?]),
+        // What has no corner of its own holds at rest.
+        (Effect::Stiction, _) => Some(vec![*values.first()?, 0.0]),
+        _ => Some(values.first().into_iter().chain(values.last()).copied().collect()),
+    }
 }

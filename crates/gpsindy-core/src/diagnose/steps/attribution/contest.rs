@@ -53,6 +53,11 @@ impl<'a> Contest<'a> {
         first..self.hypotheses.len()
     }
 
+    /// The suspects, and those that wait.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Hypothesis> {
+        self.hypotheses.iter().chain(&self.behind)
+    }
+
     /// Whether it is no suspect yet.
     pub(crate) fn is_waiting(&self, hypothesis: &Hypothesis) -> bool {
         self.behind.contains(hypothesis)

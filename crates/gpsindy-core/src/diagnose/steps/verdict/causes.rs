@@ -6,7 +6,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::fit::moved::deviation;
-use crate::diagnose::fit::sampling;
+use crate::diagnose::fit::{breakaway, sampling};
 use crate::diagnose::limits::NO_REST;
 use crate::diagnose::report::{Cause, Parameter, Twin, finite};
 use crate::diagnose::steps::attribution::contest::Contest;
@@ -152,7 +152,10 @@ fn cause(
         .filter(|(index, added)| added.out_of_reach(fit.refined.parameters[*index]).is_none())
         .map(|(index, added)| {
             let value = added.stated(fit.refined.parameters[*index]);
-            let least_distinguished = || sampling::least_distinguished(&fit.experiment, added, value);
+            let least_distinguished = || {
+                sampling::least_distinguished(&fit.experiment, added, value)
+                    .or_else(|| breakaway::least_distinguished(fit, &(*index, added.clone()), z * z))
+            };
             let width = deviation(fit, *index).map(|d| z * d).or_else(least_distinguished).unwrap_or(f64::NAN);
             Parameter {
                 name: added.symbol.clone(),

@@ -4,6 +4,7 @@
 //! state on the beginning of the rollout, where its residual is weighted by its own size and colour. A correct model thus
 //! finds its initial state to a fraction of the noise; a wrong one cannot shift it to hide its errors.
 
+use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::colours::colour::colours;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::limits::Budget;
@@ -42,6 +43,7 @@ pub(crate) fn starts(
     let beginning = Experiment { windows: beginnings(experiment), ..experiment.clone() };
     let beliefs = beliefs(system, &beginning, nominal_states);
     let believed: Vec<Vec<f64>> = beliefs.iter().map(|b| b.states.iter().map(|s| s.0).collect()).collect();
+    let believed = rested(system, &beginning, parameters, &believed);
     let settings = Budget::Usual.refine();
     // Rollouts that stop at the nearest saturation are followed from their first samples on.
     let followed = system.engine().and_then(|_| guess_starts(system, &beginning, parameters).ok());
@@ -49,9 +51,10 @@ pub(crate) fn starts(
     let free = settings.fit(system, &beginning, parameters, &[], Some(from.as_ref().unwrap_or(&believed)));
     let mut initial = free.map_or_else(|_| believed.clone(), |fit| fit.initial);
     for _ in 0..START_ROUNDS {
+        initial = rested(system, &beginning, parameters, &initial);
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);
     }
-    initial
+    rested(system, &beginning, parameters, &initial)
 }
 
 /// The windows' beginnings, on which their starts are refined.

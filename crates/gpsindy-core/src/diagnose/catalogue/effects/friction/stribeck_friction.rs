@@ -26,7 +26,7 @@ pub(super) static DEFINITION: Definition = Definition {
         (Effect::ViscousFriction, experiment::SLOW_REVERSALS),
         (Effect::QuadraticDrag, experiment::SLOW_REVERSALS),
     ],
-    traits: Traits { contains: &[Effect::CoulombFriction], ..Traits::PLAIN },
+    traits: Traits { contains: &[Effect::CoulombFriction, Effect::Stiction], ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,

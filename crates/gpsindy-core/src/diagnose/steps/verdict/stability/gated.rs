@@ -34,14 +34,11 @@ impl Gated {
                 continue;
             }
             let symbol = model.parameters[*index].name.clone();
-            if model.states.iter().any(|s| bounds_a_hold(&s.equation, &symbol)) {
-                continue;
-            }
             let name = format!("{symbol}__{}", self.halves.len());
             let change = Expression::variable(name.clone()).times(gate.clone());
             let changed = Expression::variable(symbol.clone()).plus(change);
             for state in &mut model.states {
-                state.equation = state.equation.substitute(&symbol, &changed);
+                state.equation = with_changed(&state.equation, &symbol, &changed);
                 state.measured = state.measured.as_ref().map(|m| m.substitute(&symbol, &changed));
             }
             model.parameters.push(Parameter::new(name, 0.0));
@@ -52,15 +49,18 @@ impl Gated {
     }
 }
 
-/// Whether the parameter `symbol` says how much more than in motion friction holds at rest: that can't change on the way.
-fn bounds_a_hold(equation: &Expression, symbol: &str) -> bool {
-    let mut found = false;
-    equation.visit(&mut |part| {
-        if let Expression::Call(Function::Breakaway, arguments) = part {
-            found |= arguments.get(1).is_some_and(|reach| reach.contains(symbol));
+/// The equation with the parameter `symbol` changed, but for how much more than in motion friction holds at rest, which stays on the way.
+fn with_changed(equation: &Expression, symbol: &str, changed: &Expression) -> Expression {
+    let kept = Expression::variable(format!("{symbol} at rest"));
+    let keep = |part| match part {
+        Expression::Call(Function::Breakaway, arguments) => {
+            let kept = arguments.iter().map(|a| a.substitute(symbol, &kept)).collect();
+            Expression::Call(Function::Breakaway, kept)
         }
-    });
-    found
+        other => other,
+    };
+    let back = Expression::variable(symbol);
+    equation.map(&keep).substitute(symbol, changed).substitute(&format!("{symbol} at rest"), &back)
 }
 
 /// Halves of the logs: the outer part of each variable that the cause depends on, and the later part of the time.

@@ -1,0 +1,238 @@
+//! Level at rest of dry friction, by trial.
+//!
+//! A control that is held changes its force in steps, so that a machine at rest lets go with one of them or with another: how the logs are
+//! missed changes in jumps when the level at rest moves, and a fit that follows derivatives leaves it where it is. And a machine that lets go
+//! at another step is elsewhere from then on. So ratios of the two levels are tried between starts of their own (multiple shooting, Bock
+//! 1983), where the other parameters are fitted to each; the best goes on to the whole rollouts on ever finer lattices.
+
+use crate::diagnose::catalogue::hypothesis::{Added, Role};
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::limits::breakaway::{LATTICE, NARROWED, RATIOS, WIDEST};
+use crate::diagnose::limits::{Budget, OF_A_HIT};
+use crate::error::{Result, unless_refused};
+use crate::model::System;
+use crate::refine::{Experiment, Free, Point, Profile, guess_initial, misses};
+
+/// Puts the level at rest among those `fitted`, and what is `free` beside it, in `point` where the logs are missed by less.
+pub(crate) fn settle(
+    system: &System,
+    experiment: &Experiment,
+    (fitted, free): (&[(usize, Added)], &[Free]),
+    point: &mut Point,
+) -> Result<()> {
+    let Some((level, rest)) = levels(fitted).filter(|_| system.engine().is_none()) else { return Ok(()) };
+    if point.parameters[rest] <= point.parameters[level] {
+        let Some(parameters) = begun(system, experiment, (level, rest), free, point)? else { return Ok(()) };
+        point.parameters = parameters;
+    }
+    point.initial = rested(system, experiment, &point.parameters, &point.initial);
+    narrow(system, experiment, (level, rest), free, point)
+}
+
+/// The levels in motion and at rest among those that are fitted.
+fn levels(fitted: &[(usize, Added)]) -> Option<(usize, usize)> {
+    fitted.windows(2).find(|pair| pair[1].1.role == Role::AtRest).map(|pair| (pair[0].0, pair[1].0))
+}
+
+/// The parameters with the best of several ratios of the levels on short rollouts; none where these can't be had or followed.
+fn begun(
+    system: &System,
+    experiment: &Experiment,
+    (level, rest): (usize, usize),
+    free: &[Free],
+    point: &Point,
+) -> Result<Option<Vec<f64>>> {
+    let short = experiment.clone().with_windows_of(OF_A_HIT * experiment.longest_window());
+    // Some of the windows stand for all of a long log.
+    let short = if short.n_samples() > experiment.n_samples() { experiment.clone() } else { short };
+    let fitted = |mut point: Point| -> Result<Option<(Point, f64)>> {
+        point.initial = rested(system, &short, &point.parameters, &point.initial);
+        let at = (&point.parameters[..], free);
+        let found = unless_refused(Budget::Rough.refine().fit_on(system, &short, at, &point.initial, None))?;
+        Ok(found.map(|found| (Point { parameters: found.parameters, initial: found.initial }, found.cost)))
+    };
+    let start = Point { parameters: point.parameters.clone(), initial: guess_initial(system, &short) };
+    let Some(equal) = fitted(start)? else { return Ok(None) };
+    let mut best = equal.clone();
+    for ratio in RATIOS {
+        let mut other = equal.0.clone();
+        // Where the levels are one it lies between the two.
+        other.parameters[level] /= ratio.sqrt();
+        other.parameters[rest] = ratio * other.parameters[level];
+        best = fitted(other)?.filter(|other| other.1 < best.1).unwrap_or(best);
+    }
+    let (mut point, _) = best;
+    if point.parameters[rest] > point.parameters[level] {
+        narrow(system, &short, (level, rest), free, &mut point)?;
+    }
+    Ok(Some(point.parameters))
+}
+
+/// Moves either level to the best of ever finer lattices around it, and what is free with it. Where the machine stops for a moment decides as
+/// suddenly as where it starts.
+fn narrow(
+    system: &System,
+    experiment: &Experiment,
+    (level, rest): (usize, usize),
+    free: &[Free],
+    point: &mut Point,
+) -> Result<()> {
+    for (width, parameter) in NARROWED.into_iter().flat_map(|width| [(width, rest), (width, level)]) {
+        let around = costs_around(system, experiment, (parameter, free), point, width);
+        let Some(costs) = unless_refused(around)? else { return Ok(()) };
+        let here = costs[costs.len() / 2].1;
+        let Some(&(value, least)) = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        if !(least < here) {
+            continue;
+        }
+        let mut moved = point.clone();
+        moved.parameters[parameter] = value;
+        moved.initial = rested(system, experiment, &moved.parameters, &moved.initial);
+        let at = (&moved.parameters[..], free);
+        let fit = Budget::Rough.refine().fit_on(system, experiment, at, &moved.initial, None);
+        // The lattice reckons what else is free along straight lines.
+        if let Some(found) = unless_refused(fit)?.filter(|found| found.cost < here) {
+            *point = Point { parameters: found.parameters, initial: found.initial };
+        }
+    }
+    Ok(())
+}
+
+/// Values of a level around that of `point`, which is the middle one, to a share `width` of it, and the costs of each, what else is `free` having
+/// taken a step.
+fn costs_around(
+    system: &System,
+    experiment: &Experiment,
+    (level, free): (usize, &[Free]),
+    point: &Point,
+    width: f64,
+) -> Result<Vec<(f64, f64)>> {
+    let others: Vec<Free> = free.iter().filter(|f| f.parameter != level).cloned().collect();
+    let profile = Profile::new(system, experiment, (point, &others), None, None)?;
+    let half = LATTICE as f64 / 2.0;
+    let factor = |i: usize| (width * (i as f64 - half) / half).exp();
+    let values: Vec<f64> = (0..=LATTICE).map(|i| point.parameters[level] * factor(i)).collect();
+    let at = |&value: &f64| {
+        let mut trial = point.clone();
+        trial.parameters[level] = value;
+        trial
+    };
+    let costs = profile.costs(&values.iter().map(at).collect::<Vec<_>>());
+    Ok(values.into_iter().zip(costs).collect())
+}
+
+/// How far the level at rest that is the parameter `rest` may be off before the squares of the logs (noise units) are greater by `least`.
+pub(crate) fn least_distinguished(fit: &Contestant, (rest, added): &(usize, Added), least: f64) -> Option<f64> {
+    if added.role != Role::AtRest {
+        return None;
+    }
+    let point = Point { parameters: fit.refined.parameters.clone(), initial: fit.refined.initial.clone() };
+    let costs = costs_around(&fit.system, &fit.experiment, (*rest, &fit.free), &point, WIDEST).ok()?;
+    let middle = costs.len() / 2;
+    let is_worse = |&(_, cost): &(f64, f64)| cost > costs[middle].1 + least;
+    let above = costs[middle..].iter().find(|c| is_worse(c))?.0;
+    let below = costs[..middle].iter().rfind(|c| is_worse(c))?.0;
+    Some((above - costs[middle].0).max(costs[middle].0 - below))
+}
+
+/// The initial states with what friction holds at rest where it is, in the windows that are missed by less then: a reading that is off by its
+/// noise would let go what takes more to start than to go on.
+pub(crate) fn rested(
+    system: &System,
+    experiment: &Experiment,
+    parameters: &[f64],
+    initial: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let held = system.sticks().map_or_else(Vec::new, |sticks| sticks.firmly_held(parameters));
+    if held.is_empty() {
+        return initial.to_vec();
+    }
+    let at_rest = |start: &Vec<f64>| {
+        let mut start = start.clone();
+        held.iter().for_each(|&state| start[state] = 0.0);
+        start
+    };
+    let other: Vec<Vec<f64>> = initial.iter().map(at_rest).collect();
+    let points = [initial, &other].map(|i| Point { parameters: parameters.to_vec(), initial: i.to_vec() });
+    let mut squares = [vec![0.0; initial.len()], vec![0.0; initial.len()]];
+    misses(system, experiment, &points, None, |point, window, _, missed| squares[point][window] += missed * missed);
+    let nearer = |w: usize| if squares[1][w] < squares[0][w] { other[w].clone() } else { initial[w].clone() };
+    (0..initial.len()).map(nearer).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fixture::slider_model;
+    use crate::diagnose::report::Verdict;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// Four logs of `x' = v`, `v' = u - 4 x - 0.8 v` beside dry friction of 0.5 that holds with `rest`, under steps of force.
+    fn sticking(rest: f64) -> Dataset {
+        const STEP: f64 = 0.02;
+        const FINE: f64 = STEP / 40.0;
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let runs = (0..4).map(|run| {
+            let time: Vec<f64> = (0..300).map(|i| STEP * f64::from(i)).collect();
+            let (mut x, mut v, mut values) = (0.0_f64, 0.0_f64, Mat::zeros(300, 3));
+            for (i, t) in time.iter().enumerate() {
+                let level = f64::from(((i as i32 / 37 + run) * 7) % 5 - 2);
+                let u = 1.5 * (0.8 * t + f64::from(run)).sin() + 0.4 * level;
+                values[(i, 0)] = x + 1e-3 * normal(&mut random);
+                values[(i, 1)] = v + 4e-3 * normal(&mut random);
+                values[(i, 2)] = u;
+                for _ in 0..40 {
+                    let force = u - 4.0 * x - 0.8 * v;
+                    let next = match v == 0.0 {
+                        true if force.abs() <= rest => 0.0,
+                        true => FINE * (force - 0.5 * force.signum()),
+                        false => v + FINE * (force - 0.5 * v.signum()),
+                    };
+                    // Where it turns it stops.
+                    let next = if next * v < 0.0 { 0.0 } else { next };
+                    x += 0.5 * FINE * (v + next);
+                    v = next;
+                }
+            }
+            Run { name: format!("{run}"), time, values }
+        });
+        Dataset::new(["x", "v", "u"].map(Channel::new).into(), runs.collect()).unwrap()
+    }
+
+    /// What is named, and its sizes.
+    fn named(rest: f64) -> (Verdict, Vec<String>, Vec<(String, f64, Option<f64>, Option<f64>)>) {
+        let (train, holdout) = hold_out(&sticking(rest)).unwrap();
+        let model = slider_model("u - 4*x - 0.8*v");
+        let frictions = ["coulomb_friction", "stribeck_friction", "stiction", "viscous_friction"];
+        let diagnose = Diagnose { effects: frictions.map(String::from).into(), ..Diagnose::default() };
+        let found = diagnose.run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let sizes = found.included().flat_map(|cause| &cause.parameters);
+        let sizes = sizes.map(|p| (p.name.clone(), p.value, p.low, p.high)).collect();
+        (found.verdict, found.included().map(|cause| cause.effect.clone()).collect(), sizes)
+    }
+
+    #[test]
+    fn a_slider_that_lets_go_at_twice_the_level_in_motion_has_stiction_with_both_levels() {
+        let (verdict, names, sizes) = named(1.0);
+        assert_eq!((verdict, names), (Verdict::Explained, vec!["stiction".to_string()]), "{sizes:?}");
+        for ((symbol, value, low, high), (name, truth)) in sizes.into_iter().zip([("c", 0.5), ("s", 1.0)]) {
+            assert_eq!(symbol, name);
+            assert!((value / truth - 1.0).abs() < 0.05, "{symbol} = {value}");
+            // Which of the forces let it go leaves the level at rest between two of them.
+            assert!(low.unwrap() < value && value < high.unwrap(), "{symbol}: {low:?} to {high:?}");
+            assert!((low.unwrap() - 0.05 * truth..high.unwrap() + 0.05 * truth).contains(&truth), "{symbol}");
+        }
+    }
+
+    #[test]
+    fn a_slider_that_holds_with_the_level_in_motion_has_coulomb_friction() {
+        let (verdict, names, _) = named(0.5);
+        assert_eq!((verdict, names), (Verdict::Explained, vec!["coulomb_friction".to_string()]));
+    }
+}
