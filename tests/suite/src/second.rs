@@ -55,6 +55,20 @@ impl Menu<'_> {
             mixed.abs() > 1e-6 * self.survey.slope[r]
         })
     }
+
+    /// Does the parameter multiply what it acts on? What grows when a mass or a capacity that divides becomes smaller saturates nowhere.
+    fn is_factor(&self, r: usize, index: usize) -> bool {
+        let at = |p: f64, (x, u): &(Vec<f64>, Vec<f64>)| {
+            let (mut parameters, mut d) = (self.plant.values(), vec![0.0; self.plant.states.len()]);
+            parameters[index] *= p;
+            (self.plant.flow)(&parameters, x, u, 0.0, &mut d);
+            d[r]
+        };
+        self.survey.points.iter().take(5).all(|point| {
+            let bent = at(1.5, point) - 2.0 * at(1.0, point) + at(0.5, point);
+            bent.abs() <= 1e-6 * self.survey.slope[r]
+        })
+    }
 }
 
 /// All effects of the second part that fit the plant.
@@ -186,7 +200,8 @@ fn rates(menu: &mut Menu, frame: &Frame, draw: &mut Draw) {
         let variable = Variable::Parameter(index);
         let Some(row) = menu.first_row(variable).filter(|_| !plant.parameters[index].certain) else { continue };
         let held: Vec<usize> = (0..plant.states.len()).filter(|&z| menu.is_product(row, index, z)).collect();
-        for z in held {
+        let is_factor = menu.is_factor(row, index);
+        for z in held.into_iter().filter(|_| is_factor) {
             let balance = plant.rows[row] == Row::Balance;
             let variables = vec![variable, Variable::State(z)];
             if balance && survey.low[z] >= 0.0 {

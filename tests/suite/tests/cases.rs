@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use gpsindy_suite::case::{Kind, draw_case};
+use gpsindy_suite::case::{Kind, draw_case, draw_named};
+use gpsindy_suite::effect::Variable;
 use gpsindy_suite::emit::{answer, files};
 
 #[test]
@@ -53,6 +54,24 @@ fn runs_have_the_sizes_that_are_promised() {
             assert!((200..=3000).contains(&run.log.len()));
             assert!(run.setup.times.windows(2).all(|t| t[1] > t[0]));
         }
+    }
+}
+
+#[test]
+fn what_saturates_multiplies_and_divides_nothing() {
+    for (seed, id) in [(12101, "slip"), (12104, "slip")] {
+        let case = draw_named(seed, Some(Kind::Second), Some(id)).unwrap();
+        let (effect, plant) = (&case.effects[0], &case.plant);
+        let Variable::Parameter(index) = effect.variables[0] else { panic!("{id} of no parameter") };
+        let (x, u) = &case.survey.points[0];
+        let rate = |factor: f64| {
+            let (mut parameters, mut rates) = (plant.values(), vec![0.0; plant.states.len()]);
+            parameters[index] *= factor;
+            (plant.flow)(&parameters, x, u, 0.0, &mut rates);
+            rates[effect.state]
+        };
+        let (more, less) = (rate(2.0) - rate(1.0), rate(1.0) - rate(0.0));
+        assert!((more - less).abs() <= 1e-9 * less.abs().max(1e-9), "{seed}: {} divides", plant.parameters[index].name);
     }
 }
 
