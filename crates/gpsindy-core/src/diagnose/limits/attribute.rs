@@ -8,6 +8,10 @@ pub(crate) const MOST_MOVES: usize = 12;
 /// at different digits differ by. Argument.
 pub(crate) const SWAP: f64 = 0.5;
 
+/// Share of the mean squared residual that moves must leave for longer rollouts to be tried before the next one: a tenth of it is what a better model could
+/// pile up in rollouts of several times the length. Convention.
+pub(crate) const MENDED: f64 = 0.1;
+
 /// Share of the gap below which an effect has no name while structure without one is left.
 ///
 /// Where the whole is not explained, its residual is no noise, and evidence that counts it as noise finds a use for

@@ -3,13 +3,14 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, NOISE, SWAP};
+use crate::diagnose::limits::{CONVINCING, MOST_MOVES, NAMED, NOISE, SWAP};
+use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
 use crate::diagnose::steps::attribution::places::{self, Place};
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::screen::nameless;
-use crate::diagnose::steps::attribution::search::{richer, search};
+use crate::diagnose::steps::attribution::search::{Found, richer, search};
 use crate::diagnose::steps::attribution::settle::{Settled, settle};
 use crate::diagnose::steps::attribution::simplify::{is_structured, strongest};
 use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat, counts};
@@ -25,8 +26,11 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     }
     let Suspected { nominal, first, nameless, detected } = suspected;
     let singles = first.singles();
-    let (found, round) = search(contest, &nominal, first)?;
-    let Settled { nominal, mut best, rests, left, notes, is_moved } = settle(contest, nominal, &found)?;
+    let Found { nominal, best: found, round, is_lengthened } = search(contest, nominal, first)?;
+    let Settled { nominal, mut best, rests, left, mut notes, is_moved } = settle(contest, nominal, &found)?;
+    if is_lengthened && !notes.contains(&Note::Lengthened) {
+        notes.push(Note::Lengthened);
+    }
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
@@ -43,16 +47,22 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
         if contest.run.is_out_of_time() || (is_again && next.hypotheses.len() >= best.hypotheses.len()) {
             break;
         }
-        best = next;
-        round = again(&best)?;
+        let is_same = is_exchange(contest, &best, &next);
+        let last = std::mem::replace(&mut best, next);
+        if is_same {
+            round.fits.push(last);
+        } else {
+            round = again(&best)?;
+        }
         places = places::places(contest, &nominal, &best, &round.fits, None)?;
-        if is_again {
+        if is_again || is_same {
             break;
         }
     }
     let left = if known.len() > 1 { self::nameless(contest, &best)? } else { left };
     let left = left_over(contest, &best, &left, &round);
-    let nameless = nameless.filter(|_| !is_moved).map_or_else(|| self::nameless(contest, &nominal), Ok)?;
+    let nameless =
+        nameless.filter(|_| !is_moved && !is_lengthened).map_or_else(|| self::nameless(contest, &nominal), Ok)?;
     let seat = |(hypothesis, place): (&Hypothesis, Place)| Seat {
         hypothesis: hypothesis.clone(),
         alternatives: place.fits,
@@ -61,6 +71,13 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     let seats = best.hypotheses.iter().zip(places).map(seat).collect();
     let outcome = Outcome { best, seats, singles, near: round.fits, left, screened: round.screened };
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false, notes })
+}
+
+/// Whether `next` is only another name for what `best` says beside a residual that is more than noise: what is one move away from the one is
+/// one move away from the other.
+fn is_exchange(contest: &Contest<'_>, best: &Contestant, next: &Contestant) -> bool {
+    let leaves_a_rest = best.evidence.misfit() > NOISE;
+    leaves_a_rest && next.hypotheses.len() == best.hypotheses.len() && contest.lead(next, best) <= CONVINCING
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.
@@ -75,9 +92,7 @@ fn moved(
     let own = best.hypotheses.len();
     let superfluous = |rest: &&Contestant| own > 1 && !contest.is_convincing(best, rest);
     let simpler = places.iter().filter_map(|place| place.rest.as_ref()).filter(superfluous);
-    // Where more than noise is left, an exchange must remove as much of the gap as an effect that has a name.
-    let is_worth = |fit: &Contestant| best.evidence.misfit() < NOISE || counts(nominal, fit, best, NAMED);
-    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP && is_worth(fit);
+    let is_better = |fit: &&Contestant| !fit.has_effects_of(best) && contest.lead(fit, best) > SWAP;
     let other = contest.best(places.iter().flat_map(|place| &place.fits).filter(is_better));
     // Where a rest is left anyhow, fewer effects explain it no better.
     let is_one_for_two =

@@ -1,23 +1,36 @@
-//! Search: from one set of effects to a better one, a move at a time.
+//! Search: from one set of effects to a better one, a move at a time, on rollouts that grow as the model gets better.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, NO_REST, NOISE, SWAP};
+use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, NOISE, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::attribution::settle::lengthen::lengthen;
 use crate::diagnose::steps::attribution::simplify::is_superfluous;
 use crate::diagnose::steps::findings::counts;
 use crate::error::Result;
 
-/// The set of effects from which no move leads to a better one, and the round that found none; `first` is the round at the nominal
-/// model.
-pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansion) -> Result<(Contestant, Expansion)> {
-    let (mut best, mut round) = (nominal.clone(), first);
+/// What a search ends with.
+pub(crate) struct Found {
+    /// The nominal model on the rollouts that the search ended on.
+    pub(crate) nominal: Contestant,
+    /// The set of effects from which no move leads to a better one.
+    pub(crate) best: Contestant,
+    /// The round that found none.
+    pub(crate) round: Expansion,
+    /// Whether the rollouts are longer than those of the first round.
+    pub(crate) is_lengthened: bool,
+}
+
+/// Moves from the nominal model to better sets of effects until none is left; `first` is the round at the nominal model.
+pub(crate) fn search(contest: &Contest<'_>, nominal: Contestant, first: Expansion) -> Result<Found> {
+    let (mut nominal, mut best, mut round, mut is_lengthened) = (nominal.clone(), nominal, first, false);
+    let mut looked_at = nominal.evidence.misfit();
     for number in 1..=MOST_MOVES {
         let Some(next) = better(contest, &best, &round.fits) else { break };
         let is_richer = next.hypotheses.len() > best.hypotheses.len();
         // What would be left out again at the end is not taken, for there may be no time for that.
-        let leaves_a_rest = || next.evidence.misfit() > NOISE && !counts(nominal, next, &best, NAMED);
-        if is_richer && (leaves_a_rest() || is_superfluous(contest, nominal, next, &best)?) {
+        let leaves_a_rest = || next.evidence.misfit() > NOISE && !counts(&nominal, next, &best, NAMED);
+        if is_richer && (leaves_a_rest() || is_superfluous(contest, &nominal, next, &best)?) {
             break;
         }
         // A round that was cut short has fitted neither its leaders nor what they stand beside to the end.
@@ -30,9 +43,17 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: &Contestant, first: Expansi
             round.fits.clear();
             break;
         }
-        round = expand(contest, nominal, &best, &format!("move {number}"))?;
+        // What is left of a gap that is mended for the most part shows better in longer rollouts.
+        if best.evidence.misfit() < MENDED * looked_at {
+            if let Some(longer) = lengthen(contest, &nominal, &best, PILED)? {
+                (nominal, best) = longer;
+                is_lengthened = true;
+            }
+            looked_at = best.evidence.misfit();
+        }
+        round = expand(contest, &nominal, &best, &format!("move {number}"))?;
     }
-    Ok((best, round))
+    Ok(Found { nominal, best, round, is_lengthened })
 }
 
 /// The best move: one more effect that convinces or another one that explains more, else one in the place of two that convince no more.

@@ -1,12 +1,12 @@
 //! Settle: the rollouts, tolerances, corners and integration steps by which causes are distinguished.
 
 mod charge;
-mod lengthen;
+pub(super) mod lengthen;
 mod sharpen;
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::substeps::exact;
-use crate::diagnose::limits::Budget;
+use crate::diagnose::limits::{Budget, STEADY};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -36,7 +36,7 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
     contest.run.begin("settling");
     let Pruned { best, rests } = pruned(contest, &nominal, found.clone())?;
     let (mut nominal, mut best, mut notes) = (nominal, best, Vec::new());
-    if let Some(longer) = lengthen(contest, &nominal, &best)? {
+    if let Some(longer) = lengthen(contest, &nominal, &best, STEADY)? {
         (nominal, best) = longer;
         notes.push(Note::Lengthened);
     }

@@ -1,17 +1,18 @@
 //! Lengthen: a better model allows longer rollouts, up to whole runs.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, PILED, STEADY};
+use crate::diagnose::limits::{Budget, PILED};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::logs::windows::{doubled, is_loud, stays_near};
 use crate::error::{Result, unless_refused};
 
-/// The nominal model and the winner on the longest rollouts on which the winner stays near the logs; none where these are the
-/// present ones.
+/// The nominal model and the winner on the longest rollouts on which the winner stays near the logs, and what it leaves grows no faster than
+/// `steady` from one length to the next; none where these are the present ones.
 pub(crate) fn lengthen(
     contest: &Contest<'_>,
     nominal: &Contestant,
     best: &Contestant,
+    steady: f64,
 ) -> Result<Option<(Contestant, Contestant)>> {
     let fitter = contest.fitter;
     let is_whole = nominal.experiment.windows.len() == nominal.experiment.logs.len();
@@ -22,7 +23,7 @@ pub(crate) fn lengthen(
     // From one length to the next, so that each fit starts near its end.
     while let Some(longer) = doubled(&moved.experiment).filter(|_| !contest.run.is_out_of_time()) {
         let Some(next) = unless_refused(fitter.on(&moved, &longer, Budget::Thorough))? else { break };
-        let growth = if moved.evidence.is_structured() { PILED } else { STEADY };
+        let growth = if moved.evidence.is_structured() { PILED } else { steady };
         let is_steady = next.evidence.misfit() <= growth * moved.evidence.misfit().max(1.0);
         let residuals = &next.refined.residuals;
         let is_near = stays_near(&next.experiment, residuals, &next.linearised()?.jacobian);
@@ -46,6 +47,7 @@ mod tests {
     use crate::diagnose::fit::fitter::{Fitter, starts, unsearched};
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fixture::drive;
+    use crate::diagnose::limits::STEADY;
     use crate::diagnose::run::Run;
     use crate::diagnose::steps::attribution::suspects::Suspects;
     use crate::model::System;
@@ -76,7 +78,8 @@ mod tests {
             random: false,
         };
         let contest = Contest::new(&run, fitter, suspects, 6);
-        let longer = lengthen(&contest, &nominal, &fit).unwrap().map_or_else(|| fit.clone(), |(_, longer)| longer);
+        let longer =
+            lengthen(&contest, &nominal, &fit, STEADY).unwrap().map_or_else(|| fit.clone(), |(_, longer)| longer);
         (nominal, fit, longer)
     }
 
