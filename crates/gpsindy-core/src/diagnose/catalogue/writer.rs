@@ -221,6 +221,15 @@ impl<'a> Writer<'a> {
         }
     }
 
+    /// Puts `replacement` in the place of a whole part, wherever it stands.
+    pub(crate) fn replace_part(&mut self, whole: &Expression, replacement: &Expression) {
+        let other = |part| if part == *whole { replacement.clone() } else { part };
+        for state in &mut self.model.states {
+            state.equation = state.equation.map(&other);
+            state.measured = state.measured.as_ref().map(|m| m.map(&other));
+        }
+    }
+
     /// A variable of the hypothesis.
     pub(crate) fn variable(&self, index: usize) -> Result<Expression> {
         let name = self.hypothesis.variables.get(index).ok_or_else(|| {

@@ -223,4 +223,23 @@ mod tests {
             assert!(contest.again_with(&nominal, &nominal, std::slice::from_ref(one)).unwrap().is_some());
         }
     }
+
+    #[test]
+    fn a_lag_follows_what_a_rate_limit_lets_pass_in_either_order() {
+        let (model, data) = drive(None, |x| 1.3 * x, 0.002, (2, 200));
+        let (fitter, nominal) = fitted(&model, &data, 0.002);
+        let run = Run::new(&Silent, None);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
+        let find = |id: &str| contest.hypotheses.iter().find(|h| h.id() == id).unwrap();
+        let entrant = |id: &str, value: f64| (unsearched(find(id)), vec![value]);
+        let orders = [["input_rate_limit", "input_lag"], ["input_lag", "input_rate_limit"]];
+        let written = orders.map(|ids| {
+            let hypotheses = ids.map(&find);
+            let applied = joint::apply(&hypotheses, nominal.system.model(), &contest.scene_of(&nominal)).unwrap();
+            applied.model.states.iter().map(|s| s.equation.to_string()).collect::<Vec<_>>()
+        });
+        assert_eq!(written[0], written[1]);
+        let both = [entrant("input_rate_limit", 5.0), entrant("input_lag", 0.05)];
+        assert!(contest.again_with(&nominal, &nominal, &both).unwrap().is_some());
+    }
 }
