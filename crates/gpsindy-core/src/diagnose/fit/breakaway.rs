@@ -7,8 +7,7 @@
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::breakaway::{LATTICE, NARROWED, RATIOS, WIDEST};
-use crate::diagnose::limits::{Budget, OF_A_HIT};
+use crate::diagnose::limits::{Budget, NARROWED, OF_A_HIT, RATIOS_AT_REST, STEPS_AT_REST, WIDEST_AT_REST};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, guess_initial, misses};
@@ -54,7 +53,7 @@ fn begun(
     let start = Point { parameters: point.parameters.clone(), initial: guess_initial(system, &short) };
     let Some(equal) = fitted(start)? else { return Ok(None) };
     let mut best = equal.clone();
-    for ratio in RATIOS {
+    for ratio in RATIOS_AT_REST {
         let mut other = equal.0.clone();
         // Where the levels are one it lies between the two.
         other.parameters[level] /= ratio.sqrt();
@@ -109,9 +108,9 @@ fn costs_around(
 ) -> Result<Vec<(f64, f64)>> {
     let others: Vec<Free> = free.iter().filter(|f| f.parameter != level).cloned().collect();
     let profile = Profile::new(system, experiment, (point, &others), None, None)?;
-    let half = LATTICE as f64 / 2.0;
+    let half = STEPS_AT_REST as f64 / 2.0;
     let factor = |i: usize| (width * (i as f64 - half) / half).exp();
-    let values: Vec<f64> = (0..=LATTICE).map(|i| point.parameters[level] * factor(i)).collect();
+    let values: Vec<f64> = (0..=STEPS_AT_REST).map(|i| point.parameters[level] * factor(i)).collect();
     let at = |&value: &f64| {
         let mut trial = point.clone();
         trial.parameters[level] = value;
@@ -127,7 +126,7 @@ pub(crate) fn least_distinguished(fit: &Contestant, (rest, added): &(usize, Adde
         return None;
     }
     let point = Point { parameters: fit.refined.parameters.clone(), initial: fit.refined.initial.clone() };
-    let costs = costs_around(&fit.system, &fit.experiment, (*rest, &fit.free), &point, WIDEST).ok()?;
+    let costs = costs_around(&fit.system, &fit.experiment, (*rest, &fit.free), &point, WIDEST_AT_REST).ok()?;
     let middle = costs.len() / 2;
     let is_worse = |&(_, cost): &(f64, f64)| cost > costs[middle].1 + least;
     let above = costs[middle..].iter().find(|c| is_worse(c))?.0;

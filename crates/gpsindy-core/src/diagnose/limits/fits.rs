@@ -54,6 +54,21 @@ pub(crate) const SHARP: f64 = 0.1;
 /// Share of a rollout in which a machine hits a stop once: of ten hits each then has a start of its own. Argument.
 pub(crate) const OF_A_HIT: f64 = 0.1;
 
+/// Ratios of the level at rest to that in motion from which the others are fitted: machines have up to about three, and the lattices reach from
+/// one to the next. Argument.
+pub(crate) const RATIOS_AT_REST: [f64; 4] = [1.2, 1.6, 2.2, 3.0];
+
+/// Largest ratio: a joint that takes more to start is jammed. Convention.
+pub(crate) const MOST_AT_REST: f64 = 5.0;
+
+/// Shares of the level to which lattices around it reach, one after the other, and their steps: each reaches beyond the neighbours of the one
+/// before. Argument.
+pub(crate) const NARROWED: [f64; 3] = [0.25, 0.06, 0.015];
+pub(crate) const STEPS_AT_REST: usize = 16;
+
+/// Share of the level to which its interval is looked for. Convention.
+pub(crate) const WIDEST_AT_REST: f64 = 0.4;
+
 /// Mean squared residual (noise units) that no sensor's noise has, however coloured.
 ///
 /// First-order noise with innovations of one, as differences of samples see them, and a coefficient of 0.975 has

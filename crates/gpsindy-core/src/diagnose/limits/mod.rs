@@ -8,7 +8,6 @@
 //! defines an effect: its starts, ranges and planted sizes, in its file of the catalogue. `tests/limits.rs` checks all of it.
 
 mod attribute;
-pub(crate) mod breakaway;
 pub(crate) mod catalogue;
 mod contest;
 pub(crate) mod curves;

@@ -8,7 +8,7 @@ use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
-use crate::diagnose::limits::breakaway::MOST;
+use crate::diagnose::limits::MOST_AT_REST;
 use crate::error::Result;
 use crate::expression::{Expression, Function};
 
@@ -51,7 +51,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (rate, small, unit) = (writer.rate(), writer.small(), writer.unit_of_rate());
     let c = writer.add("c", 0.0, rate, POSITIVE, &unit);
     let s = writer.add_level_at_rest("s", rate, &unit);
-    let [one, most] = [1.0, MOST].map(Expression::Number);
+    let [one, most] = [1.0, MOST_AT_REST].map(Expression::Number);
     let ratio = Expression::Call(Function::Clamp, vec![s.over(c.clone()), one, most]);
     writer.add_term(writer.form("-c*breakaway(z, ratio)", &[("c", c), ("ratio", ratio)])?);
     Ok(vec![amplitude(&[small, 0.0])])
