@@ -38,7 +38,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
     (
         "identify",
         &[
-            &["limits", "notes", "settings", "result", "names", "equations", "evidence"],
+            &["limits", "notes", "outlook", "settings", "result", "names", "equations", "evidence"],
             &["excerpt", "prepare"],
             &["algorithm1"],
             &["velocities", "report"],

@@ -44,12 +44,25 @@ def is_silent(set_name, line):
     return line["equations"] is not None and not line["noted"]
 
 
+def is_beyond_reach(set_name, line, lines):
+    """Whether the true equations do no better: MDBench puts noisy states into them, and what that costs is no fault of a model."""
+    same = (other for other in lines if (other["system"], other.get("snr")) == (line["system"], line.get("snr")))
+    return set_name == "mdbench" and any(other["method"] == "truth" and is_worse_than_the_mean(set_name, other) for other in same)
+
+
 def silent():
-    rows = ["| set | runs | worse than the mean | of these, without a warning |", "| --- | --- | --- | --- |"]
+    rows = [
+        "| set | runs | worse than the mean | of these, the truth too | of the rest, without a warning | runs that are better, with a warning |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for name in ("odebench", "mdbench", "nonlinear"):
-        own = [line for line in results_of(name) if line["method"] == "gpsindy"]
+        lines = results_of(name)
+        own = [line for line in lines if line["method"] == "gpsindy"]
         bad = [line for line in own if is_worse_than_the_mean(name, line)]
-        rows.append(f"| {name} | {len(own)} | {len(bad)} | {sum(is_silent(name, line) for line in bad)} |")
+        rest = [line for line in bad if not is_beyond_reach(name, line, lines)]
+        unsaid = sum(is_silent(name, line) for line in rest)
+        warned = sum(not is_silent(name, line) for line in own if line not in bad)
+        rows.append(f"| {name} | {len(own)} | {len(bad)} | {len(bad) - len(rest)} | {unsaid} | {warned} of {len(own) - len(bad)} |")
     return "\n".join(rows)
 
 

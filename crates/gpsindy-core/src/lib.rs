@@ -147,8 +147,8 @@ pub use differentiate::{Derivatives, Differentiation, Prediction, RunDerivatives
 pub use error::{Error, Result};
 pub use expression::Expression;
 pub use identify::{
-    Author, AuthorResult, Choice, Delay, DelayReport, Estimate, Fidelity, Identification, Identify, Note, Online,
-    OnlineSettings, Regression, StateReport, Target,
+    Author, AuthorResult, Choice, Delay, DelayReport, Doubt, Estimate, Exchange, Fidelity, Identification, Identify,
+    LeftOut, Note, Online, OnlineSettings, Outlook, Regression, StateReport, Target,
 };
 pub use model::{
     Control, Dynamics, Export, IdentificationRecord, Input, InputKind, Language, Model, Parameter, Port, Rows,

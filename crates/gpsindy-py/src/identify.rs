@@ -158,10 +158,17 @@ pub(crate) fn report(py: Python<'_>, found: Identification) -> PyResult<(PyModel
     });
     report.set_item("states", states.collect::<PyResult<Vec<_>>>()?)?;
     report.set_item("poor", found.is_poor())?;
+    report.set_item("exchangeable", exchangeable(&found))?;
     let delays = found.delays.into_iter().map(|d| (d.control, d.delay, d.standard_error));
     report.set_item("delays", delays.collect::<Vec<_>>())?;
     report.set_item("window", found.window)?;
     report.set_item("hold", if found.hold == Hold::Linear { "linear" } else { "zero" })?;
     report.set_item("notes", found.notes.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     Ok((found.model.into(), report))
+}
+
+/// State, its term, and a term that could stand there.
+fn exchangeable(found: &Identification) -> Vec<(String, String, String)> {
+    let pairs = found.outlook.iter().flat_map(|outlook| &outlook.exchangeable);
+    pairs.map(|pair| (pair.state.clone(), pair.term.clone(), pair.other.clone())).collect()
 }

@@ -3,22 +3,23 @@
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::excerpt::{self, Excerpt};
-use crate::identify::limits::{MOST_SAMPLES, WINDOW};
+use crate::identify::limits::WINDOW;
 use crate::identify::notes::Note;
 use crate::identify::settings::Identify;
 
-/// The windows of the training part to learn from, and what to say of the rest; none where the logs are short enough.
-pub(crate) fn excerpt(settings: &Identify, data: &Dataset) -> Result<Option<(Dataset, Note)>> {
+/// The windows of the training part to learn from, about `most` samples, and what to say of the rest; none where the logs are short
+/// enough.
+pub(crate) fn excerpt(settings: &Identify, data: &Dataset, most: usize) -> Result<Option<(Dataset, Note)>> {
     let ends = data.runs().iter().map(|run| run.time.partition_point(|&t| t <= settings.training_end(run)));
     let ends: Vec<usize> = ends.collect();
     let total: usize = ends.iter().sum();
-    if total <= MOST_SAMPLES {
+    if total <= most {
         return Ok(None);
     }
     let derivatives = settings.derivatives.iter().map(|(_, column)| column);
     let names = settings.states.iter().chain(&settings.controls).chain(derivatives);
     let columns: Vec<usize> = names.filter_map(|name| data.index_of(name).ok()).collect();
-    let Excerpt { data, windows, of } = excerpt::excerpt(data, &columns, &ends, (WINDOW, MOST_SAMPLES))?;
+    let Excerpt { data, windows, of } = excerpt::excerpt(data, &columns, &ends, (WINDOW, most))?;
     let note = Note::Excerpt { samples: total, used: data.n_samples(), windows, of };
     Ok(Some((data, note)))
 }
@@ -28,6 +29,7 @@ pub(crate) fn excerpt(settings: &Identify, data: &Dataset) -> Result<Option<(Dat
 mod tests {
     use super::*;
     use crate::data::{Channel, Run};
+    use crate::identify::limits::MOST_SAMPLES;
     use faer::Mat;
 
     #[test]
@@ -42,7 +44,7 @@ mod tests {
         };
         let data = Dataset::new(vec![Channel::new("x")], vec![run.clone()]).unwrap();
         let settings = Identify { states: vec!["x".into()], ..Identify::default() };
-        let (kept, note) = excerpt(&settings, &data).unwrap().unwrap();
+        let (kept, note) = excerpt(&settings, &data, MOST_SAMPLES).unwrap().unwrap();
         assert!(kept.n_samples() <= MOST_SAMPLES + WINDOW);
         let last = 0.001 * (n - n / 10) as f64;
         let moving = kept.runs().iter().filter(|run| run.time[run.n_samples() - 1] > last).count();
@@ -52,9 +54,10 @@ mod tests {
         assert!(kept.runs()[1].name.starts_with("long from "));
         assert!(note.to_string().contains("most exciting ones"), "{note}");
         // What is held out is never looked at.
-        let (kept, _) = excerpt(&Identify { train_fraction: 0.5, ..settings.clone() }, &data).unwrap().unwrap();
+        let (kept, _) =
+            excerpt(&Identify { train_fraction: 0.5, ..settings.clone() }, &data, MOST_SAMPLES).unwrap().unwrap();
         assert!(kept.runs().iter().all(|run| run.time[run.n_samples() - 1] <= 0.0005 * n as f64));
         let short = data.filter_samples(|_, t| t < 0.1).unwrap();
-        assert!(excerpt(&settings, &short).unwrap().is_none());
+        assert!(excerpt(&settings, &short, MOST_SAMPLES).unwrap().is_none());
     }
 }

@@ -6,48 +6,45 @@ use crate::error::{Result, unless_cancelled};
 use crate::identify::algorithm1::Algorithm1;
 use crate::identify::algorithm1::regress::Regressed;
 use crate::identify::equations::Equations;
-use crate::identify::limits::{EXACT, GROWN, MOST_GROWN, ON_COURSE, POSITIVE, WORTH_MORE};
+use crate::identify::limits::{DEPENDENT_SHARE, EXACT, GROWN, MOST_GROWN, ON_COURSE, POSITIVE, WORTH_MORE};
 use crate::identify::notes::Note;
+use crate::identify::searched::Searched;
 use crate::identify::settings::Identify;
 use crate::identify::support::scope::{Member, Scope};
 use crate::library::{Library, LibrarySettings};
 use std::cmp::Ordering;
-
-/// What a larger library led to.
-pub(crate) struct Grown {
-    pub(crate) settings: Identify,
-    pub(crate) done: Algorithm1,
-    /// None where the regression itself predicts whole runs best.
-    pub(crate) member: Option<Member>,
-    pub(crate) notes: Vec<Note>,
-}
 
 impl Scope<'_> {
     /// Whether a larger library may explain the logs better: the equations leave more than the noise, or follow no whole run although
     /// they could.
     pub(crate) fn leaves_structure(&self, found: &Member) -> Result<bool> {
         let is_short = found.window < self.motion.longest_run();
-        Ok(self.leaves_more(found, WORTH_MORE) || (is_short && !self.is_unforeseeable(found)?))
+        // What follows itself from sample to sample is no noise, whatever the smoother holds for it.
+        let is_noise = found.trial.share > DEPENDENT_SHARE;
+        Ok(self.leaves_more(found, WORTH_MORE, is_noise) || (is_short && !self.is_unforeseeable(found)?))
     }
 
-    /// Whether some column is left with more than its noise and this share of its spread.
-    fn leaves_more(&self, found: &Member, least: f64) -> bool {
+    /// Whether some column is left with more than its noise, where it is one, and this share of its spread.
+    fn leaves_more(&self, found: &Member, least: f64, is_noise: bool) -> bool {
         let columns = found.trial.noise.iter().zip(&self.motion.noise).zip(&self.motion.spread);
         // Noise that small is the smoother's own limit, not the log's.
-        let noise = |noise: f64, spread: f64| if noise > EXACT * spread { ON_COURSE * noise } else { 0.0 };
+        let noise = |noise: f64, spread: f64| if is_noise && noise > EXACT * spread { ON_COURSE * noise } else { 0.0 };
         let mut left = columns.map(|((left, own), spread)| *left > noise(*own, *spread).max(least * spread));
         left.any(|left| left)
     }
 
     /// The equations of a larger library, where they are clearly better than `base`, or than the regression where nothing refined predicts
     /// whole runs as well.
-    pub(crate) fn grown(&self, base: (&Regressed, Option<&Member>)) -> Result<Option<Grown>> {
+    pub(crate) fn grown(&self, base: (&Regressed, Option<&Member>)) -> Result<Option<Searched>> {
         let Some(library) = larger(self.settings, &self.logs.data)? else { return Ok(None) };
         let settings = Identify { library, grow: false, ..self.settings.clone() };
         let done = Algorithm1::with_library_of(&settings, (self.logs, self.motion), self.progress);
         // None: a term that has no value somewhere on the smoothed path.
         let Some(done) = unless_cancelled(done)? else { return Ok(None) };
-        let done = settings.chosen(done, self.progress)?;
+        let mut done = settings.chosen(done, self.progress)?;
+        if let (_, Some(base)) = base {
+            done.timings = done.timings.of(base.hold);
+        }
         let mut notes = Vec::new();
         let scope = Scope::new(&settings, &done, self.progress);
         let member = scope.equations(&done.regressed, &mut notes)?;
@@ -55,8 +52,13 @@ impl Scope<'_> {
             return Ok(None);
         }
         let equations = member.as_ref().map_or(&done.regressed.equations, |member| &member.trial.equations);
-        notes.push(Note::Grown { terms: beyond(equations, &self.logs.frame.library) });
-        Ok(Some(Grown { settings, done, member, notes }))
+        notes.push(self.grown_note(equations));
+        Ok(Some(Searched { settings, done, member, notes }))
+    }
+
+    /// The remark on equations of a larger library.
+    fn grown_note(&self, equations: &Equations) -> Note {
+        Note::Grown { terms: beyond(equations, &self.logs.frame.library) }
     }
 
     /// Whether what another library led to predicts whole runs better than `base`; or as well, and leaves nothing, and explains the logs
@@ -79,7 +81,7 @@ impl Scope<'_> {
         Ok(other.fitter(member.hold).lead(&grown, &own) > GROWN
             && match compared {
                 Ordering::Less => false,
-                Ordering::Equal => !other.leaves_more(member, EXACT),
+                Ordering::Equal => !other.leaves_more(member, EXACT, true),
                 Ordering::Greater => true,
             })
     }

@@ -13,9 +13,11 @@ mod limits;
 mod names;
 mod notes;
 mod online;
+mod outlook;
 mod prepare;
 mod report;
 mod result;
+mod searched;
 mod settings;
 mod support;
 mod velocities;
@@ -24,6 +26,7 @@ pub use author::{Author, AuthorResult};
 pub use names::Regression;
 pub use notes::Note;
 pub use online::{Estimate, Online, OnlineSettings};
+pub use outlook::{Doubt, Exchange, LeftOut, Outlook};
 pub use result::{DelayReport, Fidelity, Identification, StateReport};
 pub use settings::{Choice, Delay, Identify, Target};
 
@@ -34,8 +37,10 @@ use crate::refine::Hold;
 use algorithm1::Algorithm1;
 use algorithm1::regress::inclusion;
 use excerpt::excerpt;
+use limits::{MOST_SAMPLES, SEARCHED};
 use report::report;
-use support::scope::{Member, Scope};
+use searched::Searched;
+use support::scope::Scope;
 
 impl Identify {
     /// Learns the equations of `data`.
@@ -47,45 +52,51 @@ impl Identify {
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
-        let Some((part, note)) = excerpt(self, data)? else { return self.fit_all(data, progress) };
+        let Some((part, note)) = excerpt(self, data, MOST_SAMPLES)? else { return self.fit_all(data, progress) };
         let mut found = Self { train_fraction: 1.0, ..self.clone() }.fit_all(&part, progress)?;
         found.notes.insert(0, note);
         Ok(found)
     }
 
-    /// Learns from all samples.
+    /// Learns from all samples; the terms are looked for in an excerpt where there are many.
     fn fit_all(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
+        let part = if self.refine { excerpt(self, data, SEARCHED)? } else { None };
+        let Some((part, _)) = part else { return self.searched(data, progress)?.identification(progress) };
+        let searched = Self { train_fraction: 1.0, ..self.clone() }.searched(&part, progress)?;
+        match searched.fitted_to(self, data, progress)? {
+            Some(whole) => whole.identification(progress),
+            None => self.searched(data, progress)?.identification(progress),
+        }
+    }
+
+    /// Algorithm 1 and the equations of the best evidence.
+    fn searched(&self, data: &Dataset, progress: &dyn Progress) -> Result<Searched> {
         let done = self.chosen(Algorithm1::run(self, data, progress)?, progress)?;
         let mut notes = Vec::new();
         if !self.refine {
-            return self.finished(&done, None, notes, progress);
+            return Ok(Searched { settings: self.clone(), done, member: None, notes });
         }
         let scope = Scope::new(self, &done, progress);
-        let found = scope.equations(&done.regressed, &mut notes)?;
-        if self.grow
-            && found.as_ref().map_or(Ok(true), |found| scope.leaves_structure(found))?
-            && let Some(grown) = scope.grown((&done.regressed, found.as_ref()))?
-        {
-            return grown.settings.finished(&grown.done, grown.member, grown.notes, progress);
+        let member = scope.equations(&done.regressed, &mut notes)?;
+        if !self.grow || !member.as_ref().map_or(Ok(true), |found| scope.leaves_structure(found))? {
+            return Ok(Searched { settings: self.clone(), done, member, notes });
         }
-        self.finished(&done, found, notes, progress)
+        let grown = scope.grown((&done.regressed, member.as_ref()))?;
+        Ok(grown.unwrap_or_else(|| Searched { settings: self.clone(), done, member, notes }))
     }
+}
 
+impl Searched {
     /// The result: what was found, or the regression where the refinement found nothing better.
-    fn finished(
-        &self,
-        done: &Algorithm1,
-        found: Option<Member>,
-        mut notes: Vec<Note>,
-        progress: &dyn Progress,
-    ) -> Result<Identification> {
-        let scope = Scope::new(self, done, progress);
-        let found = match found {
+    fn identification(self, progress: &dyn Progress) -> Result<Identification> {
+        let Self { settings, done, member, mut notes } = self;
+        let scope = Scope::new(&settings, &done, progress);
+        let found = match member {
             Some(found) => scope.weighed(found, &mut notes)?,
-            None => scope.unrefined(&done.regressed, inclusion(self, &done.regressed, &done.rows)?)?,
+            None => scope.unrefined(&done.regressed, inclusion(&settings, &done.regressed, &done.rows)?)?,
         };
         let mut notes = [done.motion.notes.clone(), done.logs.notes.clone(), notes].concat();
-        if self.hold.is_none() && found.hold == Hold::Linear {
+        if settings.hold.is_none() && found.hold == Hold::Linear {
             notes.push(Note::Interpolated);
         }
         Ok(report(found, &done.regressed.chosen, &done.motion.kernels, notes))

@@ -1,6 +1,8 @@
 //! Notes of an identification, as data; surfaces add the names of their own options.
 
 use crate::gp::Weakness;
+use crate::identify::limits::outlook::SHOWN;
+use crate::identify::outlook::Exchange;
 use std::fmt;
 
 /// A remark about an identification.
@@ -73,8 +75,34 @@ pub enum Note {
         /// The time, s.
         within: f64,
     },
+    /// Fitted to the first part of the logs, the equations do not foretell the last part, whose states are new.
+    Beyond,
+    /// Other equations explain the logs about as well, and predict something else from other starts.
+    Open {
+        /// Share of the predictions, from 0 to 1.
+        share: f64,
+        /// Terms that could take each other's place.
+        exchangeable: Vec<Exchange>,
+    },
+    /// The equations diverge from starts in and around what was logged.
+    Diverging {
+        /// Share of the starts, from 0 to 1.
+        share: f64,
+    },
+    /// A difference of the size of the noise outgrows the motion.
+    Unstable {
+        /// Share of the starts, from 0 to 1.
+        share: f64,
+    },
     /// The controls look interpolated between samples.
     Interpolated,
+}
+
+/// Percents of a whole. Exact.
+const PERCENTS: f64 = 100.0;
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", PERCENTS * share)
 }
 
 impl fmt::Display for Note {
@@ -128,6 +156,30 @@ impl fmt::Display for Note {
             Self::Unpredictable { within } => write!(
                 f,
                 "small differences grow a million times within {within:.3} s: the motion is unstable or chaotic, so rollouts over whole logs are a poor test of the equations"
+            ),
+            Self::Beyond => f.write_str(
+                "fitted to the first three quarters of the logs, the equations predict the last quarter, whose states are new, worse than its mean; use them within the logged range only",
+            ),
+            Self::Open { share, exchangeable } => {
+                write!(
+                    f,
+                    "equations that explain the logs as well predict something else in {} of the runs that start in or around what was logged; log runs from other starts",
+                    percent(*share)
+                )?;
+                let shown = exchangeable.iter().take(SHOWN);
+                let pairs: Vec<String> =
+                    shown.map(|e| format!("`{}` for `{}` in {}'", e.other, e.term, e.state)).collect();
+                if pairs.is_empty() { Ok(()) } else { write!(f, " (it may be {})", pairs.join(", ")) }
+            }
+            Self::Diverging { share } => write!(
+                f,
+                "the equations diverge from {} of the starts in and around what was logged; use them near the logged motion only, or log runs from other starts",
+                percent(*share)
+            ),
+            Self::Unstable { share } => write!(
+                f,
+                "differences of the size of the noise outgrow the motion from {} of the starts in and around what was logged: the motion is unstable or chaotic there, so no equations predict whole runs",
+                percent(*share)
             ),
             Self::Interpolated => f.write_str("the controls look interpolated between samples, not held"),
         }

@@ -3,6 +3,7 @@
 use crate::identify::algorithm1::regress::Chosen;
 use crate::identify::equations::Equations;
 use crate::identify::notes::Note;
+use crate::identify::outlook::Outlook;
 use crate::identify::result::{DelayReport, Fidelity, Identification, StateReport};
 use crate::model::IdentificationRecord;
 use crate::refine::Hold;
@@ -21,6 +22,7 @@ pub(crate) struct Found {
     pub(crate) window: Option<f64>,
     pub(crate) hold: Hold,
     pub(crate) fidelity: Option<Fidelity>,
+    pub(crate) outlook: Option<Outlook>,
 }
 
 /// `chosen` is the regression of every state whose equation was not given, `kernels` those of the smoother.
@@ -56,5 +58,14 @@ pub(crate) fn report(found: Found, chosen: &[Option<Chosen>], kernels: &[String]
         lambda: states.iter().map(|s| s.level.unwrap_or(0.0)).collect(),
         hold: (!equations.controls.is_empty()).then_some(found.hold),
     });
-    Identification { model, states, delays, window: found.window, hold: found.hold, fidelity: found.fidelity, notes }
+    Identification {
+        model,
+        states,
+        delays,
+        window: found.window,
+        hold: found.hold,
+        fidelity: found.fidelity,
+        outlook: found.outlook,
+        notes,
+    }
 }

@@ -1,6 +1,7 @@
 //! The result of an identification.
 
 use crate::identify::notes::Note;
+use crate::identify::outlook::{LeftOut, Outlook};
 use crate::model::Model;
 use crate::refine::Hold;
 
@@ -21,15 +22,22 @@ pub struct Identification {
     /// How far rollouts lie from the logs that were learnt from; none of a log that was followed as it grew, and where no
     /// state moves.
     pub fidelity: Option<Fidelity>,
+    /// What the logs leave open.
+    pub outlook: Option<Outlook>,
     /// What a reader of the result should know.
     pub notes: Vec<Note>,
 }
 
 impl Identification {
     /// Whether the model predicts the very logs that it was learnt from no better than the mean of each column, or than
-    /// standing still.
+    /// standing still; or, fitted to their first part, the last part clearly worse than its mean.
     pub fn is_poor(&self) -> bool {
-        self.fidelity.is_some_and(|fidelity| fidelity.is_poor())
+        self.fidelity.is_some_and(|fidelity| fidelity.is_poor()) || self.left_out().is_some_and(|part| part.is_poor())
+    }
+
+    /// How the model foretells a part of the logs that it was not fitted to, where that was tried.
+    pub fn left_out(&self) -> Option<LeftOut> {
+        self.outlook.as_ref().and_then(|outlook| outlook.left_out)
     }
 }
 

@@ -111,6 +111,18 @@ impl Reduced {
         refit(&self.a, &self.b, support).variance.iter().map(|v| noise * v.sqrt()).collect()
     }
 
+    /// The same problem with what a refit on `support` says for its target, and errors of the rows that `noise` draws; what no
+    /// column can explain stays.
+    pub(crate) fn redrawn(&self, support: &[usize], mut noise: impl FnMut() -> f64) -> Self {
+        let fit = self.refit(support);
+        let left = residual(&self.a, &self.b, &fit.coefficients);
+        let p = self.n_terms();
+        let is_reduced = self.n_rows > self.a.nrows();
+        let value = |(i, (b, left)): (usize, (&f64, &f64))| if is_reduced && i == p { *b } else { b - left + noise() };
+        let b = self.b.iter().zip(&left).enumerate().map(value).collect();
+        Self { b, ..self.clone() }
+    }
+
     /// The smallest lambda at which the LASSO keeps no term: `max_j |a_j' b| / s_j`, `s_j` the norm of the column where
     /// `scale_columns`, else 1.
     pub fn lambda_max(&self, scale_columns: bool) -> f64 {

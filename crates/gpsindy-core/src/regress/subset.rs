@@ -146,15 +146,27 @@ pub(crate) struct Gains {
     square: f64,
 }
 
+/// The columns at unit norm; one without any is zero.
+fn scaled_columns(problem: &Reduced) -> Mat<f64> {
+    let mut a = problem.a.clone();
+    for (j, &norm) in problem.norms().iter().enumerate() {
+        let factor = if norm > 0.0 { norm.recip() } else { 0.0 };
+        a.col_as_slice_mut(j).iter_mut().for_each(|v| *v *= factor);
+    }
+    a
+}
+
 impl Gains {
     pub(crate) fn new(problem: &Reduced) -> Self {
-        let mut a = problem.a.clone();
-        for (j, &norm) in problem.norms().iter().enumerate() {
-            let factor = if norm > 0.0 { norm.recip() } else { 0.0 };
-            a.col_as_slice_mut(j).iter_mut().for_each(|v| *v *= factor);
-        }
+        let a = scaled_columns(problem);
         let correlations = transposed_times(&a, &problem.b);
         Self { gram: gram(a.as_ref()), correlations, square: problem.target_square() }
+    }
+
+    /// Those of `problem`, which has the same columns and another target.
+    pub(crate) fn of_target(&self, problem: &Reduced) -> Self {
+        let correlations = transposed_times(&scaled_columns(problem), &problem.b);
+        Self { gram: self.gram.clone(), correlations, square: problem.target_square() }
     }
 
     /// By how much the residual would fall if each term joined `support` (0 for members), and the residual of `support`.

@@ -1,7 +1,7 @@
 //! The result of an identification, for the screen and as JSON.
 
 use crate::text::{aligned, count, short};
-use gpsindy_core::{Dataset, Hold, Identification, Note, Score, StateError};
+use gpsindy_core::{Dataset, Hold, Identification, Note, Outlook, Score, StateError};
 use serde_json::json;
 
 /// What a score was taken on.
@@ -42,7 +42,17 @@ impl On {
 
 /// In what way the model is poor, where it is.
 pub(super) fn poor(found: &Identification) -> Option<String> {
-    let fidelity = found.fidelity.filter(|fidelity| fidelity.is_poor())?;
+    let Some(fidelity) = found.fidelity.filter(|fidelity| fidelity.is_poor()) else {
+        let part = found.left_out().filter(|part| part.is_poor())?;
+        let mean = short(part.mean);
+        return Some(match part.error {
+            None => "the model, fitted to the first three quarters of the logs, diverges in the last quarter".into(),
+            Some(error) => format!(
+                "the model, fitted to the first three quarters of the logs, predicts the last quarter worse than its mean: relative error {} against {mean}",
+                short(error)
+            ),
+        });
+    };
     let length = short(fidelity.length);
     Some(match fidelity.error {
         None => format!("the model diverges in rollouts of {length} s over its training logs"),
@@ -182,6 +192,18 @@ pub(crate) fn as_json(found: &Identification, fit: Option<&Fit>) -> serde_json::
         "scored_on": fit.map(|fit| fit.on.name()),
         "poor": found.is_poor(),
         "fidelity": found.fidelity.map(|f| json!({"length": f.length, "error": f.error, "still": f.still})),
+        "outlook": found.outlook.as_ref().map(outlook_as_json),
         "notes": found.notes.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+fn outlook_as_json(outlook: &Outlook) -> serde_json::Value {
+    let pairs = outlook.exchangeable.iter().map(|e| json!({"state": e.state, "term": e.term, "other": e.other}));
+    json!({
+        "left_out": outlook.left_out.map(|part| json!({"error": part.error, "mean": part.mean})),
+        "diverging": outlook.doubt.diverging,
+        "open": outlook.doubt.open,
+        "unstable": outlook.doubt.unstable,
+        "exchangeable": pairs.collect::<Vec<_>>(),
     })
 }

@@ -44,6 +44,17 @@ impl Timings {
     }
 }
 
+impl Timings {
+    /// What belongs to `hold` alone; all where nothing does.
+    pub(crate) fn of(&self, hold: Hold) -> Self {
+        let own = self.iter().find(|timing| timing.hold == hold);
+        own.map_or_else(
+            || self.clone(),
+            |own| Self { best: Timing { unlikely: false, ..own.clone() }, others: Vec::new() },
+        )
+    }
+}
+
 /// What a regression leaves.
 #[derive(Debug, Clone, Copy)]
 struct Misfit {

@@ -45,6 +45,7 @@ pub(super) fn report(
         window: None,
         hold: settings.hold,
         fidelity: None,
+        outlook: None,
     };
     let kernels: Vec<String> = smoothing.fits.iter().map(|fit| fit.kernel.to_string()).collect();
     Ok(crate::identify::report::report(found, &chosen, &kernels, notes))

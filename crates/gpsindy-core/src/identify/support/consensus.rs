@@ -51,7 +51,10 @@ impl Scope<'_> {
     /// stay near the logs and agree best with the others.
     pub(crate) fn agree(&self, found: Member, starts: &[Equations], notes: &mut Vec<Note>) -> Result<Member> {
         let shortest = self.motion.shortest_window();
-        let search = |share: &f64| self.search(starts, Rollouts::Fixed(share * shortest));
+        let held = self.timings.of(found.hold);
+        let mut alone: Scope<'_> = *self;
+        alone.timings = &held;
+        let search = |share: &f64| alone.search(starts, Rollouts::Fixed(share * shortest));
         let others = parallel::try_map(&SHARES, search)?;
         let mut members = vec![found];
         for other in others.into_iter().flatten() {

@@ -1,8 +1,11 @@
 //! Rollouts linearised in every candidate coefficient at a fit: which supports promise a better fit, and its start values.
 
 use crate::error::Result;
+use crate::identify::equations::Equations;
 use crate::identify::evidence::price;
+use crate::identify::limits::outlook::EXCHANGEABLE;
 use crate::identify::limits::{EXCHANGES, MOVES, ROUNDING, ROUNDS, WORTH_A_TRY};
+use crate::identify::outlook::Exchange;
 use crate::identify::support::fit::{Fitter, Trial};
 use crate::identify::support::sensitivity::Course;
 use crate::refine::Jacobian;
@@ -120,7 +123,12 @@ impl Linear {
 
     /// All single moves from `active` with what they would change in the evidence, best first.
     pub(crate) fn moves(&self, active: &[usize]) -> Vec<(f64, Vec<usize>)> {
-        let (gain, now) = self.gains.beside(&self.with_always(active));
+        self.moves_of(&self.gains, active)
+    }
+
+    /// The same where the target is another one.
+    fn moves_of(&self, gains: &Gains, active: &[usize]) -> Vec<(f64, Vec<usize>)> {
+        let (gain, now) = gains.beside(&self.with_always(active));
         let mut moves = Vec::new();
         let open = |j: &usize| !active.contains(j);
         for j in (0..self.candidates.len()).filter(open) {
@@ -131,7 +139,7 @@ impl Linear {
         for place in (0..active.len()).filter(|&place| !self.kept.contains(&active[place])) {
             let mut without = active.to_vec();
             without.remove(place);
-            let (gain, left) = self.gains.beside(&self.with_always(&without));
+            let (gain, left) = gains.beside(&self.with_always(&without));
             let saved = left - now - self.prices[active[place]];
             moves.push((saved, without.clone()));
             let mut order: Vec<usize> = (0..self.candidates.len()).filter(open).collect();
@@ -159,6 +167,47 @@ impl Linear {
             .collect();
         drops.sort_by(|x, y| x.0.total_cmp(&y.0));
         drops.into_iter().map(|(_, support)| support).collect()
+    }
+
+    /// The support (numbers of candidates) and the coefficients (n x p) that the linear problem would have led to with other noise;
+    /// `noise` draws errors of the rows.
+    pub(crate) fn redrawn(&self, noise: impl FnMut() -> f64) -> (Vec<usize>, Vec<Vec<f64>>) {
+        let problem = self.problem.redrawn(&self.with_always(&self.active), noise);
+        let gains = self.gains.of_target(&problem);
+        let mut support = self.active.clone();
+        for _ in 0..ROUNDS {
+            match self.moves_of(&gains, &support).into_iter().next() {
+                Some((change, next)) if change < -ROUNDING => support = next,
+                _ => break,
+            }
+        }
+        let fit = problem.refit(&self.with_always(&support));
+        let coefficients = self.by_equation(&support, &fit.coefficients);
+        (support, coefficients)
+    }
+
+    /// Pairs of terms of one equation that explain the logs about as well, `share` of their values being independent.
+    pub(crate) fn exchangeable(&self, share: f64, equations: &Equations) -> Vec<Exchange> {
+        let names = equations.library.names();
+        let near = self.moves(&self.active).into_iter().take_while(|(change, _)| share * change < EXCHANGEABLE);
+        let pair = |(_, support): (f64, Vec<usize>)| {
+            let out = self.active.iter().copied().find(|k| !support.contains(k))?;
+            let new = support.iter().copied().find(|k| !self.active.contains(k))?;
+            let ((s, term), (other_state, other)) = (self.candidates[out], self.candidates[new]);
+            let state = equations.states[s].0.clone();
+            (s == other_state).then(|| Exchange { state, term: names[term].into(), other: names[other].into() })
+        };
+        near.filter_map(pair).collect()
+    }
+
+    /// Values one a candidate as one a term of each equation (n x p), 0 outside `support`.
+    fn by_equation(&self, support: &[usize], values: &[f64]) -> Vec<Vec<f64>> {
+        let mut coefficients = vec![vec![0.0; self.shape.1]; self.shape.0];
+        for &k in support {
+            let (s, j) = self.candidates[k];
+            coefficients[s][j] = values[k];
+        }
+        coefficients
     }
 
     fn least_price(&self) -> f64 {
@@ -194,11 +243,7 @@ impl Linear {
     /// The linear problem's coefficients on `support` (n x p), and the initial states that belong to them.
     pub(crate) fn solution(&self, support: &[usize], initial: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let fit = self.problem.refit(&self.with_always(support));
-        let mut coefficients = vec![vec![0.0; self.shape.1]; self.shape.0];
-        for &k in support {
-            let (s, j) = self.candidates[k];
-            coefficients[s][j] = fit.coefficients[k];
-        }
+        let coefficients = self.by_equation(support, &fit.coefficients);
         let all = DVector::from_column_slice(&fit.coefficients);
         let mut moved = initial.to_vec();
         for (start, block) in moved.iter_mut().zip(&self.blocks) {
@@ -220,10 +265,14 @@ mod tests {
     use crate::identify::prepare::prepare;
     use crate::identify::settings::Identify;
     use crate::identify::support::fit::Fitter;
+    use crate::identify::tests::log;
     use crate::library::LibrarySettings;
     use crate::progress::Silent;
+    use crate::random::normal;
     use crate::refine::Hold;
     use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     #[test]
     fn a_rollout_whose_derivatives_overflow_tells_nothing_and_stops_nothing() {
@@ -245,5 +294,26 @@ mod tests {
         trial.initial.iter_mut().flatten().for_each(|start| *start = 0.0);
         let linear = fitter.linearise(&trial, 4.0).unwrap();
         assert!(linear.solution(&[x], &trial.initial).1.iter().flatten().all(|start| *start == 0.0));
+    }
+
+    #[test]
+    fn the_same_terms_come_back_without_noise_and_others_with_much_of_it() {
+        let rate = |_: f64, x: &[f64]| vec![-x[0]];
+        let data = log(&["x"], &[1.0], &rate, (0.1, 40), 0.02, &|_| vec![], 1);
+        let identify = Identify { states: vec!["x".into()], smoother: None, ..Identify::default() };
+        let logs = prepare(&identify, &data, &Silent).unwrap();
+        let motion = smooth(&identify, &logs, &Silent).unwrap();
+        let mut equations = logs.frame.clone();
+        let x = equations.library.index_of("x").unwrap();
+        let coefficients: Vec<f64> = (0..equations.n_terms()).map(|j| if j == x { -1.0 } else { 0.0 }).collect();
+        equations.set(0, &coefficients);
+        let fitter = Fitter::new(&logs, &motion, Hold::Zero);
+        let linear = fitter.linearise(&fitter.fit(&equations, 4.0, None).unwrap(), 4.0).unwrap();
+        let (support, coefficients) = linear.redrawn(|| 0.0);
+        assert_eq!(support, linear.active);
+        assert!((coefficients[0][x] + 1.0).abs() < 0.05, "{coefficients:?}");
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let drawn: Vec<_> = (0..20).map(|_| linear.redrawn(|| 20.0 * normal(&mut rng)).0).collect();
+        assert!(drawn.iter().any(|support| *support != linear.active), "{drawn:?}");
     }
 }

@@ -63,8 +63,7 @@ impl Fitter<'_> {
     /// the same weights: `1 / (1 + sum of w over the moves that take it out)`, `1 - 1 / (1 + sum of w over those that bring it)`.
     ///
     /// Source: Buckland, Burnham and Augustin 1997, Model selection: an integral part of inference.
-    pub(crate) fn weigh_choice(&self, trial: &mut Trial, window: f64) -> Result<()> {
-        let linear = self.linearise(trial, window)?;
+    pub(crate) fn weigh_choice(&self, trial: &mut Trial, linear: &Linear) {
         let mut moved = vec![0.0; linear.candidates.len()];
         let stated = |support: &[usize]| {
             let terms = linear.with_always(support);
@@ -99,6 +98,5 @@ impl Fitter<'_> {
             let stays = 1.0 / (1.0 + sum);
             trial.inclusion[s][j] = if linear.active.contains(&k) { stays } else { 1.0 - stays };
         }
-        Ok(())
     }
 }

@@ -39,10 +39,13 @@ impl Scope<'_> {
             notes.push(Note::Unpredictable { within });
         }
         let fidelity = self.fidelity(&found.trial.equations, found.hold)?;
-        fitter.weigh_choice(&mut found.trial, found.window)?;
+        let linear = fitter.linearise(&found.trial, found.window)?;
+        let foreseen = fidelity.map_or(f64::INFINITY, |fidelity| fidelity.length);
+        let outlook = self.outlook(&found, &linear, foreseen, notes)?;
+        fitter.weigh_choice(&mut found.trial, &linear);
         if let Some((rival, lead)) = found.rival.take() {
             found.trial.allow_for(&rival, (0.5 * lead).exp().min(1.0));
         }
-        Ok(found.found(self.settings.ensemble > 0, fidelity))
+        Ok(found.found(self.settings.ensemble > 0, fidelity, Some(outlook)))
     }
 }

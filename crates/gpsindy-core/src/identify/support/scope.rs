@@ -6,6 +6,7 @@ use crate::identify::algorithm1::regress::Regressed;
 use crate::identify::algorithm1::rows::Rows;
 use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::algorithm1::timing::Timings;
+use crate::identify::outlook::Outlook;
 use crate::identify::prepare::Logs;
 use crate::identify::report::Found;
 use crate::identify::result::Fidelity;
@@ -48,6 +49,7 @@ impl<'a> Scope<'a> {
             hold: self.timings.best.hold,
             equations: regressed.equations.clone(),
             fidelity,
+            outlook: None,
         })
     }
 
@@ -96,7 +98,7 @@ pub(crate) struct Member {
 
 impl Member {
     /// What is reported of it.
-    pub(crate) fn found(self, with_inclusion: bool, fidelity: Option<Fidelity>) -> Found {
+    pub(crate) fn found(self, with_inclusion: bool, fidelity: Option<Fidelity>, outlook: Option<Outlook>) -> Found {
         let trial = self.trial;
         Found {
             equations: trial.equations,
@@ -107,6 +109,7 @@ impl Member {
             window: Some(self.window),
             hold: self.hold,
             fidelity,
+            outlook,
         }
     }
 }

@@ -124,7 +124,10 @@ class GPSINDy(Settings):
     notes_ : tuple of str
         Remarks on the result.
     poor_ : bool
-        Whether rollouts predict the logs no better than the mean of each column or a constant state; ``fit`` then warns.
+        Whether rollouts predict the logs no better than the mean of each column or a constant state, or, with coefficients fitted to the
+        first three quarters, miss the rest by more than its mean; ``fit`` then warns.
+    exchangeable_ : tuple of (str, str, str)
+        State, a term of its equation, and a term that could stand there as well.
 
     Examples
     --------
@@ -258,9 +261,11 @@ class GPSINDy(Settings):
         self.report_ = tuple(report["states"])
         self.notes_ = tuple(report["notes"])
         self.poor_: bool = report["poor"]
+        self.exchangeable_ = tuple(report["exchangeable"])
         if self.poor_:
             warnings.warn(
-                "the model predicts its training logs no better than their mean or a constant state does; "
+                "the model predicts its training logs, or the last quarter of them when fitted to the rest, "
+                "no better than their mean or a constant state does; "
                 "see notes_ and report_, and try other terms or a known equation (fix)",
                 stacklevel=2,
             )
