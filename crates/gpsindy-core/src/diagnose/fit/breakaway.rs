@@ -164,7 +164,7 @@ pub(crate) fn rested(
 mod tests {
     use crate::data::{Channel, Dataset, Run};
     use crate::diagnose::fixture::slider_model;
-    use crate::diagnose::report::Verdict;
+    use crate::diagnose::report::{Parameter, Verdict};
     use crate::diagnose::{Diagnose, hold_out};
     use crate::progress::Silent;
     use crate::random::normal;
@@ -205,14 +205,13 @@ mod tests {
     }
 
     /// What is named, and its sizes.
-    fn named(rest: f64) -> (Verdict, Vec<String>, Vec<(String, f64, Option<f64>, Option<f64>)>) {
+    fn named(rest: f64) -> (Verdict, Vec<String>, Vec<Parameter>) {
         let (train, holdout) = hold_out(&sticking(rest)).unwrap();
         let model = slider_model("u - 4*x - 0.8*v");
         let frictions = ["coulomb_friction", "stribeck_friction", "stiction", "viscous_friction"];
         let diagnose = Diagnose { effects: frictions.map(String::from).into(), ..Diagnose::default() };
         let found = diagnose.run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
-        let sizes = found.included().flat_map(|cause| &cause.parameters);
-        let sizes = sizes.map(|p| (p.name.clone(), p.value, p.low, p.high)).collect();
+        let sizes = found.included().flat_map(|cause| cause.parameters.clone()).collect();
         (found.verdict, found.included().map(|cause| cause.effect.clone()).collect(), sizes)
     }
 
@@ -220,7 +219,8 @@ mod tests {
     fn a_slider_that_lets_go_at_twice_the_level_in_motion_has_stiction_with_both_levels() {
         let (verdict, names, sizes) = named(1.0);
         assert_eq!((verdict, names), (Verdict::Explained, vec!["stiction".to_string()]), "{sizes:?}");
-        for ((symbol, value, low, high), (name, truth)) in sizes.into_iter().zip([("c", 0.5), ("s", 1.0)]) {
+        for (size, (name, truth)) in sizes.into_iter().zip([("c", 0.5), ("s", 1.0)]) {
+            let Parameter { name: symbol, value, low, high, .. } = size;
             assert_eq!(symbol, name);
             assert!((value / truth - 1.0).abs() < 0.05, "{symbol} = {value}");
             // Which of the forces let it go leaves the level at rest between two of them.
