@@ -35,14 +35,16 @@ impl Scope<'_> {
         if left_out.is_some_and(|part| part.is_missed() && !part.inside) {
             notes.push(Note::Beyond);
         }
-        if doubt.open > REMARKED {
+        let is_said = notes.iter().any(|note| matches!(note, Note::Unpredictable { .. }));
+        let is_unstable = doubt.unstable > REMARKED;
+        // Where the motion is unstable, any other equations end elsewhere.
+        if doubt.open > REMARKED && !is_said && !is_unstable {
             notes.push(Note::Open { share: doubt.open, exchangeable: exchangeable.clone() });
         }
         if doubt.diverging > REMARKED {
             notes.push(Note::Diverging { share: doubt.diverging });
         }
-        let is_said = notes.iter().any(|note| matches!(note, Note::Unpredictable { .. }));
-        if doubt.unstable > REMARKED && !is_said {
+        if is_unstable && !is_said {
             notes.push(Note::Unstable { share: doubt.unstable });
         }
         Ok(Outlook { left_out, doubt, exchangeable })
@@ -233,6 +235,16 @@ mod tests {
             let part = found.left_out().unwrap();
             assert!(part.error.unwrap() < 0.2 * part.mean, "{part:?}");
         }
+    }
+
+    #[test]
+    fn of_a_chaotic_motion_it_is_said_that_it_is_unstable_and_not_that_other_equations_explain_it() {
+        let rate =
+            |_: f64, x: &[f64]| vec![10.0 * (x[1] - x[0]), x[0] * (28.0 - x[2]) - x[1], x[0] * x[1] - 8.0 / 3.0 * x[2]];
+        let data = log(&["x", "y", "z"], &[1.0, 2.0, 20.0], &rate, (0.02, 500), 0.1, &|_| vec![], 1);
+        let notes = found(&data, &["x", "y", "z"], 2).notes;
+        assert!(notes.iter().any(|n| matches!(n, Note::Unstable { .. } | Note::Unpredictable { .. })), "{notes:?}");
+        assert!(!notes.iter().any(|n| matches!(n, Note::Open { .. })), "{notes:?}");
     }
 
     #[test]
