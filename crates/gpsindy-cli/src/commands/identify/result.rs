@@ -74,7 +74,7 @@ const MISSED: f64 = 0.5;
 /// That rollouts follow little of the logs, where they do although the model is not poor and the motion can be foretold.
 pub(super) fn astray(found: &Identification, fit: &Fit) -> Option<String> {
     let missed = fit.score.rollout.pooled.powi(2);
-    let foretold = !found.notes.iter().any(|note| matches!(note, Note::Unpredictable { .. }));
+    let foretold = !found.notes.iter().any(|note| matches!(note, Note::Unpredictable { .. } | Note::Unstable { .. }));
     (missed > MISSED && foretold && !found.is_poor()).then(|| {
         format!(
             "rollouts miss {} of the logs' variance; try a lower --degree, other terms, or a known equation (--fix)",

@@ -12,20 +12,23 @@ use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, guess_initial, misses};
 
-/// Puts the level at rest among those `fitted`, and what is `free` beside it, in `point` where the logs are missed by less.
+/// Puts the level at rest among those `fitted`, and what is `free` beside it, in `point` where the logs are missed by less. A fit that only
+/// ranks looks for it widely, any other one about where it is.
 pub(crate) fn settle(
     system: &System,
     experiment: &Experiment,
     (fitted, free): (&[(usize, Added)], &[Free]),
-    point: &mut Point,
+    (point, budget): (&mut Point, Budget),
 ) -> Result<()> {
     let Some((level, rest)) = levels(fitted).filter(|_| system.engine().is_none()) else { return Ok(()) };
+    let mut widths = if budget.only_ranks() { &NARROWED[..] } else { &NARROWED[2..] };
     if point.parameters[rest] <= point.parameters[level] {
         let Some(parameters) = begun(system, experiment, (level, rest), free, point)? else { return Ok(()) };
         point.parameters = parameters;
+        widths = &NARROWED[1..];
     }
     point.initial = rested(system, experiment, &point.parameters, &point.initial);
-    narrow(system, experiment, (level, rest), free, point)
+    narrow(system, experiment, (level, rest), (free, widths), point)
 }
 
 /// The levels in motion and at rest among those that are fitted.
@@ -62,21 +65,21 @@ fn begun(
     }
     let (mut point, _) = best;
     if point.parameters[rest] > point.parameters[level] {
-        narrow(system, &short, (level, rest), free, &mut point)?;
+        narrow(system, &short, (level, rest), (free, &NARROWED[..2]), &mut point)?;
     }
     Ok(Some(point.parameters))
 }
 
-/// Moves either level to the best of ever finer lattices around it, and what is free with it. Where the machine stops for a moment decides as
+/// Moves either level to the best of ever finer lattices around it, of these `widths`, and what is free with it. Where the machine stops for a moment decides as
 /// suddenly as where it starts.
 fn narrow(
     system: &System,
     experiment: &Experiment,
     (level, rest): (usize, usize),
-    free: &[Free],
+    (free, widths): (&[Free], &[f64]),
     point: &mut Point,
 ) -> Result<()> {
-    for (width, parameter) in NARROWED.into_iter().flat_map(|width| [(width, rest), (width, level)]) {
+    for (width, parameter) in widths.iter().flat_map(|&width| [(width, rest), (width, level)]) {
         let around = costs_around(system, experiment, (parameter, free), point, width);
         let Some(costs) = unless_refused(around)? else { return Ok(()) };
         let here = costs[costs.len() / 2].1;

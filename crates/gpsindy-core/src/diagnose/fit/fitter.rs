@@ -135,7 +135,7 @@ impl Fitter {
         if budget != Budget::Glance || system.engine().is_some() {
             sampling::settle(base, &system, &experiment, (&applied.fitted, &free), &mut point)?;
             stops::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
-            breakaway::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
+            breakaway::settle(&system, &experiment, (&applied.fitted, &free), (&mut point, budget))?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -202,7 +202,7 @@ impl Fitter {
         if budget == Budget::Rough && system.engine().is_none() {
             sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
             stops::settle(system, &experiment, (&added.concat(), free), &mut point)?;
-            breakaway::settle(system, &experiment, (&added.concat(), free), &mut point)?;
+            breakaway::settle(system, &experiment, (&added.concat(), free), (&mut point, budget))?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());
