@@ -7,6 +7,7 @@ pub(crate) mod detect;
 pub(crate) mod forcing;
 pub(crate) mod gross;
 pub(crate) mod hold;
+pub(crate) mod lengthen;
 pub(crate) mod moves;
 pub(crate) mod nameless;
 pub(crate) mod pairs;

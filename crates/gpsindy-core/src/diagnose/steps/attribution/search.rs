@@ -3,8 +3,8 @@
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, NOISE, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
-use crate::diagnose::steps::attribution::settle::lengthen::lengthen;
 use crate::diagnose::steps::attribution::simplify::is_superfluous;
 use crate::diagnose::steps::findings::counts;
 use crate::error::Result;

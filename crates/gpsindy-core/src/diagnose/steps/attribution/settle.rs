@@ -1,7 +1,6 @@
 //! Settle: the rollouts, tolerances, corners and integration steps by which causes are distinguished.
 
 mod charge;
-pub(super) mod lengthen;
 mod sharpen;
 
 use crate::diagnose::fit::contestant::Contestant;
@@ -9,11 +8,11 @@ use crate::diagnose::fit::substeps::exact;
 use crate::diagnose::limits::{Budget, STEADY};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
+use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::attribution::simplify::{Pruned, pruned};
 use crate::error::Result;
 use charge::{Charged, charge_tolerated};
-use lengthen::lengthen;
 use sharpen::{Sharpened, sharpened};
 
 /// The nominal model and what was found, on the rollouts and with the tolerances by which causes are distinguished.
