@@ -119,8 +119,8 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("119 of 124 right", "119 of 124 are right"),
-            ("19 explained by another effect", "explained by another effect | 19 |"),
+            ("120 of 125 right", "120 of 125 are right"),
+            ("in 5 cases by one that misses the held-out logs", "there are five of 76"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
             ("69.8 %", "69.8 %"),
