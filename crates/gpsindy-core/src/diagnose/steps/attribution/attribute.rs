@@ -73,11 +73,12 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false, notes })
 }
 
-/// Whether `next` is only another name for what `best` says beside a residual that is more than noise: what is one move away from the one is
-/// one move away from the other.
+/// Whether `next` is only another name for one of several effects beside a residual that is more than noise: none of them is believed much
+/// there, and what is one move away from the one set is one move away from the other.
 fn is_exchange(contest: &Contest<'_>, best: &Contestant, next: &Contestant) -> bool {
+    let own = best.hypotheses.len();
     let leaves_a_rest = best.evidence.misfit() > NOISE;
-    leaves_a_rest && next.hypotheses.len() == best.hypotheses.len() && contest.lead(next, best) <= CONVINCING
+    leaves_a_rest && own > 1 && next.hypotheses.len() == own && contest.lead(next, best) <= CONVINCING
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.

@@ -67,11 +67,12 @@ pub(crate) fn moves(
         let of = fits.iter().flatten().filter(|fit| fit.hypotheses.len() <= effects);
         of.map(|fit| achieved(base, fit)).fold(0.0, f64::max)
     };
-    // A move that changes much has derivatives of its own. They are worth it where it may still lead among as many effects: a straight line
-    // underrates a curved effect by half.
+    // A move that changes much has derivatives of its own. Where there are several effects already, and as many places for a move, they are worth it
+    // where it may still lead among as many effects: a straight line underrates a curved effect by half.
+    let are_few = base.hypotheses.len() < 2;
     let is_worth_more = |m: &Move<'_>, fit: &Option<Contestant>| {
         let is_short = fit.as_ref().is_none_or(|fit| falls_short(achieved(base, fit), m.promised));
-        survey.kept.is_some() && is_short && m.promised > SUBSTITUTE * most(count(m))
+        survey.kept.is_some() && is_short && (are_few || m.promised > SUBSTITUTE * most(count(m)))
     };
     let again: Vec<(&Move<'_>, bool)> = moves.iter().zip(&fits).map(|(m, fit)| (m, is_worth_more(m, fit))).collect();
     let own = base.each(again, |(m, is_worth_more)| match is_worth_more && !contest.run.is_out_of_time() {
