@@ -107,6 +107,13 @@ impl Hypothesis {
         self.effect().is_some_and(|effect| !effect.stands_behind().is_empty()) && !self.is_of_a_difference()
     }
 
+    /// Whether it is found from an effect that imitates it and that it contains: to a screening the two are one.
+    pub(crate) fn begins_as_imitator(&self) -> bool {
+        let begins =
+            |effect: Effect| effect.stands_behind().iter().any(|imitator| effect.contains().contains(imitator));
+        self.effect().is_some_and(begins)
+    }
+
     /// Whether it may be the truth where `other` leads: an effect that imitates it, in the same equation and at the same parameter where
     /// that is a wrong one.
     pub(crate) fn stands_behind(&self, other: &Self) -> bool {

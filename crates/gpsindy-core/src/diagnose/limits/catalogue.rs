@@ -48,5 +48,9 @@ pub(crate) const MOST_RIPPLES: usize = 24;
 /// thirtieth of the slip. Argument.
 pub(crate) const SUDDEN: (f64, f64) = (1.0, 20.0);
 
+/// Shape factor of Pacejka's magic formula: at 1 the force stays where it saturates, and above 2 it would turn around; tyres have 1.3 to 1.9 (Pacejka 2012,
+/// section 4.3). Argument.
+pub(crate) const SHAPE: (f64, f64) = (1.0, 2.0);
+
 /// Moments of the nominal paths from which the size of an expression is taken: its mean square is then known to a tenth. Argument.
 pub(crate) const MOMENTS_OF_PATHS: usize = 300;

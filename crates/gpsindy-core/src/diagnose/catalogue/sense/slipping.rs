@@ -10,37 +10,47 @@ pub(crate) fn is_of_a_difference(variables: &[String]) -> bool {
     variables.len() > 2
 }
 
-/// The sum or difference that `parameter` multiplies, in the first equation where it has one of several variables, of which each state is a
-/// speed; and the names of these.
+/// The sum or difference that `parameter` multiplies, over what moves and divides it, in the first equation where it has one of several
+/// variables, of which each state is a speed; and the names of these.
 pub(crate) fn slip<'m>(model: &'m Model, parameter: &str) -> Option<(Expression, Vec<&'m str>)> {
     let mut found = None;
     for state in &model.states {
         state.equation.visit(&mut |part| {
             if found.is_none() {
-                found = multiplied(part, parameter).and_then(|sum| Some((sum.clone(), speeds(model, sum)?)));
+                found = multiplied(model, part, parameter).and_then(|slip| {
+                    let names = speeds(model, &slip)?;
+                    Some((slip, names))
+                });
             }
         });
     }
     found
 }
 
-/// The sum among the factors of a product that has `parameter` as another one.
-fn multiplied<'e>(product: &'e Expression, parameter: &str) -> Option<&'e Expression> {
-    let mut all = Vec::new();
-    factors(product, &mut all);
+/// The sum among the factors of a product that has `parameter` as another one, over the divisors that move: `C*(vy - b*r)/vx` slips by an angle.
+fn multiplied(model: &Model, product: &Expression, parameter: &str) -> Option<Expression> {
+    let (mut all, mut divisors) = (Vec::new(), Vec::new());
+    factors(product, &mut all, &mut divisors);
     let is_parameter = |factor: &&Expression| matches!(factor, Expression::Variable(name) if name == parameter);
     let is_sum = |factor: &&&Expression| matches!(factor, Expression::Binary(Operator::Add | Operator::Subtract, ..));
-    if all.iter().any(is_parameter) { all.iter().find(is_sum).copied() } else { None }
+    let sum = all.iter().find(is_sum).filter(|_| all.iter().any(is_parameter))?;
+    let moving = |name: &str| model.state_index(name).is_some() || model.control_index(name).is_some();
+    let moves = |divisor: &&&Expression| divisor.variables().iter().any(|name| moving(name));
+    Some(divisors.iter().filter(moves).fold((*sum).clone(), |slip, &divisor| slip.over(divisor.clone())))
 }
 
-/// The factors of a product, without what divides it.
-fn factors<'e>(product: &'e Expression, all: &mut Vec<&'e Expression>) {
+/// The factors of a product, and what divides it.
+fn factors<'e>(product: &'e Expression, all: &mut Vec<&'e Expression>, divisors: &mut Vec<&'e Expression>) {
     match product {
         Expression::Binary(Operator::Multiply, a, b) => {
-            factors(a, all);
-            factors(b, all);
+            factors(a, all, divisors);
+            factors(b, all, divisors);
         }
-        Expression::Binary(Operator::Divide, a, _) | Expression::Negate(a) => factors(a, all),
+        Expression::Binary(Operator::Divide, a, b) => {
+            factors(a, all, divisors);
+            divisors.push(b);
+        }
+        Expression::Negate(a) => factors(a, all, divisors),
         other => all.push(other),
     }
 }
@@ -95,6 +105,9 @@ mod tests {
             ("vy", "m/s", "(C*(delta - (vy + a*r)/vx))/k - vx*r"),
             ("r", "rad/s", "-(a*C*(delta - (vy + a*r)/vx)) - r"),
         ]);
+        let mut rear = of(&[("vy", "m/s", "-k*(vy - a*r)/u/C"), ("r", "rad/s", "-r")]);
+        rear.controls = vec![Control::new("u")];
+        assert_eq!(slip(&rear, "k").unwrap().0.to_string(), "(vy - a*r)/u");
         let (found, names) = slip(&car, "C").unwrap();
         assert_eq!((found.to_string().as_str(), names), ("delta - (vy + a*r)/vx", vec!["vy", "r", "delta"]));
         assert_eq!(slip(&car, "k"), None);
@@ -135,5 +148,19 @@ mod tests {
         // The force saturates at a slip of a half.
         let q = found.causes[0].parameters.iter().find(|p| p.name == "q").unwrap();
         assert!((q.value / 4.0 - 1.0).abs() < 0.1, "{q:?}");
+    }
+
+    #[test]
+    fn a_tyre_whose_force_falls_beyond_its_peak_has_the_shape_of_the_magic_formula() {
+        let mut model = model_of(&[("v", "m/s", "C*(R*w - v) - 0.1*v"), ("w", "rad/s", "T - R*C*(R*w - v)")]);
+        model.controls = vec![Control::new("T")];
+        model.parameters = vec![Parameter::new("C", 4.0), Parameter::new("R", 0.5)];
+        let tyre = |slip: f64| 1.2 * (1.6 * (4.0 / (1.6 * 1.2) * slip).atan()).sin();
+        let found = Diagnose::default().run(&model, &axle(1, tyre), &axle(2, tyre), &Silent).unwrap().diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!((found.verdict, named), (Verdict::Explained, vec!["slip"]), "{:?}", found.checks);
+        let sizes = &found.causes[0].parameters;
+        let shape = sizes.iter().find(|p| p.name == "C").unwrap();
+        assert!((shape.value - 1.6).abs() < 0.1, "{sizes:?}");
     }
 }

@@ -40,12 +40,13 @@ impl<'a> Contest<'a> {
         Self { run, hypotheses, behind, joint, rivals, scene, random, most, fitter }
     }
 
-    /// Makes suspects of those that an effect of the `leaders` imitates, and of all that wait where the first of them leaves more than
-    /// noise; their numbers.
+    /// Makes suspects of those that an effect of the `leaders` imitates, and where the first of them leaves more than noise of all others
+    /// whose straight line is their own; their numbers.
     pub(crate) fn calls(&mut self, leaders: &[Contestant]) -> Range<usize> {
         let is_left = leaders.first().is_some_and(|leader| leader.evidence.misfit() > NOISE);
         let leading = || leaders.iter().flat_map(|leader| &leader.hypotheses);
-        let is_called = |h: &Hypothesis| is_left || leading().any(|leading| h.stands_behind(leading));
+        let is_called =
+            |h: &Hypothesis| (is_left && !h.begins_as_imitator()) || leading().any(|leading| h.stands_behind(leading));
         let (called, behind) = std::mem::take(&mut self.behind).into_iter().partition::<Vec<_>, _>(is_called);
         self.behind = behind;
         let first = self.hypotheses.len();

@@ -66,10 +66,12 @@ impl Checked<'_> {
         let says = if passed {
             format!("The sizes agree between runs, ranges and times; {name} differs most, by no more than chance.")
         } else {
-            format!(
-                "The size of {name} differs between parts of the logs ({}): a right cause keeps its size.",
-                worst.disagree.join("; ")
-            )
+            // Parts may differ together where none of them does alone.
+            let parts = match worst.disagree.is_empty() {
+                true => String::new(),
+                false => format!(" ({})", worst.disagree.join("; ")),
+            };
+            format!("The size of {name} differs between parts of the logs{parts}: a right cause keeps its size.")
         };
         Some(Check { id: "constancy".into(), passed, p_value: Some(worst.p_value), says })
     }

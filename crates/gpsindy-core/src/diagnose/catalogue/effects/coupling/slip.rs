@@ -11,7 +11,7 @@ use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::sense::slipping::{size, slip};
 use crate::diagnose::catalogue::writer::{POSITIVE, Writer, amplitude};
-use crate::diagnose::limits::catalogue::SUDDEN;
+use crate::diagnose::limits::catalogue::{SHAPE, SUDDEN};
 use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Model, unit};
@@ -20,9 +20,9 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "slip",
     meaning: "A contact force that saturates, like that of a tyre at its limit.",
     family: Family::Coupling,
-    form: "p becomes p/(1 + (q*z^2)^(n/2))^(1/n)",
+    form: "p becomes p*sin(C*asin(s))/(C*u) with u = sqrt(q)*z/C and s = u/(1 + abs(u)^n)^(1/n)",
     symbols: &["p", "z"],
-    parameters: "q: one over the square of the slip z at which the force saturates, n: how suddenly (2: by degrees, 20: at once)",
+    parameters: "q: one over the square of the slip z at which the force saturates, n: how suddenly (2: by degrees, 20: at once), C: shape (1: the force stays, 1.3: it falls by a tenth beyond its peak)",
     signature: "gentle motion fits, hard manoeuvres have less effect than modelled",
     places: &[Place::Rate, Place::Contact],
     sense: &[Sense::Speed, Sense::EitherSign(1), Sense::Moves(1)],
@@ -42,7 +42,7 @@ pub(super) static DEFINITION: Definition = Definition {
     reported: as_fitted,
     example: Example::of(&[("r", 0.0, "4*u - 2*r")], Drive::Ramp, 6.0, "r", &[("r", "4*u/sqrt(1 + 0.6*r^2) - 2*r")]),
     in_mjcf: None,
-    about: "The force saturates with the slip, by degrees as on a tyre or at once as where dry friction takes over, without the decrease beyond the peak that the magic formula of Pacejka has. The slip is a speed, or the difference of speeds that the parameter multiplies, as in `C*(delta - (vy + a*r)/vx)`. It could act with one speed at every parameter of every equation of a speed, so that is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
+    about: "The force saturates with the slip, by degrees as on a tyre or at once as where dry friction takes over, and may fall beyond its peak. With n = 2 it is the magic formula of Pacejka (2012, Tire and Vehicle Dynamics, eq. 4.6) without its curvature factor E: a force D*sin(C*atan(B*z)) with q = (B*C)^2. The slip is a speed, or the difference of speeds that the parameter multiplies, as in `C*(delta - (vy + a*r)/vx)`. It could act with one speed at every parameter of every equation of a speed, so that is tested where a wrong parameter of that name, a cubic stiffness or a saturation of the same equation is one of the best effects, where no single effect leaves only noise, and on request.",
 };
 
 /// What slips: the second variable of the hypothesis, or the difference that the parameter multiplies where it depends on more; and its typical
@@ -72,11 +72,14 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let square = size.powi(2);
     let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, &unit);
     let n = writer.add("n", 2.0, 1.0, SUDDEN, "");
+    let shape = writer.add("C", 1.0, 1.0, SHAPE, "");
     let name = writer.hypothesis.variables[0].clone();
-    let symbols = [("p", Expression::variable(name.clone())), ("q", q), ("z", slip), ("n", n)];
-    // A power of zero has no derivative by its exponent.
-    writer.replace(&name, &written("p/(1 + (q*z^2 + 1e-12)^(n/2))^(1/n)", &symbols)?);
-    Ok(vec![amplitude(&[1e-3 / square, 2.0])])
+    // Powers of zero have no derivative by the exponent, and neither has the inverse sine of one; both force and slip are of either sign alike.
+    let u = written("sqrt(q*z^2/C^2 + 1e-12)", &[("q", q), ("z", slip), ("C", shape.clone())])?;
+    let s = written("u/(1 + u^n)^(1/n)", &[("u", u.clone()), ("n", n)])?;
+    let symbols = [("p", Expression::variable(name.clone())), ("u", u), ("s", s), ("C", shape)];
+    writer.replace(&name, &written("p*sin(C*asin(0.9999999*s))/(C*u)", &symbols)?);
+    Ok(vec![amplitude(&[1e-3 / square, 2.0, 1.0])])
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
