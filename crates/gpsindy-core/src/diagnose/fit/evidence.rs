@@ -3,7 +3,7 @@
 use crate::diagnose::fit::colours::colour::{Colour, colours};
 use crate::diagnose::fit::tolerance;
 use crate::diagnose::limits::verify::BAND_95;
-use crate::diagnose::limits::{FAR, NEARLY_ALL, NEGLIGIBLE};
+use crate::diagnose::limits::{FAR, NEARLY_ALL, NEGLIGIBLE, NOISE};
 use crate::refine::{Experiment, Free, Refined, prior_cost};
 
 /// What the logs say of one contestant, in numbers.
@@ -67,6 +67,13 @@ impl Evidence {
     pub(crate) fn misfit(&self) -> f64 {
         let sum: f64 = self.colours.iter().map(|c| c.variance() * c.count as f64).sum();
         sum / self.count().max(1) as f64
+    }
+
+    /// Whether more than the noise of the sensors is left.
+    pub(crate) fn leaves_a_rest(&self) -> bool {
+        let variance = |c: &Colour| if c.is_of_a_sensor() { c.variance().min(1.0) } else { c.variance() };
+        let sum: f64 = self.colours.iter().map(|c| variance(c) * c.count as f64).sum();
+        sum > NOISE * self.count() as f64
     }
 
     /// Mean squared structure (noise units) that no test calls a gap.

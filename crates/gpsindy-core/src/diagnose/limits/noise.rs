@@ -12,6 +12,13 @@ pub(crate) const ROUGH: f64 = 4.0;
 /// the noise's variance would have been material. Argument.
 pub(crate) const NOISE: f64 = 1.5;
 
+/// How many values of a residual may repeat each other where its colour is a sensor's, whatever its variance: half of them are then news. An
+/// autoregression with a coefficient of 0.58 has it. What a model lacks is as slow as the machine, of which a log has many samples. Argument.
+pub(crate) const REPEATED: f64 = 2.0;
+
+/// Values over which repetition is counted for that: a sensor's memory that is longer is no short one. Argument.
+pub(crate) const SHORT: usize = 100;
+
 /// Frequencies at which the residual's spectrum is looked at, and lines of it that a periodic effect starts from: the
 /// first harmonics of one disturbance. Convention.
 pub(crate) const FREQUENCIES: usize = 400;

@@ -6,7 +6,7 @@ use crate::diagnose::fit::colours::colour::Colour;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::lagging::start_of;
 use crate::diagnose::fit::tolerance::tolerated;
-use crate::diagnose::limits::{Budget, CLOSE, COPIED, FAR_WEAKER, LEFT_LOG, NOISE, RANGE, SHORTEST, STRONGER, WEAKER};
+use crate::diagnose::limits::{Budget, CLOSE, COPIED, FAR_WEAKER, LEFT_LOG, RANGE, SHORTEST, STRONGER, WEAKER};
 use crate::diagnose::report::PowerNoise;
 use crate::diagnose::steps::logs::noise::resolution;
 use crate::error::{Error, Result};
@@ -253,7 +253,7 @@ impl Bench {
     }
 
     fn is_noise(&self, c: usize) -> bool {
-        self.colours[c].variance() < NOISE
+        self.colours[c].is_of_a_sensor()
     }
 
     /// The noise of the copies, for the report.

@@ -2,7 +2,7 @@
 //!
 //! Source: Levinson's recursion, Brockwell and Davis 1991, Time Series, section 5.2; the order by BIC.
 
-use crate::diagnose::limits::{FAR, ROUGH, SPECTRUM_FLOOR};
+use crate::diagnose::limits::{FAR, NOISE, REPEATED, ROUGH, SHORT, SPECTRUM_FLOOR};
 
 /// The noise of one column: `e_i = sum_k a_k e_(i-k) + innovation`.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,6 +70,12 @@ impl Colour {
         if sum.is_finite() { sum.max(1.0) } else { longest.max(1) as f64 }
     }
 
+    /// Whether a sensor may leave it: about as much as differences of the samples show, or with so short a memory that these see only the
+    /// rough part of it.
+    pub(crate) fn is_of_a_sensor(&self) -> bool {
+        self.variance() < NOISE || (self.innovation < ROUGH && self.repetition(SHORT) <= REPEATED)
+    }
+
     /// Spectrum at zero frequency, in squared noise units: what an average over many values sees of the noise.
     pub(crate) fn spectrum(&self) -> f64 {
         self.innovation / (1.0 - self.coefficients.iter().sum::<f64>()).powi(2).max(SPECTRUM_FLOOR)
@@ -108,5 +114,19 @@ mod tests {
         assert!(found > 70.0 && found < 110.0, "{found}");
         // Correlations reach no further than the stretch.
         assert!(colour(&[0.999], &[1.0]).repetition(10) < 19.0);
+    }
+
+    #[test]
+    fn a_short_memory_is_a_sensors_and_a_long_one_is_not() {
+        let of = |coefficient: f64, variance: f64| {
+            let innovation = variance * (1.0 - coefficient * coefficient);
+            Colour { innovation, ..colour(&[coefficient], &[variance]) }
+        };
+        // Differences of the samples see less of its variance than there is.
+        assert!(of(0.35, 1.8).is_of_a_sensor());
+        // As little of anything is noise; as much with a long memory, or far more with a short one, is not.
+        assert!(of(0.95, 1.4).is_of_a_sensor());
+        assert!(!of(0.8, 1.8).is_of_a_sensor());
+        assert!(!of(0.35, 9.0).is_of_a_sensor());
     }
 }

@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{CONVINCING, MOST_MOVES, NAMED, NOISE, SWAP};
+use crate::diagnose::limits::{CONVINCING, MOST_MOVES, NAMED, SWAP};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
@@ -77,7 +77,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
 /// there, and what is one move away from the one set is one move away from the other.
 fn is_exchange(contest: &Contest<'_>, best: &Contestant, next: &Contestant) -> bool {
     let own = best.hypotheses.len();
-    let leaves_a_rest = best.evidence.misfit() > NOISE;
+    let leaves_a_rest = best.evidence.leaves_a_rest();
     leaves_a_rest && own > 1 && next.hypotheses.len() == own && contest.lead(next, best) <= CONVINCING
 }
 
@@ -99,7 +99,7 @@ fn moved(
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     // Where a rest is left anyhow, what removes little of the gap is a use for that.
-    let share = |fit: &Contestant| if is_structured && fit.evidence.misfit() > NOISE { NAMED } else { LEAST_REST };
+    let share = |fit: &Contestant| if is_structured && fit.evidence.leaves_a_rest() { NAMED } else { LEAST_REST };
     let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share(fit)));
     richer(contest, other.unwrap_or(best), that_count)
         .or_else(|| contest.best(simpler))

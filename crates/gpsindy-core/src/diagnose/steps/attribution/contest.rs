@@ -8,7 +8,7 @@ use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at};
-use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, NOISE, SHOWN_CLOCK};
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::attribution::suspects::Suspects;
 use crate::error::{Result, unless_refused};
@@ -43,7 +43,7 @@ impl<'a> Contest<'a> {
     /// Makes suspects of those that an effect of the `leaders` imitates, and where the first of them leaves more than noise of all others
     /// whose straight line is their own; their numbers.
     pub(crate) fn calls(&mut self, leaders: &[Contestant]) -> Range<usize> {
-        let is_left = leaders.first().is_some_and(|leader| leader.evidence.misfit() > NOISE);
+        let is_left = leaders.first().is_some_and(|leader| leader.evidence.leaves_a_rest());
         let leading = || leaders.iter().flat_map(|leader| &leader.hypotheses);
         let is_called =
             |h: &Hypothesis| (is_left && !h.begins_as_imitator()) || leading().any(|leading| h.stands_behind(leading));

@@ -13,7 +13,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::verify::LEFT;
 use crate::diagnose::limits::weigh::LIKELY;
-use crate::diagnose::limits::{CHANCE, CONVINCING, NOISE};
+use crate::diagnose::limits::{CHANCE, CONVINCING};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probability_of_random};
 use crate::error::Result;
@@ -32,7 +32,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         return Ok(judged);
     }
     let Outcome { best, left, near, .. } = &judged.outcome;
-    let is_left = left.as_ref().is_some_and(|l| l.p_value < CHANCE) || best.evidence.misfit() > NOISE;
+    let is_left = left.as_ref().is_some_and(|l| l.p_value < CHANCE) || best.evidence.leaves_a_rest();
     // In amplitudes, as the verdict has it.
     let beyond = |fit: &Contestant| fit.evidence.misfit().sqrt() - 1.0;
     let is_material = beyond(best) > LEFT * beyond(&judged.nominal);

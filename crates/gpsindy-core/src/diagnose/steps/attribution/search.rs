@@ -1,7 +1,7 @@
 //! Search: from one set of effects to a better one, a move at a time, on rollouts that grow as the model gets better.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, NOISE, PILED, SWAP};
+use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
@@ -29,7 +29,7 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: Contestant, first: Expansio
         let Some(next) = better(contest, &best, &round.fits) else { break };
         let is_richer = next.hypotheses.len() > best.hypotheses.len();
         // What would be left out again at the end is not taken, for there may be no time for that.
-        let leaves_a_rest = || next.evidence.misfit() > NOISE && !counts(&nominal, next, &best, NAMED);
+        let leaves_a_rest = || next.evidence.leaves_a_rest() && !counts(&nominal, next, &best, NAMED);
         if is_richer && (leaves_a_rest() || is_superfluous(contest, &nominal, next, &best)?) {
             break;
         }

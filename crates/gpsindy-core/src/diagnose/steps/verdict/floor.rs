@@ -5,7 +5,6 @@
 //! sensor noise and its effect on the initial state.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::NOISE;
 use crate::diagnose::limits::floor::{COPIES, FIRST_SAMPLES, SAME_COMMAND, SAME_START, SAME_TIME};
 use crate::diagnose::steps::verdict::start::{beginnings, starts};
 use crate::refine::{Experiment, Jacobian, Log, Point};
@@ -25,7 +24,7 @@ pub(crate) fn of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'sta
 /// differences (it then shows coloured noise, too), else the noise of differences.
 fn sensor_noise(best: &Contestant, noise: &[f64]) -> Vec<f64> {
     let one = |((colour, &held_out), &train): ((&crate::diagnose::fit::colours::colour::Colour, &f64), &f64)| {
-        if colour.variance() < NOISE { train * colour.variance().sqrt() } else { held_out.min(train) }
+        if colour.is_of_a_sensor() { train * colour.variance().sqrt() } else { held_out.min(train) }
     };
     best.evidence.colours.iter().zip(noise).zip(&best.experiment.noise).map(one).collect()
 }

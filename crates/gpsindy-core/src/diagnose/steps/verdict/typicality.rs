@@ -12,8 +12,8 @@ use crate::diagnose::fit::colours::noise::Noise;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::linear::basis::{Basis, Out};
 use crate::diagnose::fit::linear::gains::{Gain, gains_of_family};
+use crate::diagnose::limits::SKETCHED;
 use crate::diagnose::limits::weigh::{MOST_SIMULATED, SIMULATED, TYPICAL_REST, UNDECIDED};
-use crate::diagnose::limits::{NOISE, SKETCHED};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
 use crate::parallel;
@@ -115,7 +115,7 @@ fn drawn(at: &Linearised<'_>, random: &mut ChaCha8Rng) -> Out {
 
 /// Noise of a column, value by value: of its colour where it is of a sensor's size, else only what of it is new in each sample.
 fn noise<'r>(colour: &Colour, random: &'r mut ChaCha8Rng) -> impl FnMut() -> f64 + 'r {
-    let is_noise = colour.variance() <= NOISE;
+    let is_noise = colour.is_of_a_sensor();
     let coefficients = if is_noise { colour.coefficients.clone() } else { Vec::new() };
     let spread = colour.innovation.sqrt();
     let mut last = vec![0.0; coefficients.len()];
