@@ -5,12 +5,12 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
-use crate::diagnose::catalogue::sense;
 use crate::diagnose::catalogue::sense::slipping::slip;
+use crate::diagnose::catalogue::sense::{self, is_supply};
 use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Operator, Tape};
-use crate::model::{Model, State};
+use crate::model::{Control, Model, State};
 
 /// Every hypothesis that makes sense in `model`, logged in the states `logged`.
 #[cfg(test)]
@@ -173,8 +173,11 @@ fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec
         Place::DriveAndSpeed => driven().map(|(j, u)| (j, vec![u, model.states[j].name.as_str()])).collect(),
         Place::Supply => {
             let stands = |n: &str| model.states.iter().any(|s| s.equation.contains(n));
-            let beside: Vec<&str> = controls().filter(|w| !stands(w)).collect();
-            driven().flat_map(|(j, u)| beside.iter().map(move |&w| (j, vec![u, w]))).collect()
+            let are_together =
+                |u: &str, w: &str| model.states.iter().any(|s| s.equation.contains(u) && s.equation.contains(w));
+            let feeds = |u: &str, w: &&Control| !stands(&w.name) || (is_supply(&w.unit) && !are_together(u, &w.name));
+            let beside = |u| model.controls.iter().filter(move |w| feeds(u, w));
+            driven().flat_map(|(j, u)| beside(u).map(move |w| (j, vec![u, w.name.as_str()]))).collect()
         }
         // Only a parameter that scales its terms has a rate that can saturate.
         Place::Rate => set().flat_map(|(j, p)| scaled(model, j, p).map(move |z| (j, vec![p, z]))).collect(),

@@ -93,7 +93,7 @@ impl Place {
                 "every equation that contains a control, as a function of the speed that the control drives"
             }
             Self::Supply => {
-                "every equation that contains a control, as a function of a logged control that no equation uses"
+                "every equation that contains a control, as a function of a logged control that no equation uses, or of a voltage or pressure that only others use"
             }
             Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
             Self::Contact => {

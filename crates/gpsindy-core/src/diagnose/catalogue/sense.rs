@@ -109,6 +109,12 @@ fn is_place(unit: &str) -> bool {
     matches!(unit, "rad" | "deg" | "°" | "rev" | "turn" | "m" | "cm" | "mm" | "um" | "km" | "in" | "ft")
 }
 
+/// Whether a unit is one of a voltage or a pressure, of which a drive is fed.
+pub(crate) fn is_supply(unit: &str) -> bool {
+    let without_prefix = unit.strip_prefix(['k', 'M', 'm', 'h']).unwrap_or(unit);
+    ["V", "Pa", "bar", "psi", "atm"].iter().any(|base| *base == unit || *base == without_prefix)
+}
+
 /// Whether a unit is one of a temperature.
 fn is_temperature(unit: &str) -> bool {
     matches!(unit, "K" | "°C" | "degC" | "deg C" | "C" | "°F" | "degF")
