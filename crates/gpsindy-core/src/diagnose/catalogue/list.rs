@@ -46,6 +46,7 @@ macro_rules! for_every_effect {
             Slip slip "coupling/slip.rs",
             ProcessNoise process_noise "time/process_noise.rs",
             SensorFilter sensor_filter "sensor/sensor_filter.rs",
+            SensorCurve sensor_curve "sensor/sensor_curve.rs",
             SensorHold sensor_hold "sensor/sensor_hold.rs",
             Clock clock "sensor/clock.rs",
         }
