@@ -219,7 +219,10 @@ mod tests {
         let wrong = Effect::ParameterError.form_of(&["m".to_string()]);
         assert_eq!(wrong, Effect::ParameterError.form());
         let slip = Effect::Slip.form_of(&["C", "v", "w"].map(String::from));
-        assert_eq!(slip, "C becomes C/(1 + (q*z^2)^(n/2))^(1/n), z: the difference that C multiplies");
+        assert_eq!(
+            slip,
+            "C becomes C*sin(shape*asin(f))/(shape*e) with e = sqrt(q)*z/shape and f = e/(1 + abs(e)^n)^(1/n), z: the difference that C multiplies"
+        );
         let form = |effect: Effect, variables: &[&str]| {
             effect.form_of(&variables.iter().map(ToString::to_string).collect::<Vec<_>>())
         };

@@ -160,7 +160,7 @@ mod tests {
         let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
         assert_eq!((found.verdict, named), (Verdict::Explained, vec!["slip"]), "{:?}", found.checks);
         let sizes = &found.causes[0].parameters;
-        let shape = sizes.iter().find(|p| p.name == "C").unwrap();
+        let shape = sizes.iter().find(|p| p.name == "shape").unwrap();
         assert!((shape.value - 1.6).abs() < 0.1, "{sizes:?}");
     }
 }

@@ -20,9 +20,9 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "slip",
     meaning: "A contact force that saturates, like that of a tyre at its limit.",
     family: Family::Coupling,
-    form: "p becomes p*sin(C*asin(s))/(C*u) with u = sqrt(q)*z/C and s = u/(1 + abs(u)^n)^(1/n)",
+    form: "p becomes p*sin(shape*asin(f))/(shape*e) with e = sqrt(q)*z/shape and f = e/(1 + abs(e)^n)^(1/n)",
     symbols: &["p", "z"],
-    parameters: "q: one over the square of the slip z at which the force saturates, n: how suddenly (2: by degrees, 20: at once), C: shape (1: the force stays, 1.3: it falls by a tenth beyond its peak)",
+    parameters: "q: one over the square of the slip z at which the force saturates, n: how suddenly (2: by degrees, 20: at once), shape: 1 where the force stays, 1.3 where it falls by a tenth beyond its peak",
     signature: "gentle motion fits, hard manoeuvres have less effect than modelled",
     places: &[Place::Rate, Place::Contact],
     sense: &[Sense::Speed, Sense::EitherSign(1), Sense::Moves(1)],
@@ -72,7 +72,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let square = size.powi(2);
     let q = writer.add("q", 0.0, 1.0 / square, POSITIVE, &unit);
     let n = writer.add("n", 2.0, 1.0, SUDDEN, "");
-    let shape = writer.add("C", 1.0, 1.0, SHAPE, "");
+    let shape = writer.add("shape", 1.0, 1.0, SHAPE, "");
     let name = writer.hypothesis.variables[0].clone();
     // Powers of zero have no derivative by the exponent, and neither has the inverse sine of one; both force and slip are of either sign alike.
     let u = written("sqrt(q*z^2/C^2 + 1e-12)", &[("q", q), ("z", slip), ("C", shape.clone())])?;
