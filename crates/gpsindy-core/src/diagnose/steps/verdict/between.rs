@@ -18,8 +18,8 @@ pub(crate) struct Sizes {
     /// Its name in the catalogue's form.
     pub(crate) parameter: String,
     pub(crate) unit: String,
-    /// Names of the runs.
-    pub(crate) runs: Vec<String>,
+    /// Names of the logs of each run; several where there are too many for a value each.
+    pub(crate) runs: Vec<Vec<String>>,
     /// In each of them, in `unit`.
     pub(crate) values: DVector<f64>,
     /// Inverse covariance of these values.
@@ -27,13 +27,12 @@ pub(crate) struct Sizes {
 }
 
 impl Sizes {
-    /// By run and pooled; `None` where fewer than two runs show it, or where several of them are windows of one recording, whose spread is
+    /// By recording and pooled; `None` where fewer than two recordings show it. Windows of one recording have one value: their spread is
     /// none between runs.
     pub(crate) fn stated(&self, confidence: f64) -> Option<BetweenRuns> {
-        let Self { values, information, .. } = self;
+        let Self { runs: names, values, information, .. } = &self.by_recording()?;
         let count = values.len();
-        let recordings: HashSet<&str> = self.runs.iter().map(|run| recording(run)).collect();
-        if count < 2 || recordings.len() < count {
+        if count < 2 {
             return None;
         }
         let own = information.clone().cholesky()?.inverse();
@@ -52,9 +51,9 @@ impl Sizes {
         let level = 0.5 + 0.5 * confidence;
         let width = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(level) * (factor / row.sum()).sqrt();
         let normal = normal_quantile(level);
-        let runs = self.runs.iter().enumerate().map(|(i, run)| {
+        let runs = names.iter().enumerate().map(|(i, run)| {
             let width = normal * own[(i, i)].sqrt();
-            RunValue { run: run.clone(), value: values[i], low: values[i] - width, high: values[i] + width }
+            RunValue { run: named(run), value: values[i], low: values[i] - width, high: values[i] + width }
         });
         let found = BetweenRuns {
             parameter: self.parameter.clone(),
@@ -72,6 +71,39 @@ impl Sizes {
             .all(|v| v.is_finite())
             .then_some(found)
     }
+
+    /// One value for all runs that share a recording, by generalised least squares.
+    fn by_recording(&self) -> Option<Self> {
+        let mut groups: Vec<(Vec<String>, Vec<usize>)> = Vec::new();
+        for (i, run) in self.runs.iter().enumerate() {
+            let (mut names, mut members): (Vec<String>, Vec<usize>) =
+                (run.iter().map(|log| recording(log).to_string()).collect(), vec![i]);
+            // Groups of which this run has a recording become one with it.
+            let shares = |group: &(Vec<String>, Vec<usize>)| group.0.iter().any(|name| names.contains(name));
+            let (met, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(shares);
+            for (others, more) in met.into_iter().rev() {
+                names.splice(0..0, others);
+                members.extend(more);
+            }
+            let mut seen = HashSet::new();
+            names.retain(|name| seen.insert(name.clone()));
+            groups = apart;
+            groups.push((names, members));
+        }
+        let belongs =
+            DMatrix::from_fn(self.values.len(), groups.len(), |i, g| f64::from(u8::from(groups[g].1.contains(&i))));
+        let information = belongs.tr_mul(&(&self.information * &belongs));
+        let seen = belongs.tr_mul(&(&self.information * &self.values));
+        let values = information.clone().cholesky()?.solve(&seen);
+        let runs = groups.into_iter().map(|(names, _)| names).collect();
+        Some(Self { parameter: self.parameter.clone(), unit: self.unit.clone(), runs, values, information })
+    }
+}
+
+/// Runs by their names, as a sentence takes them: a file's name or "run 3" says enough, a bare number does not.
+pub(crate) fn named<S: AsRef<str>>(runs: &[S]) -> String {
+    let runs = runs.iter().map(AsRef::as_ref).collect::<Vec<&str>>().join(", ");
+    if runs.contains(char::is_alphabetic) { runs } else { format!("run {runs}") }
 }
 
 #[cfg(test)]
@@ -80,7 +112,7 @@ mod tests {
     use super::*;
 
     fn sizes(values: &[f64], information: DMatrix<f64>) -> Sizes {
-        let runs = (0..values.len()).map(|i| format!("run_{i}")).collect();
+        let runs = (0..values.len()).map(|i| vec![format!("run_{i}")]).collect();
         Sizes { parameter: "c".into(), unit: "N m".into(), runs, values: DVector::from_row_slice(values), information }
     }
 
@@ -105,13 +137,36 @@ mod tests {
     }
 
     #[test]
-    fn windows_of_one_recording_are_no_runs() {
+    fn a_run_without_a_word_is_named_as_a_run() {
+        assert_eq!(named(&["run 1"]), "run 1");
+        assert_eq!(named(&["log.csv:3", "log.csv:4"]), "log.csv:3, log.csv:4");
+        assert_eq!(named(&["7"]), "run 7");
+    }
+
+    #[test]
+    fn windows_of_one_recording_are_one_run() {
         let mut found = sizes(&[1.0, 1.5], DMatrix::identity(2, 2));
         assert!(found.stated(0.95).is_some());
-        found.runs = vec!["arm.csv from 2.000 s".into(), "arm.csv from 7.500 s".into()];
+        found.runs = vec![vec!["arm.csv from 2.000 s".into()], vec!["arm.csv from 7.500 s".into()]];
         assert!(found.stated(0.95).is_none());
-        found.runs = vec!["arm.csv from 2.000 s".into(), "wrist.csv from 7.500 s".into()];
+        found.runs = vec![vec!["arm.csv from 2.000 s".into()], vec!["wrist.csv from 7.500 s".into()]];
         assert!(found.stated(0.95).is_some());
+        // Where there are too many for a value each, a run is several windows.
+        let window = |recording: &str, from: f64| format!("{recording} from {from:.3} s");
+        found.runs = vec![vec![window("arm.csv", 2.0), window("arm.csv", 4.0)], vec![window("arm.csv", 6.0)]];
+        assert!(found.stated(0.95).is_none());
+        found.runs = vec![vec![window("arm.csv", 2.0), window("arm.csv", 4.0)], vec![window("wrist.csv", 6.0)]];
+        assert!(found.stated(0.95).is_some());
+        assert_eq!(found.stated(0.95).unwrap().runs[0].run, "arm.csv");
+        // Two windows of one and one of another: the two have their weighted mean, the other keeps its own.
+        let mut found =
+            sizes(&[1.0, 1.6, 1.2], DMatrix::from_diagonal(&DVector::from_row_slice(&[100.0, 200.0, 400.0])));
+        found.runs = vec![vec![window("arm.csv", 2.0)], vec![window("arm.csv", 4.0)], vec![window("wrist.csv", 6.0)]];
+        let stated = found.stated(0.95).unwrap();
+        let rows: Vec<(&str, f64)> = stated.runs.iter().map(|run| (run.run.as_str(), run.value)).collect();
+        assert!((rows[0].1 - 1.4).abs() < 1e-12 && (rows[1].1 - 1.2).abs() < 1e-12, "{rows:?}");
+        assert_eq!([rows[0].0, rows[1].0], ["arm.csv", "wrist.csv"]);
+        assert!((stated.runs[0].high - 1.4 - 1.96 / 300_f64.sqrt()).abs() < 1e-3);
     }
 
     #[test]

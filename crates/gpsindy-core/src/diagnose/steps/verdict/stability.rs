@@ -13,7 +13,7 @@ use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::linear::elimination::{eliminate, gain};
 use crate::diagnose::limits::stability::{DISAGREES, MOST_PARTS, NOTHING, SAME_SIZE};
 use crate::diagnose::report::BetweenRuns;
-use crate::diagnose::steps::verdict::between::Sizes;
+use crate::diagnose::steps::verdict::between::{Sizes, named};
 use crate::model::Model;
 use crate::refine::{Jacobian, Point};
 use gated::Gated;
@@ -105,7 +105,7 @@ fn questions(best: &Contestant, gated: &Gated, own: &[usize], runs: usize) -> Ve
         column += count;
     }
     if runs > 1 {
-        let name = |run: usize| named(members(best, run));
+        let name = |run: usize| named(&members(best, run));
         let columns = |run: usize| (column + run * own.len()..column + (run + 1) * own.len()).collect();
         all.push(Question { parts: (0..runs).map(|run| Part { name: name(run), columns: columns(run) }).collect() });
     }
@@ -113,15 +113,10 @@ fn questions(best: &Contestant, gated: &Gated, own: &[usize], runs: usize) -> Ve
 }
 
 /// Names of the runs of a part.
-fn members(best: &Contestant, part: usize) -> String {
+fn members(best: &Contestant, part: usize) -> Vec<String> {
     let logs = &best.experiment.logs;
     let own = (0..logs.len()).filter(|&l| part_of(l, logs.len()) == part);
-    own.map(|l| logs[l].name.as_str()).collect::<Vec<_>>().join(", ")
-}
-
-/// Runs by their names, as a sentence takes them: a file's name or "run 3" says enough, a bare number does not.
-fn named(runs: String) -> String {
-    if runs.contains(char::is_alphabetic) { runs } else { format!("run {runs}") }
+    own.map(|l| logs[l].name.clone()).collect()
 }
 
 /// Which part log number `log` belongs to.
@@ -282,13 +277,6 @@ mod tests {
     use crate::diagnose::limits::Budget;
     use crate::model::System;
     use crate::refine::Experiment;
-
-    #[test]
-    fn a_run_is_called_a_run_once() {
-        assert_eq!(named("run 1".into()), "run 1");
-        assert_eq!(named("log.csv:3, log.csv:4".into()), "log.csv:3, log.csv:4");
-        assert_eq!(named("7".into()), "run 7");
-    }
 
     /// Stability of a linear loss in a drive that loses `loses(x)` beyond its model.
     fn linear(loses: impl Fn(f64) -> f64) -> Stability {
