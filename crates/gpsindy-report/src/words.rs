@@ -96,11 +96,11 @@ pub(crate) fn stability_sentence(stability: &Stability) -> String {
     }
 }
 
-/// What else explains as much as a cause, by name; other places of its own effect with place and size.
+/// What else explains as much as a cause, by name; with place and size where they are known.
 pub(crate) fn equivalents(cause: &Cause) -> Vec<String> {
-    let elsewhere = cause.twins.iter().filter(|twin| twin.effect == cause.effect).map(twin_name);
-    let others = cause.equivalent.iter().filter(|id| **id != cause.effect).map(|id| effect_name(id));
-    elsewhere.chain(others).collect()
+    let is_twin = |id: &String| cause.twins.iter().any(|twin| twin.effect == *id);
+    let others = cause.equivalent.iter().filter(|id| **id != cause.effect && !is_twin(id)).map(|id| effect_name(id));
+    cause.twins.iter().map(twin_name).chain(others).collect()
 }
 
 /// A twin with its size: `wrong parameter elbow.damping (0.5 N m s)`.
@@ -244,9 +244,13 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
     } else {
         "An effect outside the catalogue may be the true cause.".into()
     };
+    let asked = if report.by_part.iter().all(|part| part.asked) { Vec::new() } else { asked_parts(report) };
     let none = match report.is_cut() {
-        true => "no effect that was tried before the search ended explains it",
-        false => "no effect of the catalogue explains it",
+        true => "no effect that was tried before the search ended explains it".into(),
+        false if !asked.is_empty() => {
+            format!("no effect in {} explains it; nothing else was a suspect", listed(&asked, "or"))
+        }
+        false => "no effect of the catalogue explains it".to_string(),
     };
     match report.verdict {
         Verdict::NoGap => format!("Measurement noise alone explains the difference between {model} and the logs."),
@@ -270,6 +274,11 @@ pub(crate) fn verdict_sentence(report: &Diagnosis) -> String {
         }
         _ => format!("There is a gap{place}{depends}, and {none}."),
     }
+}
+
+/// Parts of the machine that alone were suspects.
+fn asked_parts(report: &Diagnosis) -> Vec<String> {
+    report.by_part.iter().filter(|part| part.asked).map(|part| part.part.clone()).collect()
 }
 
 /// Whether a cause is random: a statement about its row that changes no equation.

@@ -142,6 +142,29 @@ fn a_gap_without_a_cause_names_the_place_and_no_remedy() {
 }
 
 #[test]
+fn a_twin_of_another_effect_is_named_with_its_place_and_size() {
+    let mut report = fixtures::by_joint();
+    report.causes[0].effect = "asymmetric_friction".into();
+    for text in [summary(&report, 200, false), render(&report)] {
+        let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flat.contains("cannot distinguish it from wrong parameter elbow.damping (0.5 N m s)"), "{flat}");
+    }
+}
+
+#[test]
+fn a_gap_where_nothing_was_suspected_does_not_blame_the_catalogue() {
+    let mut report = fixtures::unexplained();
+    report.by_part = fixtures::by_joint().by_part;
+    let said = |report: &gpsindy_core::diagnose::Diagnosis| {
+        summary(report, 200, false).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(said(&report).contains("no effect of the catalogue explains it"));
+    report.by_part[1].asked = false;
+    let asked = said(&report);
+    assert!(asked.contains("no effect in elbow explains it; nothing else was a suspect"), "{asked}");
+}
+
+#[test]
 fn a_summary_fits_its_width_and_one_screen() {
     for (name, report) in fixtures::all() {
         for width in [60, 80, 120] {
