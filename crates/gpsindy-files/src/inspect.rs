@@ -9,6 +9,7 @@ use std::path::Path;
 mod column;
 mod difference;
 mod findings;
+mod lulls;
 mod sheets;
 mod stamps;
 mod text;

@@ -10,7 +10,7 @@ use gpsindy_files::{Finding, Inspection, LogOptions, Stamp, inspect};
 use std::path::PathBuf;
 
 /// Kinds of flaws, as [`gpsindy_files::Finding`] names them.
-const KINDS: [&str; 17] = [
+const KINDS: [&str; 18] = [
     "time_unit",
     "jitter",
     "gaps",
@@ -21,6 +21,7 @@ const KINDS: [&str; 17] = [
     "constant",
     "quantised",
     "held",
+    "frozen",
     "clipped",
     "wrapped",
     "difference",
@@ -33,7 +34,7 @@ const KINDS: [&str; 17] = [
 /// Show what a log holds, and which of its flaws would harm an identification
 ///
 /// Lists every topic, field and column with type, unit, rate, jitter, gaps, missing values and quantisation step. Then reports flaws: jitter,
-/// gaps, repeated and float32 stamps, clock drift, quantised, held and clipped signals, constant columns, wrapped angles, text among numbers,
+/// gaps, repeated and float32 stamps, clock drift, quantised, held, frozen and clipped signals, signals that drop out, constant columns, wrapped angles, text among numbers,
 /// runs of fewer than 30 samples, and columns that are differences of other columns.
 #[derive(Debug, Args)]
 #[command(

@@ -1,5 +1,6 @@
 //! A column under inspection: counted to its end, its first samples kept for a closer look.
 
+use super::lulls::{Lull, Lulls};
 use serde::Serialize;
 
 /// Samples that are kept of a column.
@@ -68,6 +69,7 @@ pub(crate) struct Column {
     until: usize,
     /// Jumps by about 2 pi and by about 360.
     wraps: [usize; 2],
+    lulls: Lulls,
 }
 
 /// Full turns.
@@ -88,6 +90,7 @@ impl Column {
     /// Takes the next sample.
     pub(crate) fn push(&mut self, value: f64) {
         self.samples += 1;
+        self.lulls.push(value);
         if self.kept.len() < KEPT {
             self.kept.push(value);
         }
@@ -118,6 +121,13 @@ impl Column {
     /// A run ends: the next sample does not follow the last.
     pub(crate) fn end_run(&mut self) {
         self.last = f64::NAN;
+        self.lulls.end_run();
+    }
+
+    /// Where it falls silent, and where it stands still though it moves everywhere else.
+    pub(crate) fn lulls(&self) -> [Option<Lull>; 2] {
+        let still = self.lulls.standstill(&self.kept, (self.min, self.max), self.count);
+        [self.lulls.silence(self.count), still]
     }
 
     pub(crate) fn report(&self) -> ColumnReport {

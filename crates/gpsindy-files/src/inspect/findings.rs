@@ -1,6 +1,8 @@
 //! Flaws of a log: one sentence each, with what to do.
 
+use super::column::Column;
 use super::difference::{self, How};
+use super::lulls::Lull;
 use super::stamps::median;
 use super::text::short;
 use super::{Sheet, TopicReport};
@@ -37,7 +39,7 @@ pub struct Finding {
     /// The field or column, where one is at fault.
     pub column: Option<String>,
     /// `time_unit`, `jitter`, `gaps`, `repeated_stamps`, `backward_stamps`, `float32_stamps`, `clock_drift`, `constant`, `quantised`,
-    /// `held`, `clipped`, `wrapped`, `difference`, `missing`, `text`, `short` or `unread`.
+    /// `held`, `frozen`, `clipped`, `wrapped`, `difference`, `missing`, `text`, `short` or `unread`.
     pub kind: String,
     /// A sentence.
     pub text: String,
@@ -112,6 +114,7 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
                 format!("jumps by a full turn {} times; it is an angle in {unit}", report.wraps),
             );
         }
+        lulls(sheet, column, name, &mut flaws);
         let changes = column.changes();
         if let Some((end, times)) = column.clipped() {
             let text =
@@ -155,6 +158,26 @@ pub(crate) fn of(sheet: &Sheet, report: &TopicReport, found: &mut Vec<Finding>) 
         };
         let text = format!("{how}, not a measurement; leave it out or name it with --derivative");
         flaws.column(&sheet.columns[made.column].name, "difference", text);
+    }
+}
+
+/// Where a column drops out or freezes within the log.
+fn lulls(sheet: &Sheet, column: &Column, name: &str, flaws: &mut Flaws<'_>) {
+    let place = |lull: &Lull| {
+        let at = |i: usize| sheet.stamps.get(i).map_or(String::new(), |t| format!("{t:.3} s"));
+        format!("from {} to {} ({} samples)", at(lull.first), at(lull.first + lull.count - 1), lull.count)
+    };
+    let [silent, still] = column.lulls();
+    if let Some(lull) = silent {
+        let text = format!("holds no value {}; a control keeps its last one there, a state is unknown", place(&lull));
+        flaws.column(name, "missing", text);
+    }
+    if let Some(lull) = still {
+        let text = format!(
+            "stands still {} and then jumps; its sensor froze: empty these cells, or cut the log there",
+            place(&lull)
+        );
+        flaws.column(name, "frozen", text);
     }
 }
 
@@ -221,10 +244,15 @@ fn lengths(sheet: &Sheet, flaws: &mut Flaws<'_>) {
     if sheet.doubt.is_none()
         && sheet.has_plain_time
         && MILLISECONDS.contains(&step)
-        && sheet.stamps.iter().all(|t| t.fract() == 0.0)
+        && sheet.stamps.iter().all(|t| is_whole(*t))
     {
         flaws.stamps("time_unit", format!("stamps are whole numbers, {step} from one to the next, and are taken for seconds; milliseconds must be divided by 1e3, and seconds can be named in the header: t [s]"));
     }
+}
+
+/// Whether a stamp is a whole number but for the rounding of the arithmetic that made it.
+fn is_whole(t: f64) -> bool {
+    (t - t.round()).abs() <= 4.0 * f64::EPSILON * t.abs()
 }
 
 /// What is wrong between topics: clocks that do not meet.

@@ -65,6 +65,12 @@ fn each_fault_is_named() {
     assert_eq!(one("held", &|i| smooth(i / 4 * 4)), "held");
     assert_eq!(one("clipped", &|i| (1.5 * (i as f64 * 0.05).sin() + 1e-3 * noise(i)).clamp(-2.0, 1.0)), "clipped");
     assert_eq!(kinds(&table("ms.csv", |i| 10.0 * i as f64, &[x])), ["time_unit"]);
+    // A product of seconds in binary is whole but for its last digit.
+    assert_eq!(kinds(&table("products.csv", |i| even(i) * 1e3, &[x])), ["time_unit"]);
+    assert_eq!(one("frozen", &|i| smooth(if (160..220).contains(&i) { 160 } else { i })), "frozen");
+    let lost = table("lost.csv", even, &[("y", &|i| if (100..160).contains(&i) { f64::NAN } else { smooth(i) })]);
+    assert_eq!(kinds(&lost), ["missing"]);
+    assert!(lost.findings[0].text.starts_with("holds no value from 1.000 s to 1.590 s (60 samples)"), "{lost:?}");
     let short = inspected("short.csv", b"t,x\n0,0.1\n0.1,0.3\n0.2,0.2\n");
     assert_eq!(kinds(&short), ["short"]);
     let words = (0..40).map(|i| format!("{},{}\n", even(i), if i == 7 { "off".into() } else { smooth(i).to_string() }));
