@@ -8,6 +8,7 @@ mod timings;
 pub(crate) use files::{report_json, write};
 
 use crate::args::{AutoHold, Columns};
+use crate::commands::given::measured;
 use crate::commands::given::nominal::Nominal;
 use crate::commands::given::setup::{PartOptions, SetupOptions};
 use crate::commands::{Session, model_dataset, opened};
@@ -16,7 +17,7 @@ use crate::screen::Screen;
 use clap::Args;
 use files::Augmented;
 use gpsindy_core::diagnose::report::Verdict;
-use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Power, hold_out};
+use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Diagnosis, PartKind, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{TopicOffset, model_to_toml, read_effects};
 use gpsindy_report::Provenance;
@@ -255,11 +256,26 @@ fn deliver(
             None => screen.note("--out DIR also writes the HTML page, the JSON report and the augmented model"),
         }
     }
+    if let Some(advice) = fewer_joints(&diagnosed.diagnosis) {
+        screen.note(&advice);
+    }
     let verdict = diagnosed.diagnosis.verdict;
     match command.fail_if.filter(|fail_if| fail_if.is_met(verdict)) {
         Some(_) => Err(Failure::Verdict(format!("--fail-if: the verdict is {verdict}"))),
         None => Ok(()),
     }
+}
+
+/// What makes a search shorter that the clock ended, where it asked about many joints and named nothing.
+fn fewer_joints(diagnosis: &Diagnosis) -> Option<String> {
+    let asked = diagnosis.by_part.iter().filter(|part| part.kind == PartKind::Joint && part.asked).count();
+    let is_left_open = diagnosis.is_cut() && diagnosis.included().next().is_none();
+    (is_left_open && asked > 1).then(|| {
+        format!(
+            "{asked} joints were asked about; take few at a time: --joint asks about one alone, --lock holds others that stood still or whose motion \
+             does not reach it; --time-limit 0 lets the search end"
+        )
+    })
 }
 
 /// The logs, by the part that they play.
@@ -285,12 +301,15 @@ pub(crate) fn logs(
     let logs = opened(train, columns, screen)?;
     let time_unit = logs.time_unit().to_string();
     let (train, mut offsets) = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
+    measured::tell(&logs, None, model, screen);
+    measured::doubt_degrees(&logs, &train, model, screen);
     if holdout.is_empty() {
         let (train, holdout) = hold_out(&train)?;
         return Ok(Parts { train, holdout, offsets, time_unit });
     }
-    let holdout = opened(holdout, columns, screen)?;
-    let (holdout, more) = model_dataset(&holdout, std::slice::from_ref(model), hold, columns, screen)?;
+    let verifying = opened(holdout, columns, screen)?;
+    let (holdout, more) = model_dataset(&verifying, std::slice::from_ref(model), hold, columns, screen)?;
+    measured::tell(&verifying, Some(&logs), model, screen);
     offsets.extend(more);
     Ok(Parts { train, holdout, offsets, time_unit })
 }
@@ -298,6 +317,23 @@ pub(crate) fn logs(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_search_that_the_clock_ended_advises_to_ask_about_fewer_joints() {
+        let json = r#"{"schema": "gpsindy.diagnosis/1", "model": "dog", "runs": {"train": [], "holdout": []}, "verdict": "unexplained",
+            "gap": {"detected": true, "p_value": 0, "by_state": [], "by_region": [], "by_window": []}, "causes": [], "excluded": [],
+            "unexplained": {"probability": 1, "share": 1, "depends_on": []}, "interrupted": 120, "notes": [],
+            "by_part": [{"kind": "joint", "part": "hip", "measured": true, "asked": true, "share": 0, "causes": [], "nothing_above": [], "says": ""},
+                        {"kind": "joint", "part": "knee", "measured": true, "asked": true, "share": 0, "causes": [], "nothing_above": [], "says": ""}],
+            "closure": {"metric": "rollout_rmse", "floor_source": "sensor noise", "by_state": []}}"#;
+        let mut found: Diagnosis = serde_json::from_str(json).unwrap();
+        assert!(fewer_joints(&found).unwrap().starts_with("2 joints were asked about"));
+        found.by_part[0].asked = false;
+        assert!(fewer_joints(&found).is_none());
+        found.by_part[0].asked = true;
+        found.interrupted = None;
+        assert!(fewer_joints(&found).is_none());
+    }
 
     #[test]
     fn a_verdict_fails_where_it_was_asked_to() {

@@ -187,7 +187,6 @@ fn model_dataset(
     }
     for model in models {
         given::measured::check_units(logs, model)?;
-        given::measured::tell(logs, model, screen);
     }
     // A state of one model may be a control of another.
     all_states.retain(|name| !all_controls.contains(name));

@@ -1,10 +1,11 @@
 //! `gpsindy score`: rollout, windowed and one-step errors of models on logs, by state.
 
 use crate::args::{Columns, Output};
+use crate::commands::given::measured;
 use crate::commands::given::nominal::Nominal;
 use crate::commands::given::setup::SetupOptions;
 use crate::commands::simulate::Between;
-use crate::commands::{Session, check_out, deliver, model_dataset, opened};
+use crate::commands::{Session, check_out, columns_of, deliver, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
 use crate::text::{aligned, count, short};
 use clap::Args;
@@ -53,6 +54,13 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
     let holds: Vec<Hold> = models.iter().map(|m| command.hold.map_or_else(|| m.hold(), Into::into)).collect();
     let (data, _) =
         model_dataset(&logs, &models, holds.first().copied().unwrap_or_default(), &command.columns, screen)?;
+    for (i, model) in models.iter().enumerate() {
+        // A corrected model has the columns of its nominal one.
+        if !models[..i].iter().any(|other| columns_of(other) == columns_of(model)) {
+            measured::tell(&logs, None, model, screen);
+            measured::doubt_degrees(&logs, &data, model, screen);
+        }
+    }
     let progress = screen.progress();
     let scored = |(nominal, &hold): (&Nominal, &Hold)| {
         let simulate = Settings { hold, ..Settings::default() };

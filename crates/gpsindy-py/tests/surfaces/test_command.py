@@ -7,10 +7,11 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import gpsindy
-from hinge import HINGE, real_log
+from hinge import HINGE, SERVO, real_log
 from program import command, write_log
 
 
@@ -88,6 +89,24 @@ def test_degrees_are_not_read_as_radians(tmp_path):
     log.write_text(header.replace("hinge", "hinge [deg]", 1) + "\n" + rows)
     done = command("diagnose", model, log, "--out", tmp_path / "diagnosis")
     assert done.returncode == 2 and "0.017453" in done.stderr.strip().splitlines()[-1], done.stderr
+
+
+def test_readings_beyond_a_full_turn_without_a_unit_are_doubted_and_columns_are_listed_once(tmp_path):
+    pytest.importorskip("mujoco")
+    model = tmp_path / "robot.xml"
+    model.write_text(SERVO)
+    log = real_log(0, SERVO)
+    write_log(tmp_path / "rad.csv", log)
+    write_log(tmp_path / "check.csv", real_log(1, SERVO))
+    write_log(tmp_path / "deg.csv", {name: np.degrees(column) if name == "hinge" else column for name, column in log.items()})
+
+    def said(train):
+        options = ("--holdout", tmp_path / "check.csv", "--effects", "bias", "--time-limit", "5", "--out", tmp_path / "diagnosis")
+        return command("diagnose", model, tmp_path / train, *options).stderr
+
+    assert "multiply them by pi/180" in said("deg.csv")
+    right = said("rad.csv")
+    assert "pi/180" not in right and right.count("column of the logs") == 1, right
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

@@ -3,17 +3,20 @@
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::aligned_left;
-use gpsindy_core::{Expression, Model};
+use gpsindy_core::{Dataset, Expression, Model};
 use gpsindy_files::{Logs, meant};
 
 /// Lists the columns of a simulator, and warns of the states that no column carries, with names that are near. Rates of a measured position are
-/// made from it.
-pub(crate) fn tell(logs: &Logs, model: &Model, screen: &Screen) {
-    if !model.calls_simulator() {
+/// made from it. Nothing where `before`, which were listed, have the same columns.
+pub(crate) fn tell(logs: &Logs, before: Option<&Logs>, model: &Model, screen: &Screen) {
+    let table = |logs: &Logs| {
+        let found = |name: &str| logs.files().iter().find_map(|log| log.column(name));
+        table(model, &|name| found(name).map(|header| header.text.clone()))
+    };
+    if !model.calls_simulator() || before.is_some_and(|before| table(before) == table(logs)) {
         return;
     }
-    let header = |name: &str| logs.files().iter().find_map(|log| log.column(name)).map(|header| header.text.clone());
-    screen.note(aligned_left(&table(model, &header)).trim_end());
+    screen.note(aligned_left(&table(logs)).trim_end());
     let names = unmeasured(model, &|name| logs.resolve(name).is_ok());
     if names.is_empty() {
         return;
@@ -31,6 +34,36 @@ pub(crate) fn tell(logs: &Logs, model: &Model, screen: &Screen) {
             screen.warn(&format!("no column is `{name}`{near}"));
         }
     }
+}
+
+/// Warns of a joint whose readings go beyond a full turn and have no unit in their header: degrees look like that, and would be read as radians.
+pub(crate) fn doubt_degrees(logs: &Logs, data: &Dataset, model: &Model, screen: &Screen) {
+    if !model.calls_simulator() {
+        return;
+    }
+    let is_bare =
+        |name: &str| logs.files().iter().filter_map(|log| log.column(name)).all(|header| header.unit.is_empty());
+    let far = model.states.iter().filter(|state| state.unit == "rad" && is_bare(&state.name)).filter_map(|state| {
+        let farthest = farthest(data, &state.name)?;
+        (farthest > TURN).then(|| format!("{} to {farthest:.1}", state.name))
+    });
+    let far: Vec<String> = far.collect();
+    if !far.is_empty() {
+        screen.warn(&format!(
+            "read as rad, readings go beyond a full turn: {}; if they are degrees, multiply them by pi/180, else write [rad] behind the name in the header",
+            far.join(", ")
+        ));
+    }
+}
+
+/// A full turn, rad.
+const TURN: f64 = std::f64::consts::TAU;
+
+/// Largest size of a column's readings.
+fn farthest(data: &Dataset, column: &str) -> Option<f64> {
+    let place = data.channels().iter().position(|channel| channel.name == column)?;
+    let values = data.runs().iter().flat_map(|run| run.column(place));
+    values.map(|value| value.abs()).filter(|size| size.is_finite()).max_by(f64::total_cmp)
 }
 
 /// Units that measure the same, each with its size in the first of them.
@@ -99,7 +132,15 @@ fn unmeasured<'a>(model: &'a Model, carried: &dyn Fn(&str) -> bool) -> Vec<&'a s
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gpsindy_core::State;
+    use gpsindy_core::{Channel, Run, State};
+
+    #[test]
+    fn the_farthest_reading_leaves_out_what_is_missing() {
+        let values = faer::Mat::from_fn(4, 1, |i, _| [0.2, f64::NAN, -31.0, 30.0][i]);
+        let run = Run { name: "deg.csv".into(), time: vec![0.0, 0.1, 0.2, 0.3], values };
+        let data = Dataset::new(vec![Channel::new("elbow")], vec![run]).unwrap();
+        assert_eq!((farthest(&data, "elbow"), farthest(&data, "wrist")), (Some(31.0), None));
+    }
 
     #[test]
     fn units_of_one_kind_have_a_factor_and_others_none() {
