@@ -230,7 +230,7 @@ fn the_catalogue_is_listed_for_people_and_programs() {
     let text = folder.run("effects").done().stdout;
     assert!(text.contains("coulomb_friction       -c*sign(z)\n"), "{text}");
     let list: serde_json::Value = serde_json::from_str(&folder.run("effects --json").done().stdout).unwrap();
-    assert_eq!(list.as_array().unwrap().len(), 44);
+    assert_eq!(list.as_array().unwrap().len(), 45);
     assert!(folder.run("effects backlash").done().stdout.starts_with("backlash "));
     assert!(folder.run("effects luck").refused().starts_with("effect `luck` is not in the catalogue"));
     assert!(folder.run("effects coulomb_frictoin").refused().contains("did you mean `coulomb_friction`"));
