@@ -20,8 +20,8 @@ pub(crate) fn of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'sta
     }
 }
 
-/// The sensor's noise by column in its unit: the winner's residual where it is about as small as the noise of
-/// differences (it then shows coloured noise, too), else the noise of differences.
+/// The sensor's noise by column in its unit: the winner's residual where a sensor may leave it (it then shows coloured noise, too), else the
+/// noise of differences.
 fn sensor_noise(best: &Contestant, noise: &[f64]) -> Vec<f64> {
     let one = |((colour, &held_out), &train): ((&crate::diagnose::fit::colours::colour::Colour, &f64), &f64)| {
         if colour.is_of_a_sensor() { train * colour.variance().sqrt() } else { held_out.min(train) }

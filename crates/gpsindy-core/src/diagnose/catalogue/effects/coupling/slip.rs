@@ -74,11 +74,12 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let n = writer.add("n", 2.0, 1.0, SUDDEN, "");
     let shape = writer.add("shape", 1.0, 1.0, SHAPE, "");
     let name = writer.hypothesis.variables[0].clone();
-    // Powers of zero have no derivative by the exponent, and neither has the inverse sine of one; both force and slip are of either sign alike.
-    let u = written("sqrt(q*z^2/C^2 + 1e-12)", &[("q", q), ("z", slip), ("C", shape.clone())])?;
-    let s = written("u/(1 + u^n)^(1/n)", &[("u", u.clone()), ("n", n)])?;
-    let symbols = [("p", Expression::variable(name.clone())), ("u", u), ("s", s), ("C", shape)];
-    writer.replace(&name, &written("p*sin(C*asin(0.9999999*s))/(C*u)", &symbols)?);
+    // A power of zero has no derivative by its exponent, nor has the inverse sine of one. What becomes of `p` is even in the slip, so that its
+    // size will do.
+    let e = written("sqrt(q*z^2/shape^2 + 1e-12)", &[("q", q), ("z", slip), ("shape", shape.clone())])?;
+    let f = written("e/(1 + e^n)^(1/n)", &[("e", e.clone()), ("n", n)])?;
+    let symbols = [("p", Expression::variable(name.clone())), ("e", e), ("f", f), ("shape", shape)];
+    writer.replace(&name, &written("p*sin(shape*asin(0.9999999*f))/(shape*e)", &symbols)?);
     Ok(vec![amplitude(&[1e-3 / square, 2.0, 1.0])])
 }
 
