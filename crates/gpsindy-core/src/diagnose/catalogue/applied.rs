@@ -37,7 +37,7 @@ pub(crate) enum Role {
     /// How long something takes, or at what speed or frequency it happens. At an end of its range, which is that of what logs can show, its effect
     /// is another one that has no such scale, or none.
     Scale,
-    /// An end of the travel, above or below: one that the logs never reach stands at the end of their range, and is anywhere beyond.
+    /// An end of the travel, or a limit of a drive, above or below: one that the logs never reach stands at the end of their range, and is anywhere beyond.
     Above,
     Below,
 }

@@ -226,7 +226,7 @@ mod tests {
         let form = |effect: Effect, variables: &[&str]| {
             effect.form_of(&variables.iter().map(ToString::to_string).collect::<Vec<_>>())
         };
-        assert_eq!(form(Effect::InputSaturation, &["motor"]), "motor becomes clamp(motor, -c, c)");
+        assert_eq!(form(Effect::InputSaturation, &["motor"]), "motor becomes clamp(motor, low, high)");
         assert_eq!(form(Effect::InputLag, &["u_1"]), "u_1 becomes a state that follows u_1 with time constant tau");
         assert_eq!(form(Effect::ProductCoupling, &["w", "z"]), "c*w*z");
         assert!(form(Effect::StribeckFriction, &["v"]).contains("(v/w)^2"));

@@ -33,6 +33,10 @@ pub(crate) const PROBED: (f64, f64, f64, f64) = (1.5, 1.7, 2.3, 0.3);
 /// How many times the range of its fit an end of the travel that the logs never reach is beyond them. Convention.
 pub(crate) const FAR_OFF: f64 = 10.0;
 
+/// Share of a control's range, from zero or from its other end, that no limit of the drive takes away: with less the machine would not have been
+/// driven. Argument.
+pub(crate) const PASSES: f64 = 0.02;
+
 /// Share of a typical speed within which dry friction turns around, at the start of a fit. Convention.
 pub(crate) const CORNER: f64 = 0.02;
 

@@ -153,14 +153,14 @@ class Corrections:
     def command(self, name: str, actuator: str, number: int, expression: str) -> None:
         """A command that becomes an expression of the column ``name``: a delay or a limit; else MJCF can't say it."""
         late = seconds_late(expression, name)
-        limited = re.fullmatch(rf"clamp\({re.escape(name)}, -([0-9.e+-]+), ([0-9.e+-]+)\)", expression)
+        limited = re.fullmatch(rf"clamp\({re.escape(name)}, ([0-9.e+-]+), ([0-9.e+-]+)\)", expression)
         element = self.text.find("actuator", actuator, number)
         if element is None or (late is None and limited is None):
             self.missing.append(f"the command {name} becomes {expression}")
         elif late is not None:
             self._set_delay(name, actuator, number, late)
-        elif limited is not None and limited.group(1) == limited.group(2):
-            low, high = -float(limited.group(1)), float(limited.group(2))
+        elif limited is not None:
+            low, high = float(limited.group(1)), float(limited.group(2))
             if self._mj.actuator_ctrllimited[number]:
                 low, high = max(low, self._mj.actuator_ctrlrange[number][0]), min(high, self._mj.actuator_ctrlrange[number][1])
             for attribute, value in (("ctrlrange", f"{mjcf.number(low)} {mjcf.number(high)}"), ("ctrllimited", "true")):
