@@ -27,6 +27,8 @@ pub(crate) enum Sense {
     Moving,
     /// The variable with this number has a rate of its own, or is no voltage, pressure or other amount, which has no weight and no teeth.
     Placed(usize),
+    /// The variable with this number is no length: a weight on an arm goes by the angle.
+    Angle(usize),
     /// No parameter scales the whole equation: it would be the same suspect.
     NoScale,
     /// The variable with this number is no command in the unit of a place: such a one is where to go, and loads nothing.
@@ -47,6 +49,7 @@ impl Sense {
             Self::NotThermal => "the equation is not that of a temperature",
             Self::Moving => "the equation is not that of an amount, such as a voltage or a pressure",
             Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
+            Self::Angle(_) => "the variable is not a length",
             Self::NoScale => "no parameter scales the whole equation",
             Self::NoTarget(_) => "the variable is not the target of a position servo",
             Self::Modes => "the model has equations, not a simulator that steps",
@@ -77,6 +80,10 @@ impl Sense {
                 let has_speed = |j| (0..model.states.len()).any(|i| model.integral_of(i) == Some(j));
                 state.is_none_or(|j| has_speed(j) || !is_amount(&model.states[j].unit))
             }
+            Self::Angle(index) => {
+                let state = variables.get(index).and_then(|name| model.state_index(name));
+                state.is_none_or(|j| !is_length(&model.states[j].unit))
+            }
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
             Self::NoTarget(index) => {
                 let control = variables.get(index).and_then(|name| model.control_index(name));
@@ -106,7 +113,12 @@ pub(crate) fn is_speed(unit: &str) -> bool {
 
 /// Whether a unit is one of an angle or a length.
 fn is_place(unit: &str) -> bool {
-    matches!(unit, "rad" | "deg" | "°" | "rev" | "turn" | "m" | "cm" | "mm" | "um" | "km" | "in" | "ft")
+    matches!(unit, "rad" | "deg" | "°" | "rev" | "turn") || is_length(unit)
+}
+
+/// Whether a unit is one of a length.
+fn is_length(unit: &str) -> bool {
+    matches!(unit, "m" | "cm" | "mm" | "um" | "km" | "in" | "ft")
 }
 
 /// Whether a unit is one of a voltage or a pressure, of which a drive is fed.

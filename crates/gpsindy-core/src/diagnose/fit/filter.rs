@@ -213,6 +213,12 @@ fn stretches<'a>(windows: &[Window], starts: &'a [Vec<f64>], most: usize) -> Vec
 }
 
 impl Filtered {
+    /// The innovations in deviations that the filter expects of them, reading after reading.
+    pub(crate) fn whitened(&self) -> Vec<f64> {
+        let readings = self.stretches.iter().flat_map(|(_, samples)| samples).flat_map(|sample| &sample.readings);
+        readings.map(|reading| reading.innovation / reading.variance.sqrt()).collect()
+    }
+
     /// The states that a function sees, along every stretch: the log, and number and states of each sample.
     ///
     /// What acts on a reading sees the states before it: those after it hold its noise.

@@ -53,5 +53,12 @@ pub(crate) const CONVERGED: f64 = 0.1;
 /// Step of a logarithm in a curvature: wide enough to see the curve beside the rounding, narrow enough to be one. Convention.
 pub(crate) const CURVED: f64 = 0.1;
 
-/// Step of a logarithm in the slope of a cost: half of the digits of a likelihood. Argument.
+/// Step of a logarithm, or of a parameter in its typical size, in the slope of a cost: half of the digits of a likelihood. Argument.
 pub(crate) const SLOPED: f64 = 1e-4;
+
+/// Steps that the parameters of a machine take beside random forces: innovations are nearly linear in them, so that the second is the last that
+/// matters. Convention.
+pub(crate) const TUNED: usize = 4;
+
+/// Shares of such a step that are tried. Convention.
+pub(crate) const SHORTENED: [f64; 4] = [1.0, 0.5, 0.25, 0.1];

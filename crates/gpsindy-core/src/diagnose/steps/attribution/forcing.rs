@@ -7,6 +7,7 @@
 
 mod account;
 mod climb;
+mod tune;
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
@@ -68,6 +69,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         return Ok(judged);
     }
     let forcing = found.stated(p_value);
+    let found = found.rolled(contest)?;
     stage.advance()?;
     Ok(replaced(contest, judged, found, forcing, chance))
 }
@@ -133,7 +135,7 @@ fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Res
     while is_random(p_value) && best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
         for fit in contest.without_each(nominal, &best.fit)?.into_iter().flatten() {
-            let Some(account) = Account::of(contest, &fit, &best.processes)? else { continue };
+            let Some(account) = best.beside(contest, &fit) else { continue };
             if simpler.as_ref().is_none_or(|known| account.score > known.score) {
                 simpler = Some(account);
             }
@@ -212,6 +214,22 @@ mod tests {
             }
         });
         (model, Dataset::new(vec![Channel::new("w"), Channel::new("u")], runs.collect()).unwrap())
+    }
+
+    #[test]
+    fn gusts_are_not_charged_to_parameters_within_their_tolerances() {
+        // Five runs of twenty seconds under gusts that last for half a second: rollouts move a loss of 0.8 to an end of its tolerance.
+        let (mut model, data) = logs_of_boat(0.0, |_, gust| 0.6 * gust);
+        model.parameters.iter_mut().for_each(|p| p.tolerance = Some(0.1));
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap();
+        let diagnosis = &found.diagnosis;
+        assert_eq!(diagnosis.verdict, Verdict::Explained, "{:?} {:?}", diagnosis.causes, diagnosis.checks);
+        let named: Vec<&str> = diagnosis.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(named, [Effect::ProcessNoise.id()]);
+        for (parameter, truth) in found.augmented.parameters.iter().zip([0.8, 1.5]) {
+            assert!((parameter.value / truth - 1.0).abs() < 0.1, "{parameter:?}");
+        }
     }
 
     /// Its diagnosis.

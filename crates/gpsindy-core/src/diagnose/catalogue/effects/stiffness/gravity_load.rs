@@ -19,7 +19,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: largest load, phase: where it vanishes",
     signature: "a load that depends on the angle",
     places: &[Place::Position],
-    sense: &[Sense::Placed(0)],
+    sense: &[Sense::Placed(0), Sense::Angle(0)],
     twins: &[],
     traits: Traits::PLAIN,
     write,

@@ -12,10 +12,11 @@ use crate::diagnose::limits::forcing::{
 use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
+use crate::diagnose::steps::attribution::forcing::tune::believed;
 use crate::diagnose::steps::findings::{Forcing, StatedProcess};
 use crate::error::Result;
 use crate::parallel;
-use crate::refine::Window;
+use crate::refine::{Window, prior_cost};
 use nalgebra::Matrix2;
 
 /// A contestant beside random processes, and how well the logs speak of both.
@@ -83,16 +84,18 @@ impl Account {
 
     /// `fit` with random processes where they convince on a part of the readings.
     fn in_part(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
-        let Some(whole) = Self::of(contest, fit, &[])? else { return Ok(None) };
+        let Some(whole) = Self::of(contest, &believed(fit), &[])? else { return Ok(None) };
         let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
         part.charged_anew(contest).map(|part| part.grown(contest, &places(fit))).transpose()
     }
 
-    /// The same processes beside another fit, on the same readings; nothing where no filter takes it.
-    fn beside(&self, contest: &Contest<'_>, fit: &Contestant) -> Option<Self> {
+    /// The same processes beside another fit, its parameters moved, on the same readings; nothing where no filter takes it.
+    pub(super) fn beside(&self, contest: &Contest<'_>, fit: &Contestant) -> Option<Self> {
         let acts = self.processes.iter().map(|p| p.acts);
         let bare = Self::bare(contest, fit, acts, self.most).ok()??;
-        Self { processes: self.processes.clone(), ..bare }.charged()
+        let mut beside = Self { processes: self.processes.clone(), ..bare };
+        beside.tune()?;
+        beside.charged()
     }
 
     /// The same processes beside that one of some fits of which the readings speak best.
@@ -160,8 +163,13 @@ impl Account {
     }
 
     fn filtered(&self, processes: &[Process], pace: Pace) -> Option<Filtered> {
-        let refined = &self.fit.refined;
-        self.filter.run((&self.fit.experiment, self.most), (&refined.parameters, &refined.initial), processes, pace)
+        self.filtered_with(&self.fit.refined.parameters, processes, pace)
+    }
+
+    /// The same with other parameters of the machine.
+    pub(super) fn filtered_with(&self, parameters: &[f64], processes: &[Process], pace: Pace) -> Option<Filtered> {
+        let Contestant { experiment, refined, .. } = &self.fit;
+        self.filter.run((experiment, self.most), (parameters, &refined.initial), processes, pace)
     }
 
     /// The same with the score on the samples that are looked at now.
@@ -169,10 +177,11 @@ impl Account {
         Self { score: contest.prior(&self.fit), ..self }.charged()
     }
 
-    /// With the likelihood in its score, less half the logarithm of the sample size for every parameter; nothing where the filter
+    /// With the likelihood and the beliefs in its score, less half the logarithm of the sample size for every parameter; nothing where the filter
     /// diverges.
     fn charged(mut self) -> Option<Self> {
         let found = self.filtered(&self.processes, Pace::Likelihood)?;
+        self.score -= 0.5 * prior_cost(&self.fit.refined.parameters, &self.fit.free);
         let parameters = self.fit.evidence.complexity() + 2 * self.processes.len();
         self.score += found.likelihood - 0.5 * parameters as f64 * (found.count.max(2) as f64).ln();
         Some(self)
@@ -290,21 +299,23 @@ impl Sketch {
         Some(Self { start, cost, ..self })
     }
 
-    /// The account with all of its processes at their best.
+    /// The account with all of its processes, and the parameters of the machine beside them, at their best.
     fn finished(self) -> Option<Account> {
-        let Self { account, mut climb, start: mut processes, .. } = self;
+        let Self { account, mut climb, start, .. } = self;
+        let mut account = Account { processes: start, ..account };
         for _ in 0..MOST_PATHS {
-            climb.linear = account.linear(&processes)?;
-            let before = climb.cost_of(&processes, usize::MAX);
+            climb.linear = account.linear(&account.processes)?;
+            let before = climb.cost_of(&account.processes, usize::MAX);
             // A path along which the filter just holds shows no way up.
             if !before.is_finite() {
                 return None;
             }
-            processes = climb.top(&processes, usize::MAX)?;
-            if before - climb.cost_of(&processes, usize::MAX) < SETTLED {
+            account.processes = climb.top(&account.processes, usize::MAX)?;
+            let gained = before - climb.cost_of(&account.processes, usize::MAX);
+            if gained + account.tune()? < SETTLED {
                 break;
             }
         }
-        Account { processes, ..account }.charged()
+        account.charged()
     }
 }

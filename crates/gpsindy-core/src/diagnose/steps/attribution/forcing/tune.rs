@@ -1,0 +1,153 @@
+//! Tune: the free parameters of a fit, where the innovations of the filter have them.
+//!
+//! A rollout charges a random force to whatever parameter may take it up: those within their tolerances go to the ends of these, and a law is
+//! left beside the force that is not the machine's. Beside the right processes the innovations are white, so that least squares on them finds
+//! the parameters without bias.
+//!
+//! Source: the prediction error method, Ljung 1999, System Identification, chapter 7.
+
+use super::account::Account;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::filter::{Filtered, Pace};
+use crate::diagnose::limits::forcing::{SETTLED, SHORTENED, SLOPED, TUNED};
+use crate::diagnose::limits::{Budget, FLAT};
+use crate::diagnose::steps::attribution::contest::Contest;
+use crate::error::{Result, unless_refused};
+use crate::parallel;
+use crate::refine::{Free, prior_cost};
+use nalgebra::{DMatrix, DVector};
+
+/// A fit of no effects with the parameters that are believed beforehand: what its rollouts made of them they made without the force.
+pub(super) fn believed(fit: &Contestant) -> Contestant {
+    let mut believed = fit.clone();
+    if fit.hypotheses.is_empty() {
+        for (place, mean) in fit.free.iter().filter_map(|f| Some((f.parameter, f.prior?.0))) {
+            believed.refined.parameters[place] = mean;
+        }
+    }
+    believed
+}
+
+impl Account {
+    /// The same with the rollouts that its parameters lead to; as it is where these can't be followed.
+    pub(super) fn rolled(mut self, contest: &Contest<'_>) -> Result<Self> {
+        let free = self.fit.free.clone();
+        for f in &mut self.fit.free {
+            let value = self.fit.refined.parameters[f.parameter];
+            (f.lower, f.upper) = (value, value);
+        }
+        let moved = contest.fitter.on(&self.fit, &self.fit.experiment, Budget::Usual);
+        self.fit = unless_refused(moved)?.unwrap_or(self.fit);
+        self.fit.free = free;
+        Ok(self)
+    }
+
+    /// Moves the free parameters to where they cost least beside the processes; by how many nats less, and nothing where the filter diverges.
+    pub(super) fn tune(&mut self) -> Option<f64> {
+        let mut found = self.passed(&self.fit.refined.parameters)?;
+        let first = self.cost(&found, &self.fit.refined.parameters);
+        let mut last = first;
+        for _ in 0..TUNED {
+            let Some((next, parameters)) = self.stepped(&found, last) else { break };
+            let cost = self.cost(&next, &parameters);
+            let gained = last - cost;
+            self.fit.refined.parameters = parameters;
+            (found, last) = (next, cost);
+            if gained < SETTLED {
+                break;
+            }
+        }
+        Some(first - last)
+    }
+
+    /// A step of Gauss and Newton from where the pass `found` was made, shortened until it lowers the cost below `known`.
+    fn stepped(&self, found: &Filtered, known: f64) -> Option<(Filtered, Vec<f64>)> {
+        let at = &self.fit.refined.parameters;
+        let innovations = found.whitened();
+        let slope = |f: &Free| {
+            let mut aside = at.clone();
+            let step = SLOPED * f.scale;
+            aside[f.parameter] += step;
+            let moved = self.passed(&aside)?.whitened();
+            let of = |(moved, own): (f64, &f64)| (moved - own) / step;
+            (moved.len() == innovations.len())
+                .then(|| moved.into_iter().zip(&innovations).map(of).collect::<Vec<f64>>())
+        };
+        let slopes: Vec<Vec<f64>> = parallel::map(&self.fit.free, slope).into_iter().collect::<Option<_>>()?;
+        let change = change(&self.fit.free, at, (&innovations, &slopes), found.level)?;
+        SHORTENED.into_iter().find_map(|share| {
+            let mut parameters = at.clone();
+            for (f, change) in self.fit.free.iter().zip(&change) {
+                parameters[f.parameter] += share * change;
+            }
+            let next = self.passed(&parameters)?;
+            (self.cost(&next, &parameters) < known).then_some((next, parameters))
+        })
+    }
+
+    fn passed(&self, parameters: &[f64]) -> Option<Filtered> {
+        self.filtered_with(parameters, &self.processes, Pace::Path)
+    }
+
+    fn cost(&self, found: &Filtered, parameters: &[f64]) -> f64 {
+        0.5 * prior_cost(parameters, &self.fit.free) - found.likelihood
+    }
+}
+
+/// By how much each free parameter moves, within its bounds, where the `innovations` with these `slopes` have the variance `level`; nothing where the
+/// equations can't be solved.
+fn change(free: &[Free], at: &[f64], (innovations, slopes): (&[f64], &[Vec<f64>]), level: f64) -> Option<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / level;
+    let count = free.len();
+    let mut gram = DMatrix::from_fn(count, count, |i, j| dot(&slopes[i], &slopes[j]));
+    let mut right = DVector::from_fn(count, |i, _| -dot(&slopes[i], innovations));
+    for (i, f) in free.iter().enumerate() {
+        if let Some((mean, deviation)) = f.prior {
+            gram[(i, i)] += deviation.powi(-2);
+            right[i] -= (at[f.parameter] - mean) / deviation.powi(2);
+        }
+    }
+    let mut change = vec![0.0; count];
+    let mut loose: Vec<usize> = (0..count).filter(|&i| gram[(i, i)] > 0.0).collect();
+    // What would leave its bounds stays at them, and the others are solved for again.
+    while !loose.is_empty() {
+        let part = DMatrix::from_fn(loose.len(), loose.len(), |a, b| {
+            gram[(loose[a], loose[b])] * if a == b { 1.0 + FLAT } else { 1.0 }
+        });
+        let left = |&i: &usize| {
+            right[i] - (0..count).filter(|j| !loose.contains(j)).map(|j| gram[(i, j)] * change[j]).sum::<f64>()
+        };
+        let solved = part.cholesky()?.solve(&DVector::from_iterator(loose.len(), loose.iter().map(left)));
+        let bounded = |i: usize, change: f64| {
+            let value = at[free[i].parameter];
+            (value + change).clamp(free[i].lower, free[i].upper) - value
+        };
+        let beyond: Vec<usize> =
+            loose.iter().zip(solved.iter()).filter(|(i, c)| bounded(**i, **c) != **c).map(|(i, _)| *i).collect();
+        for (&i, &c) in loose.iter().zip(solved.iter()) {
+            change[i] = bounded(i, c);
+        }
+        if beyond.is_empty() {
+            break;
+        }
+        loose.retain(|i| !beyond.contains(i));
+    }
+    change.iter().all(|c| c.is_finite()).then_some(change)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_ends_at_a_bound_and_the_others_make_up_for_it() {
+        let slopes = [vec![1.0, 0.0, 1.0], vec![0.0, 1.0, 1.0]];
+        let innovations = [-2.0, -1.0, -3.0];
+        let free = |upper: f64| [Free { upper, ..Free::new(0, 1.0) }, Free::new(1, 1.0)];
+        let loose = change(&free(9.0), &[0.0, 0.0], (&innovations, &slopes), 1.0).unwrap();
+        assert!((loose[0] - 2.0).abs() < 1e-4 && (loose[1] - 1.0).abs() < 1e-4, "{loose:?}");
+        let bound = change(&free(1.0), &[0.0, 0.0], (&innovations, &slopes), 1.0).unwrap();
+        assert!((bound[0] - 1.0).abs() < 1e-12 && (bound[1] - 1.5).abs() < 1e-4, "{bound:?}");
+    }
+}
