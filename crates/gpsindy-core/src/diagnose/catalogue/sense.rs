@@ -29,6 +29,8 @@ pub(crate) enum Sense {
     Placed(usize),
     /// The variable with this number is no length: a weight on an arm goes by the angle.
     Angle(usize),
+    /// The variable with this number is a control, or a current, a voltage or a speed, whose losses heat.
+    Lossy(usize),
     /// No parameter scales the whole equation: it would be the same suspect.
     NoScale,
     /// The variable with this number is no command in the unit of a place: such a one is where to go, and loads nothing.
@@ -50,6 +52,7 @@ impl Sense {
             Self::Moving => "the equation is not that of an amount, such as a voltage or a pressure",
             Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
             Self::Angle(_) => "the variable is not a length",
+            Self::Lossy(_) => "the variable is a control, or a current, a voltage or a speed",
             Self::NoScale => "no parameter scales the whole equation",
             Self::NoTarget(_) => "the variable is not the target of a position servo",
             Self::Modes => "the model has equations, not a simulator that steps",
@@ -83,6 +86,10 @@ impl Sense {
             Self::Angle(index) => {
                 let state = variables.get(index).and_then(|name| model.state_index(name));
                 state.is_none_or(|j| !is_length(&model.states[j].unit))
+            }
+            Self::Lossy(index) => {
+                let state = variables.get(index).and_then(|name| model.state_index(name));
+                state.is_none_or(|j| is_lossy(&model.states[j].unit))
             }
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
             Self::NoTarget(index) => {
@@ -125,6 +132,14 @@ fn is_length(unit: &str) -> bool {
 pub(crate) fn is_supply(unit: &str) -> bool {
     let without_prefix = unit.strip_prefix(['k', 'M', 'm', 'h']).unwrap_or(unit);
     ["V", "Pa", "bar", "psi", "atm"].iter().any(|base| *base == unit || *base == without_prefix)
+}
+
+/// Whether a unit is one of a current, of a voltage, or of the speed of a place; or none is given.
+fn is_lossy(unit: &str) -> bool {
+    let without_prefix = unit.strip_prefix(['k', 'M', 'm', 'u', 'µ']).unwrap_or(unit);
+    let is_base = |unit: &str| matches!(unit, "" | "A" | "V" | "rpm");
+    let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "s" | "min" | "h");
+    is_base(unit) || is_base(without_prefix) || unit.split_once('/').is_some_and(is_rate)
 }
 
 /// Whether a unit is one of a temperature.
@@ -222,6 +237,16 @@ mod tests {
         };
         assert!(!of("rad") && !of("mm"));
         assert!(of("N m") && of("A") && of("") && of("rad/s"));
+    }
+
+    #[test]
+    fn currents_and_speeds_heat_and_amounts_and_places_do_not() {
+        for unit in ["A", "mA", "V", "m/s", "rad/s", "rpm", ""] {
+            assert!(is_lossy(unit), "{unit}");
+        }
+        for unit in ["mol/L", "g/L", "1/s", "m", "K", "rad"] {
+            assert!(!is_lossy(unit), "{unit}");
+        }
     }
 
     #[test]

@@ -14,6 +14,12 @@ pub(crate) const CLEARLY: f64 = 1.05;
 /// Where in their ranges the variables stand while one of them is tried: inside, at either side. Convention.
 pub(crate) const INSIDE: (f64, f64) = (0.2, 0.8);
 
+/// The same with the ends: where a force by a position is looked at. Convention.
+pub(crate) const INSIDE_AND_ENDS: [f64; 5] = [0.0, 0.2, 0.5, 0.8, 1.0];
+
+/// Share of its size by which a force must leave a straight line to be another load than the position: less is no other friction. Convention.
+pub(crate) const STRAIGHT_FORCE: f64 = 0.02;
+
 /// From what part of its value a parameter goes, to as much above it. Convention.
 pub(crate) const FROM: f64 = 0.75;
 

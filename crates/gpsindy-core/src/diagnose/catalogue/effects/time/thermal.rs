@@ -21,7 +21,7 @@ pub(super) static DEFINITION: Definition = Definition {
     parameters: "c: relative change when warm, tau: time constant, s",
     signature: "the model fits at first; the plant changes under load and recovers at rest",
     places: &[Place::Heated],
-    sense: &[Sense::Moves(1)],
+    sense: &[Sense::Moves(1), Sense::Lossy(1)],
     twins: &[(Effect::Drift, "a warm-up from cold, a rest, and a second warm-up")],
     traits: Traits {
         added_states: 1,

@@ -46,9 +46,14 @@ impl Account {
     pub(super) fn tune(&mut self) -> Option<f64> {
         let mut found = self.passed(&self.fit.refined.parameters)?;
         let first = self.cost(&found, &self.fit.refined.parameters);
+        if self.fit.free.is_empty() {
+            return Some(0.0);
+        }
+        // Innovations are nearly linear in the parameters: the slopes of the first step serve all.
+        let slopes = self.slopes(&found.whitened())?;
         let mut last = first;
         for _ in 0..TUNED {
-            let Some((next, parameters)) = self.stepped(&found, last) else { break };
+            let Some((next, parameters)) = self.stepped((&found, last), &slopes) else { break };
             let cost = self.cost(&next, &parameters);
             let gained = last - cost;
             self.fit.refined.parameters = parameters;
@@ -60,21 +65,23 @@ impl Account {
         Some(first - last)
     }
 
-    /// A step of Gauss and Newton from where the pass `found` was made, shortened until it lowers the cost below `known`.
-    fn stepped(&self, found: &Filtered, known: f64) -> Option<(Filtered, Vec<f64>)> {
-        let at = &self.fit.refined.parameters;
-        let innovations = found.whitened();
+    /// By how much every free parameter moves each of the `innovations`.
+    fn slopes(&self, innovations: &[f64]) -> Option<Vec<Vec<f64>>> {
         let slope = |f: &Free| {
-            let mut aside = at.clone();
+            let mut aside = self.fit.refined.parameters.clone();
             let step = SLOPED * f.scale;
             aside[f.parameter] += step;
             let moved = self.passed(&aside)?.whitened();
-            let of = |(moved, own): (f64, &f64)| (moved - own) / step;
-            (moved.len() == innovations.len())
-                .then(|| moved.into_iter().zip(&innovations).map(of).collect::<Vec<f64>>())
+            let is_whole = moved.len() == innovations.len();
+            is_whole.then(|| moved.into_iter().zip(innovations).map(|(moved, own)| (moved - own) / step).collect())
         };
-        let slopes: Vec<Vec<f64>> = parallel::map(&self.fit.free, slope).into_iter().collect::<Option<_>>()?;
-        let change = change(&self.fit.free, at, (&innovations, &slopes), found.level)?;
+        parallel::map(&self.fit.free, slope).into_iter().collect()
+    }
+
+    /// A step of Gauss and Newton from where the pass `found` was made, shortened until it lowers the cost below `known`.
+    fn stepped(&self, (found, known): (&Filtered, f64), slopes: &[Vec<f64>]) -> Option<(Filtered, Vec<f64>)> {
+        let at = &self.fit.refined.parameters;
+        let change = change(&self.fit.free, at, (&found.whitened(), slopes), found.level)?;
         SHORTENED.into_iter().find_map(|share| {
             let mut parameters = at.clone();
             for (f, change) in self.fit.free.iter().zip(&change) {
