@@ -148,7 +148,7 @@ pub use error::{Error, Result};
 pub use expression::Expression;
 pub use identify::{
     Author, AuthorResult, Choice, Delay, DelayReport, Doubt, Estimate, Exchange, Fidelity, Identification, Identify,
-    LeftOut, Note, Online, OnlineSettings, Outlook, Regression, StateReport, Target,
+    LeftOut, Note, Online, OnlineSettings, Outlook, Regression, SensorRange, StateReport, Target,
 };
 pub use model::{
     Control, Dynamics, Export, IdentificationRecord, Input, InputKind, Language, Model, Parameter, Port, Rows,

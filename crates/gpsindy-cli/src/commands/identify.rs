@@ -18,8 +18,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use choices::Preset;
 use clap::Args;
-use gpsindy_core::library::Constraints;
-use gpsindy_core::{Dataset, Expression};
+use gpsindy_core::{Dataset, Identify as Settings};
 use gpsindy_files::{Logs, Task, TopicOffset, model_to_toml, write_model};
 use method::MethodOptions;
 use scored::Scored;
@@ -107,13 +106,14 @@ pub(crate) fn run(command: &Identify, seed: u64, screen: &Screen) -> Outcome {
     let rates: Vec<String> = settings.derivatives.iter().map(|(_, column)| column.clone()).collect();
     if by_default {
         settings.states = all_states(&logs, &[&settings.controls[..], &rates[..]].concat(), screen);
-        settings.states.extend(unlogged(&settings.constraints, &logs));
+        let unlogged = unlogged(&settings, &logs);
+        settings.states.extend(unlogged);
     }
     let needed: Vec<String> = [&settings.states[..], &settings.controls[..], &rates[..]].concat();
     if let Some(twice) = needed.iter().enumerate().find(|(i, name)| needed[..*i].contains(name)) {
         return Err(Failure::input(format!("column `{}` has two roles; name it in one option", twice.1)));
     }
-    let unlogged = unlogged(&settings.constraints, &logs);
+    let unlogged = unlogged(&settings, &logs);
     let needed: Vec<String> = needed.into_iter().filter(|name| !unlogged.contains(name)).collect();
     let task = Task {
         needed,
@@ -176,13 +176,14 @@ fn leave_clocks_out(states: &mut Vec<String>, data: &Dataset, screen: &Screen) {
     }
 }
 
-/// Right sides of the equations like `x' = v` whose name no log carries.
-fn unlogged(constraints: &Constraints, logs: &Logs) -> Vec<String> {
-    let velocities = constraints.fixed.iter().filter_map(|fixed| match &fixed.equation {
-        Expression::Variable(velocity) => Some(velocity.clone()),
-        _ => None,
-    });
-    velocities.filter(|name| logs.files().iter().all(|log| log.column(name).is_none())).collect()
+/// Names in the given equations that no log carries and that are no free number.
+fn unlogged(settings: &Settings, logs: &Logs) -> Vec<String> {
+    let is_number = |name: &String| settings.library.numbers.iter().any(|number| number.name == *name);
+    let mut names: Vec<String> = settings.constraints.fixed.iter().flat_map(|one| one.equation.variables()).collect();
+    names.retain(|name| !is_number(name) && logs.files().iter().all(|log| log.column(name).is_none()));
+    names.sort();
+    names.dedup();
+    names
 }
 
 /// Every column of numbers but those `taken`.

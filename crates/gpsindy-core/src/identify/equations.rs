@@ -79,6 +79,10 @@ pub(crate) struct Equations {
     pub(crate) delays: Vec<DelayValue>,
     /// Whether the log carries the derivative of a state.
     pub(crate) derivative_given: Vec<bool>,
+    /// Values that each free number of the library keeps between.
+    pub(crate) bounds: Vec<(f64, f64)>,
+    /// Lowest and highest value that the sensor of each state shows; infinite where it shows all.
+    pub(crate) ranges: Vec<(f64, f64)>,
 }
 
 /// Name of the column that carries the derivative of `state`, in the training data and in [`Equations::model_with_parameters`]
@@ -89,6 +93,14 @@ pub(crate) fn rate_name(state: &str) -> String {
 
 fn coefficient_name(state: usize, term: usize) -> String {
     format!("coefficient_{state}_{term}")
+}
+
+/// What a sensor of this range shows of `state`; none where it shows all.
+fn shown(state: &str, (low, high): (f64, f64)) -> Option<Expression> {
+    let pair = |function, a, b| Expression::Call(function, vec![a, b]);
+    let above = |value| if low.is_finite() { pair(Function::Max, value, Expression::Number(low)) } else { value };
+    let below = |value| if high.is_finite() { pair(Function::Min, value, Expression::Number(high)) } else { value };
+    (low.is_finite() || high.is_finite()).then(|| above(below(Expression::variable(state))))
 }
 
 fn delay_name(control: usize) -> String {
@@ -127,6 +139,8 @@ impl Equations {
             fixed,
             delays,
             derivative_given: vec![false; n],
+            bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); library.numbers().len()],
+            ranges: vec![(f64::NEG_INFINITY, f64::INFINITY); n],
         })
     }
 
@@ -146,6 +160,14 @@ impl Equations {
     /// Every delay that is estimated, with the number of its control.
     pub(crate) fn free_delays(&self) -> impl Iterator<Item = (usize, &DelayValue)> {
         self.delays.iter().enumerate().filter(|(_, d)| d.free)
+    }
+
+    /// Every free number in use, by its place in the library: in a given equation or in a term that is in.
+    pub(crate) fn free_numbers(&self) -> Vec<usize> {
+        let names = self.library.numbers();
+        let terms = || self.support.iter().map(|(_, j)| self.library.terms()[j].expression());
+        let is_used = |name: &str| self.fixed.iter().flatten().chain(terms()).any(|part| part.contains(name));
+        (0..names.len()).filter(|&k| is_used(&names[k].0)).collect()
     }
 
     /// Gives state `s` these coefficients (p); where one is 0 the term is out.
@@ -174,6 +196,7 @@ impl Equations {
     /// Takes the values over from the parameters of [`Equations::model_with_parameters`]. A term whose coefficient ended at
     /// the bound of its sign, 0, is out.
     pub(crate) fn take(&mut self, parameters: &[f64]) {
+        let free = self.free_numbers();
         let mut values = parameters.iter().copied();
         for (own, terms) in self.coefficients.iter_mut().zip(&mut self.support.0) {
             for &j in terms.iter() {
@@ -184,6 +207,20 @@ impl Equations {
         for delay in self.delays.iter_mut().filter(|d| d.free) {
             delay.value = values.next().unwrap_or(0.0);
         }
+        self.take_numbers(&free, &values.collect::<Vec<f64>>());
+    }
+
+    /// Gives the free numbers at the places `free` of the library these values.
+    fn take_numbers(&mut self, free: &[usize], found: &[f64]) {
+        if free.is_empty() {
+            return;
+        }
+        let mut numbers: Vec<f64> = self.library.numbers().iter().map(|(_, value)| *value).collect();
+        free.iter().zip(found).for_each(|(&k, &value)| numbers[k] = value);
+        // The names are those it was made with.
+        if let Ok(library) = self.library.at(&numbers) {
+            self.library = Arc::new(library);
+        }
     }
 
     /// The model, with numbers for coefficients.
@@ -191,11 +228,17 @@ impl Equations {
         let rate = |s: usize| self.library.equation(&self.coefficients[s]);
         let rates = (0..self.n_states()).map(|s| self.fixed[s].clone().unwrap_or_else(|| rate(s)));
         let rates = rates.map(|rate| self.delayed(&rate, false)).collect();
-        self.framed(rates)
+        Model { parameters: self.numbers().collect(), ..self.framed(rates) }
     }
 
-    /// The model with coefficients and free delays as parameters, in the order of the support, and a column for every logged
-    /// derivative.
+    /// The free numbers in use, with their values.
+    fn numbers(&self) -> impl Iterator<Item = Parameter> {
+        let numbers = self.library.numbers();
+        self.free_numbers().into_iter().map(|k| Parameter::new(&numbers[k].0, numbers[k].1))
+    }
+
+    /// The model with coefficients, free delays and free numbers as parameters, in the order of the support, and a column for every
+    /// logged derivative.
     pub(crate) fn model_with_parameters(&self) -> Model {
         let mut parameters = Vec::with_capacity(self.support.len());
         let mut rates = Vec::with_capacity(self.n_states());
@@ -209,6 +252,7 @@ impl Equations {
             rates.push(self.delayed(fixed.as_ref().unwrap_or(&sum), true));
         }
         parameters.extend(self.free_delays().map(|(k, delay)| Parameter::new(delay_name(k), delay.value)));
+        parameters.extend(self.numbers());
         let mut model = Model { parameters, ..self.framed(rates.clone()) };
         for (s, rate) in rates.into_iter().enumerate().filter(|(s, _)| self.derivative_given[*s]) {
             let name = rate_name(&self.states[s].0);
@@ -219,10 +263,14 @@ impl Equations {
 
     /// A model with these rates of the states.
     fn framed(&self, rates: Vec<Expression>) -> Model {
-        let states = self.states.iter().zip(rates);
+        let states = self.states.iter().zip(rates).zip(&self.ranges).map(|(((name, unit), rate), range)| State {
+            unit: unit.clone(),
+            measured: shown(name, *range),
+            ..State::new(name, rate)
+        });
         Model {
             name: "identified".into(),
-            states: states.map(|((n, unit), rate)| State { unit: unit.clone(), ..State::new(n, rate) }).collect(),
+            states: states.collect(),
             controls: self.controls.iter().map(|(n, u)| Control { name: n.clone(), unit: u.clone() }).collect(),
             ..Model::default()
         }

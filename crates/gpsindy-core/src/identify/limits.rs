@@ -55,6 +55,10 @@ pub(crate) const EXACT: f64 = 1e-4;
 /// Periods of sampling that the longest delay spans which is looked for where none is named: half a second at 50 Hz. Convention.
 pub(crate) const DELAYED_PERIODS: f64 = 25.0;
 
+/// Share of the samples at one end of a column, which it runs into and stays at, from which that end is remarked on: one in a
+/// hundred. Convention.
+pub(crate) const STUCK: f64 = 0.01;
+
 /// Shares of the shortest run: that much of it is looked through where sampling is fine, and no more of it however coarse it is.
 /// Convention.
 pub(crate) const DELAYED_SHARES: (f64, f64) = (0.01, 0.1);
@@ -225,6 +229,16 @@ pub(crate) mod outlook {
     pub(crate) const SHOWN: usize = 3;
     /// Evidence, 2 ln odds, by which another term may be worse and still be exchangeable: 2 ln 20 = 6. Convention.
     pub(crate) const EXCHANGEABLE: f64 = 6.0;
+}
+
+/// Limits of the search for free numbers.
+pub(crate) mod numbers {
+    /// Sets of values that the search for one free number begins at; twice as many for each further one. Convention.
+    pub(crate) const FIRST_STARTS: usize = 8;
+    /// Sets of values at most. Convention.
+    pub(crate) const MOST_STARTS: usize = 64;
+    /// Sets whose rollouts are lengthened, the best ones of the short rollouts. Convention.
+    pub(crate) const KEPT_STARTS: usize = 4;
 }
 
 /// Limits of the identification sample by sample.

@@ -19,6 +19,7 @@ mod report;
 mod result;
 mod searched;
 mod settings;
+mod starting;
 mod support;
 mod velocities;
 
@@ -28,7 +29,7 @@ pub use notes::Note;
 pub use online::{Estimate, Online, OnlineSettings};
 pub use outlook::{Doubt, Exchange, LeftOut, Outlook};
 pub use result::{DelayReport, Fidelity, Identification, StateReport};
-pub use settings::{Choice, Delay, Identify, Target};
+pub use settings::{Choice, Delay, Identify, SensorRange, Target};
 
 use crate::data::Dataset;
 use crate::error::Result;
@@ -52,6 +53,13 @@ impl Identify {
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
+        if let Some(started) = self.with_numbers_started(data, progress)? {
+            let (settings, given) = started.as_given(data, progress)?;
+            return match given {
+                Some(searched) => searched.identification(progress),
+                None => settings.fit(data, progress),
+            };
+        }
         let Some((part, note)) = excerpt(self, data, MOST_SAMPLES)? else { return self.fit_all(data, progress) };
         let mut found = Self { train_fraction: 1.0, ..self.clone() }.fit_all(&part, progress)?;
         found.notes.insert(0, note);

@@ -41,6 +41,24 @@ pub enum Note {
         /// Its position.
         position: String,
     },
+    /// A state that no log carries was taken from the given equation of another.
+    Hidden {
+        /// The state.
+        state: String,
+        /// The state whose equation it was.
+        from: String,
+    },
+    /// A column stays at its largest or smallest value.
+    AtItsEnd {
+        /// The column.
+        column: String,
+        /// The value.
+        value: f64,
+        /// Whether it is the largest one.
+        largest: bool,
+        /// Share of the samples, from 0 to 1.
+        share: f64,
+    },
     /// A state is a straight line of time.
     LineOfTime {
         /// The state.
@@ -122,6 +140,16 @@ impl fmt::Display for Note {
             Self::UnloggedVelocity { velocity, position } => write!(
                 f,
                 "`{velocity}` is not in the logs; the regression uses the slope of `{position}` for it, and the refinement compares `{position}` only"
+            ),
+            Self::Hidden { state, from } => write!(
+                f,
+                "`{state}` is not in the logs; its start values are those with which the given equation of `{from}` holds, and the refinement compares `{from}` only"
+            ),
+            Self::AtItsEnd { column, value, largest, share } => write!(
+                f,
+                "`{column}` stays at its {} value, {value}, in {} of the samples: if its sensor ends there, give its range",
+                if *largest { "largest" } else { "smallest" },
+                percent(*share)
             ),
             Self::LineOfTime { state } => {
                 write!(

@@ -3,12 +3,13 @@
 use crate::data::{Channel, Dataset, Run};
 use crate::error::{Error, Result};
 use crate::identify::equations::{DelayValue, Equations, rate_name};
-use crate::identify::limits::{DELAYED_PERIODS, DELAYED_SHARES, FEWEST};
+use crate::identify::limits::{DELAYED_PERIODS, DELAYED_SHARES, FEWEST, STUCK};
 use crate::identify::notes::Note;
 use crate::identify::settings::{Delay, Identify};
 use crate::library::Library;
 use crate::progress::Progress;
 use faer::Mat;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// The logs as they are learnt from.
@@ -29,15 +30,20 @@ pub(crate) struct Logs {
 
 /// Finds the columns, takes velocities that no log carries from slopes, cuts the training part and makes the library.
 pub(crate) fn prepare(settings: &Identify, logged: &Dataset, progress: &dyn Progress) -> Result<Logs> {
-    let (whole, mut notes) = settings.with_velocities(logged, progress)?;
+    let ranges = settings.sensor_ranges()?;
+    // What a sensor shows at its end is no value of the state: nothing is smoothed through it.
+    let within = if settings.ranges.is_empty() { Cow::Borrowed(logged) } else { Cow::Owned(inside(settings, logged)?) };
+    let (whole, mut notes) = settings.with_velocities(&within, progress)?;
     let longest_delay = sensible_delay(logged);
     let (data, rates) = training(settings, &whole)?;
     let is_measured = |s: &usize| logged.index_of(&settings.states[*s]).is_ok();
     let unmeasured: Vec<usize> = (0..settings.states.len()).filter(|s| !is_measured(s)).collect();
-    let measured = without(&data, &unmeasured)?;
+    let measured = without(&with_ends(settings, &data, logged)?, &unmeasured)?;
     notes.extend(lines_of_time(&data, settings.states.len()));
+    notes.extend((0..settings.states.len()).filter(|&s| ranges[s] == WHOLE).filter_map(|s| stuck(&measured, s)));
     let period = data.runs().iter().map(|run| mean_period(&run.time)).fold(f64::INFINITY, f64::min);
     let frame = frame(settings, &data, &rates, || delays(settings, period, longest_delay))?;
+    let frame = Equations { ranges, ..frame };
     Ok(Logs { data, measured, unmeasured, rates, frame, notes })
 }
 
@@ -53,14 +59,16 @@ fn frame(
     settings.constraints.check(&settings.states, &library)?;
     let (states, controls) = (&data.channels()[..n], &data.channels()[n..n + m]);
     let frame = Equations::new(states, controls, &library, &settings.constraints, delays()?)?;
-    Ok(Equations { derivative_given: rates.iter().map(Option::is_some).collect(), ..frame })
+    let bounds = settings.library.numbers.iter().map(|number| number.bounds).collect();
+    Ok(Equations { derivative_given: rates.iter().map(Option::is_some).collect(), bounds, ..frame })
 }
 
 impl Logs {
     /// The same logs for settings that differ in the library alone.
     pub(crate) fn with_library_of(&self, settings: &Identify) -> Result<Self> {
         let frame = frame(settings, &self.data, &self.rates, || Ok(self.frame.delays.clone()))?;
-        Ok(Self { frame, ..self.clone() })
+        let ranges = self.frame.ranges.clone();
+        Ok(Self { frame: Equations { ranges, ..frame }, ..self.clone() })
     }
 
     /// The frame with these delays, one a control.
@@ -82,6 +90,81 @@ impl Logs {
     pub(crate) fn controls(&self) -> Vec<usize> {
         (self.n_states()..self.n_states() + self.frame.controls.len()).collect()
     }
+}
+
+/// The range of a sensor that shows all.
+const WHOLE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+
+impl Identify {
+    /// The range of every state's sensor.
+    fn sensor_ranges(&self) -> Result<Vec<(f64, f64)>> {
+        if let Some(other) = self.ranges.iter().find(|one| !self.states.contains(&one.state)) {
+            return Err(Error::unknown("state", &other.state, &self.states));
+        }
+        let of = |state: &String| self.ranges.iter().find(|one| one.state == *state).map_or(WHOLE, |one| one.range);
+        Ok(self.states.iter().map(of).collect())
+    }
+}
+
+/// `logged` without the values at the ends of sensors.
+fn inside(settings: &Identify, logged: &Dataset) -> Result<Dataset> {
+    let of =
+        |c: &usize| settings.ranges.iter().find(|one| one.state == logged.channels()[*c].name).map(|one| one.range);
+    let ranges: Vec<Option<(f64, f64)>> = (0..logged.channels().len()).map(|c| of(&c)).collect();
+    let runs = logged.runs().iter().map(|run| {
+        let is_inside = |value: f64, (low, high): (f64, f64)| value > low && value < high;
+        let kept = |i: usize, j: usize| ranges[j].is_none_or(|range| is_inside(run.values[(i, j)], range));
+        let value = |i: usize, j: usize| if kept(i, j) { run.values[(i, j)] } else { f64::NAN };
+        Run { values: Mat::from_fn(run.n_samples(), run.values.ncols(), value), ..run.clone() }
+    });
+    Dataset::new(logged.channels().to_vec(), runs.collect())
+}
+
+/// The training part `data` with the values at the ends of sensors, as `logged` has them.
+fn with_ends(settings: &Identify, data: &Dataset, logged: &Dataset) -> Result<Dataset> {
+    if settings.ranges.is_empty() {
+        return Ok(data.clone());
+    }
+    let own = |c: &usize| {
+        let name = &data.channels()[*c].name;
+        let is_cut = settings.ranges.iter().any(|one| one.state == *name);
+        logged.index_of(name).ok().filter(|_| is_cut)
+    };
+    let columns: Vec<Option<usize>> = (0..data.channels().len()).map(|c| own(&c)).collect();
+    let runs = data.runs().iter().map(|run| {
+        let whole = logged.runs().iter().find(|other| other.name == run.name && other.time[0] == run.time[0]);
+        let value = |i: usize, j: usize| match (columns[j], whole) {
+            (Some(c), Some(whole)) => whole.values[(i, c)],
+            _ => run.values[(i, j)],
+        };
+        Run { values: Mat::from_fn(run.n_samples(), run.values.ncols(), value), ..run.clone() }
+    });
+    Dataset::new(data.channels().to_vec(), runs.collect())
+}
+
+/// A remark where a column runs into its largest or smallest value and stays there: more often than one sample in a hundred is
+/// there, behind a step no smaller than usual. What comes to rest slows down before.
+fn stuck(data: &Dataset, column: usize) -> Option<Note> {
+    let values = || data.runs().iter().flat_map(|run| run.column(column).iter().copied()).filter(|v| v.is_finite());
+    let steps = |run: &Run| run.column(column).windows(2).map(|w| (w[1] - w[0]).abs()).collect::<Vec<f64>>();
+    let mut all: Vec<f64> = data.runs().iter().flat_map(steps).filter(|step| *step > 0.0).collect();
+    all.sort_by(f64::total_cmp);
+    let usual = *all.get(all.len() / 2)?;
+    let held = |run: &Run, end: f64| {
+        let (column, mut count, mut inside) = (run.column(column), 0, false);
+        for i in 1..column.len() {
+            let is_there = column[i] == end && column[i - 1] == end;
+            let ran_into = is_there && i > 1 && (column[i - 1] - column[i - 2]).abs() >= usual;
+            inside = is_there && (inside || ran_into);
+            count += usize::from(inside);
+        }
+        count as f64
+    };
+    let share = |end: f64| data.runs().iter().map(|run| held(run, end)).sum::<f64>() / values().count() as f64;
+    let ends = [(true, values().fold(f64::NEG_INFINITY, f64::max)), (false, values().fold(f64::INFINITY, f64::min))];
+    let (largest, value) = ends.into_iter().find(|(_, end)| share(*end) > STUCK)?;
+    let name = data.channels()[column].name.clone();
+    Some(Note::AtItsEnd { column: name, value, largest, share: share(value) })
 }
 
 /// `data` with nothing but missing values in these columns.

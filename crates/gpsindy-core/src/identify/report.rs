@@ -15,7 +15,7 @@ pub(crate) struct Found {
     pub(crate) errors: Vec<Vec<f64>>,
     /// Probability of each term (n x p), or nothing.
     pub(crate) inclusion: Vec<Vec<f64>>,
-    /// Standard error of each delay that was estimated.
+    /// Standard error of each delay that was estimated, then of each free number.
     pub(crate) delay_errors: Vec<f64>,
     /// Noise of every state's column.
     pub(crate) noise: Vec<f64>,
@@ -50,6 +50,10 @@ pub(crate) fn report(found: Found, chosen: &[Option<Chosen>], kernels: &[String]
     });
     let delays = delays.collect();
     let mut model = equations.model();
+    for number in &mut model.parameters {
+        let error = free.next().map(|error| error / number.value.abs());
+        number.tolerance = error.filter(|share| share.is_finite());
+    }
     model.identification = Some(IdentificationRecord {
         terms: names.iter().map(ToString::to_string).collect(),
         coefficients: equations.coefficients.clone(),

@@ -1,6 +1,7 @@
 //! The settings of an identification.
 
 use crate::differentiate::{Differentiation, SecondStage};
+use crate::error::{Error, Result};
 use crate::library::{Constraints, LibrarySettings};
 use crate::refine::Hold;
 use crate::regress::{Lasso, Regressor, Selection, Subset};
@@ -34,6 +35,37 @@ pub enum Choice {
     Rollout,
 }
 
+/// The values that the sensor of a state can show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorRange {
+    /// The state.
+    pub state: String,
+    /// Lowest and highest value; infinite where there is no end.
+    pub range: (f64, f64),
+}
+
+impl SensorRange {
+    /// Reads `STATE=LOW:HIGH`, either of which may be absent.
+    ///
+    /// # Errors
+    /// Text of another form, no end, or a lowest value that is not below the highest.
+    pub fn parse(text: &str) -> Result<Self> {
+        let wrong = || Error::settings(format!("`{text}`: expected STATE=LOW:HIGH, STATE=:HIGH or STATE=LOW:"));
+        let end = |text: &str, without: f64| match text.trim() {
+            "" => Ok(without),
+            text => text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(wrong),
+        };
+        let (state, ends) = text.split_once('=').ok_or_else(wrong)?;
+        let (low, high) = ends.split_once(':').ok_or_else(wrong)?;
+        let range = (end(low, f64::NEG_INFINITY)?, end(high, f64::INFINITY)?);
+        let is_range = range.0 < range.1 && (range.0.is_finite() || range.1.is_finite());
+        if !is_range || state.trim().is_empty() {
+            return Err(wrong());
+        }
+        Ok(Self { state: state.trim().into(), range })
+    }
+}
+
 /// Settings of an identification.
 ///
 /// | setting | default | purpose |
@@ -43,6 +75,7 @@ pub enum Choice {
 /// | `library` | degree 3 | candidate terms |
 /// | `grow` | true | whether more terms are tried where these leave more than the noise |
 /// | `constraints` | none | equations given, terms forbidden, signs |
+/// | `ranges` | none | the values that sensors can show |
 /// | `smoother` | Gaussian process | `None` takes the samples as they are |
 /// | `target` | weak form | what the regression compares |
 /// | `regressor` | best subset | any [`Regressor`] |
@@ -72,6 +105,8 @@ pub struct Identify {
     pub grow: bool,
     /// What is known beforehand.
     pub constraints: Constraints,
+    /// Sensors that show a part of their state's values only: a value at an end says that the state is there or beyond.
+    pub ranges: Vec<SensorRange>,
     /// The smoother, or none.
     pub smoother: Option<Smoother>,
     /// What the regression compares.
@@ -112,6 +147,7 @@ impl Default for Identify {
             library: LibrarySettings::default(),
             grow: true,
             constraints: Constraints::default(),
+            ranges: Vec::new(),
             smoother: Some(Smoother::default()),
             target: Target::Weak,
             regressor: Arc::new(Subset::default()),

@@ -172,7 +172,7 @@ impl Constraints {
             if self.fixed[..i].iter().any(|other| other.state == fixed.state) {
                 return Err(Error::Duplicate { kind: "equation given for state".into(), name: fixed.state.clone() });
             }
-            let names = library.variables();
+            let names = library.known();
             if let Some(name) = fixed.equation.variables().iter().find(|name| !names.contains(name)) {
                 let kind = format!("in the equation given for `{}` the name", fixed.state);
                 return Err(Error::unknown(&kind, name, names));

@@ -4,9 +4,11 @@
 //! products, and whatever expression the user adds.
 
 mod constraint;
+mod number;
 mod term;
 
 pub use constraint::{Constraints, Fixed, Forbidden, Kept, Signed};
+pub use number::FreeNumber;
 pub use term::Term;
 
 use crate::error::{Error, Result};
@@ -22,7 +24,8 @@ use faer::{Mat, MatRef};
 /// | `products` | false | | polynomials of degree 1 and 2 (not above `degree`) times sine and cosine; implies `trig` |
 /// | `extra` | none | | further terms as text |
 /// | `controls` | true | | whether controls are variables of the polynomials and of sine and cosine |
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// | `numbers` | none | | numbers in `extra` and in given equations that are estimated |
+#[derive(Debug, Clone, PartialEq)]
 pub struct LibrarySettings {
     /// Highest degree of the polynomials.
     pub degree: usize,
@@ -34,11 +37,13 @@ pub struct LibrarySettings {
     pub extra: Vec<String>,
     /// Whether controls take part, besides the states. Terms in `extra` may always use them.
     pub controls: bool,
+    /// Numbers in `extra` and in given equations that are estimated.
+    pub numbers: Vec<FreeNumber>,
 }
 
 impl Default for LibrarySettings {
     fn default() -> Self {
-        Self { degree: 3, trig: false, products: false, extra: Vec::new(), controls: true }
+        Self { degree: 3, trig: false, products: false, extra: Vec::new(), controls: true, numbers: Vec::new() }
     }
 }
 
@@ -57,7 +62,10 @@ const MOST_TERMS: usize = 5000;
 #[derive(Debug, Clone)]
 pub struct Library {
     variables: Vec<String>,
+    /// Free numbers and their values.
+    numbers: Vec<(String, f64)>,
     terms: Vec<Term>,
+    /// The terms with values for numbers.
     tape: Tape,
 }
 
@@ -90,10 +98,16 @@ impl Library {
                 }
             }
         }
-        for text in &settings.extra {
-            terms.push(Term::parse(text, &variables)?);
+        let numbers: Vec<(String, f64)> = settings.numbers.iter().map(|n| (n.name.clone(), n.middle())).collect();
+        let names = with_numbers(&variables, &numbers);
+        if let Some((i, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+            let kind = if i < variables.len() { "variable" } else { "free number" };
+            return Err(Error::Duplicate { kind: kind.into(), name: name.clone() });
         }
-        Self::of_terms(variables, terms)
+        for text in &settings.extra {
+            terms.push(Term::parse(text, &names)?);
+        }
+        Self::of_terms_with(variables, numbers, terms)
     }
 
     /// A library of the given terms, each kept once.
@@ -101,6 +115,10 @@ impl Library {
     /// # Errors
     /// No term, more than 5000, a term of unknown names, or a term with a memory (`delay`, `play`).
     pub fn of_terms(variables: Vec<String>, terms: Vec<Term>) -> Result<Self> {
+        Self::of_terms_with(variables, Vec::new(), terms)
+    }
+
+    fn of_terms_with(variables: Vec<String>, numbers: Vec<(String, f64)>, terms: Vec<Term>) -> Result<Self> {
         let mut kept: Vec<Term> = Vec::with_capacity(terms.len());
         let mut seen = std::collections::HashSet::new();
         for term in terms {
@@ -115,9 +133,29 @@ impl Library {
             let expected = format!("small enough for {MOST_TERMS} terms");
             return Err(Error::range("degree", &expected, format!("a library of {} terms", kept.len())));
         }
-        let expressions: Vec<Expression> = kept.iter().map(|t| t.expression().clone()).collect();
-        let tape = Tape::new(&expressions, &variables)?;
-        Ok(Self { variables, terms: kept, tape })
+        let tape = tape_of(&kept, &variables, &numbers)?;
+        Ok(Self { variables, numbers, terms: kept, tape })
+    }
+
+    /// Free numbers of the terms and of given equations, with their values.
+    pub fn numbers(&self) -> &[(String, f64)] {
+        &self.numbers
+    }
+
+    /// The same terms at other values of the free numbers, in their order.
+    ///
+    /// # Errors
+    /// As many values as numbers are needed.
+    pub(crate) fn at(&self, values: &[f64]) -> Result<Self> {
+        let numbers: Vec<(String, f64)> =
+            self.numbers.iter().map(|(n, _)| n.clone()).zip(values.iter().copied()).collect();
+        let tape = tape_of(&self.terms, &self.variables, &numbers)?;
+        Ok(Self { numbers, tape, ..self.clone() })
+    }
+
+    /// The names that an expression over this library may use: variables, then free numbers.
+    pub(crate) fn known(&self) -> Vec<String> {
+        with_numbers(&self.variables, &self.numbers)
     }
 
     /// The variables, states before controls: the columns that [`Library::evaluate`] reads.
@@ -145,7 +183,7 @@ impl Library {
     /// # Errors
     /// Text that can't be read, or a term that the library lacks.
     pub fn index_of(&self, text: &str) -> Result<usize> {
-        let term = Term::parse(text, &self.variables)?;
+        let term = Term::parse(text, &self.known())?;
         self.terms
             .iter()
             .position(|t| t.name() == term.name())
@@ -208,6 +246,19 @@ impl Library {
         }
         sum
     }
+}
+
+fn with_numbers(variables: &[String], numbers: &[(String, f64)]) -> Vec<String> {
+    variables.iter().cloned().chain(numbers.iter().map(|(name, _)| name.clone())).collect()
+}
+
+fn valued(expression: &Expression, numbers: &[(String, f64)]) -> Expression {
+    numbers.iter().fold(expression.clone(), |all, (name, value)| all.substitute(name, &Expression::Number(*value)))
+}
+
+fn tape_of(terms: &[Term], variables: &[String], numbers: &[(String, f64)]) -> Result<Tape> {
+    let expressions: Vec<Expression> = terms.iter().map(|term| valued(term.expression(), numbers)).collect();
+    Tape::new(&expressions, variables)
 }
 
 /// `value * expression`, the number as the first factor, so that it prints without parentheses.

@@ -2,6 +2,7 @@
 
 use super::Simulate;
 use super::excitation::Excitation;
+use super::inversion::{Inversion, ends};
 use super::local_fit::{local_derivative, noise_level};
 use super::rates::Rates;
 use crate::data::{Channel, Hold, Run};
@@ -79,6 +80,12 @@ enum Source {
         of: usize,
         order: usize,
     },
+    /// What makes the equation of the logged state `of` hold, with the columns of the run without gaps.
+    Solved {
+        of: usize,
+        inversion: Inversion,
+        columns: Vec<Vec<f64>>,
+    },
     /// Moved by the controls alone: its values at all samples.
     Driven(Vec<f64>),
     /// The model's own initial value.
@@ -90,6 +97,8 @@ enum Source {
 /// - A logged state: its value, `measured` inverted; a missing cell is interpolated, before the first known
 ///   value that value holds.
 /// - A state that is the time derivative of a logged state: a local polynomial fit of that column.
+/// - In a model that was identified, a state in the equation of a logged one, with no other that is missing: what makes that equation
+///   hold with the slope of the logged state.
 /// - States that depend on themselves and the controls alone (a lag): at rest at the first sample, or at the model's
 ///   `initial`, then driven by the controls.
 /// - Any other: the model's `initial`.
@@ -111,6 +120,13 @@ impl StateReader {
         for j in 0..model.states.len() {
             if found[j].is_none() {
                 found[j] = derivative_of_logged(model, &found, j);
+            }
+        }
+        if model.identification.is_some() {
+            for j in 0..model.states.len() {
+                if found[j].is_none() {
+                    found[j] = solved(model, &found, j, (run, channels));
+                }
             }
         }
         let driven = driven_states(model, &found);
@@ -146,18 +162,50 @@ impl StateReader {
                 Source::Logged(series) => Ok(series.interpolate(t).unwrap_or(f64::NAN)),
                 Source::Derivative { of, order } => match &self.sources[*of] {
                     Source::Logged(series) => local_derivative(&series.time, &series.values, series.noise, t, *order)
-                        .ok_or_else(|| {
-                            let needed = order + 2;
-                            let what = "derivative of a logged state".to_string();
-                            Error::TooFewSamples { what, needed, found: series.values.len() }
-                        }),
+                        .ok_or_else(|| too_few(order + 2, series)),
                     _ => Err(Error::data("a derivative's state is not logged")),
+                },
+                Source::Solved { of, inversion, columns } => match &self.sources[*of] {
+                    Source::Logged(series) => local_derivative(&series.time, &series.values, series.noise, t, 1)
+                        .map(|slope| inversion.at(&|c| columns[c][sample], t, slope))
+                        .ok_or_else(|| too_few(2, series)),
+                    _ => Err(Error::data("the state of the equation that is solved is not logged")),
                 },
                 Source::Driven(values) => Ok(values[sample]),
                 Source::Given(value) => Ok(*value),
             })
             .collect()
     }
+}
+
+fn too_few(needed: usize, series: &Series) -> Error {
+    Error::TooFewSamples { what: "derivative of a logged state".into(), needed, found: series.values.len() }
+}
+
+/// State `hidden` from the equation of a logged state, where it is the only one in it that is not logged.
+fn solved(
+    model: &Model,
+    found: &[Option<Source>],
+    hidden: usize,
+    (run, channels): (&Run, &[Channel]),
+) -> Option<Source> {
+    let name = &model.states[hidden].name;
+    let logged = |j: usize| matches!(found[j], Some(Source::Logged(_)));
+    let mut rows = (0..found.len()).filter(|&j| logged(j) && model.states[j].equation.contains(name));
+    let (of, equation) = rows.next().map(|j| (j, &model.states[j].equation))?;
+    let numbers: Vec<(String, f64)> = model.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
+    let column = |name: &str| channels.iter().position(|channel| channel.name == name);
+    let inversion = Inversion::new(equation, name, &numbers, &column).ok()?;
+    let filled = |c: usize| match model.state_index(&channels[c].name).map(|j| &found[j]) {
+        Some(Some(Source::Logged(series))) => {
+            run.time.iter().map(|t| series.interpolate(*t).unwrap_or(f64::NAN)).collect()
+        }
+        _ => {
+            let known = Series::new(&run.time, run.column(c).to_vec(), 0.0);
+            run.time.iter().map(|t| known.interpolate(*t).unwrap_or(f64::NAN)).collect()
+        }
+    };
+    Some(Source::Solved { of, inversion, columns: (0..channels.len()).map(filled).collect() })
 }
 
 /// Per state its column with `measured` inverted, where there is such a column with a value in it.
@@ -182,6 +230,8 @@ fn logged_states(
             if is_affine(measured, &state.name) {
                 delays[j] = sensor_delay(model, measured, &state.name)?;
                 inverted.push(j);
+            } else if ends(measured, &state.name) {
+                // At an end the state is there or beyond: the end is the nearest value.
             } else if let Some(seen) = reads_another(model, measured) {
                 // A sensor that smooths: what it shows, and near enough what it sees.
                 let shown = cells[j].clone();

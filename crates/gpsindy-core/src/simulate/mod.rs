@@ -10,6 +10,7 @@ mod explicit;
 mod holding;
 mod initial;
 mod integrate;
+mod inversion;
 mod local_fit;
 mod rates;
 mod rosenbrock;
@@ -18,6 +19,7 @@ mod stepped;
 pub use closed_loop::Controller;
 pub use excitation::Excitation;
 pub use initial::{StateReader, initial_state, unmeasure};
+pub(crate) use inversion::Inversion;
 
 use crate::data::Hold;
 use crate::error::{Error, Result};

@@ -2,7 +2,8 @@
 
 use crate::failure::{Failure, Outcome};
 use clap::{Args, ValueEnum};
-use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
+use gpsindy_core::SensorRange;
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, FreeNumber, Kept, LibrarySettings, Signed};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Candidate terms")]
@@ -23,7 +24,14 @@ pub(crate) struct LibraryOptions {
     /// Add a term, such as 'v*abs(v)'
     #[arg(long, value_name = "EXPR")]
     pub(super) term: Vec<String>,
-    /// Fix a known equation, such as "x' = v"; v need not be in the logs then
+    /// Estimate a number in a --term or --fix, such as h in 'x/(h + x)'; the search begins at START, or at several values and stays between LOW
+    /// and HIGH [default: begins between 0.01 and 100, ends anywhere]
+    #[arg(long, value_name = "NAME[=START|=LOW:HIGH]", value_delimiter = ',', allow_hyphen_values = true)]
+    pub(super) free: Vec<String>,
+    /// The values that a state's sensor can show, such as y=0:10 or y=:10; at an end the state is there or beyond
+    #[arg(long, value_name = "STATE=LOW:HIGH")]
+    pub(super) range: Vec<String>,
+    /// Fix a known equation, such as "x' = v" or "y' = sqrt(h) - b*sqrt(y)"; v and h need not be in the logs then
     #[arg(long, value_name = "EQUATION")]
     pub(super) fix: Vec<String>,
     /// Exclude a term from an equation, such as v:x^2
@@ -53,13 +61,21 @@ impl LibraryOptions {
         self.library.map_or(!names_terms, |choice| choice == LibraryChoice::Auto)
     }
 
+    /// The ranges of sensors.
+    pub(super) fn ranges(&self) -> Outcome<Vec<SensorRange>> {
+        let parse = |text: &String| SensorRange::parse(text).map_err(|e| Failure::input(format!("--range: {e}")));
+        self.range.iter().map(parse).collect()
+    }
+
     /// Candidate terms, and what is known of the equations beforehand.
     pub(crate) fn settings(&self) -> Outcome<(LibrarySettings, Constraints)> {
+        let parse = |text: &String| FreeNumber::parse(text).map_err(|e| Failure::input(format!("--free: {e}")));
         let library = LibrarySettings {
             degree: self.degree,
             trig: self.trig,
             products: self.products,
             extra: self.term.clone(),
+            numbers: self.free.iter().map(parse).collect::<Outcome<_>>()?,
             ..LibrarySettings::default()
         };
         let mut constraints = Constraints::default();

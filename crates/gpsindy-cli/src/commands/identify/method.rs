@@ -10,8 +10,8 @@ use gpsindy_core::regress::Selection;
 use gpsindy_core::{Choice, Delay, Identify as Settings, Regression, Smoother, Target};
 use gpsindy_files::Logs;
 
-const UNLOGGED_VELOCITY: &str =
-    "; a velocity that is not logged needs the equation that says whose it is, such as --fix \"x' = v\"";
+const UNLOGGED_VELOCITY: &str = "; a velocity that is not logged needs the equation that says whose it is, such as --fix \"x' = v\", and \
+     another hidden state h the equation of a logged one that depends on it, such as --fix \"y' = sqrt(h) - 0.1*sqrt(y)\"";
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
@@ -95,8 +95,9 @@ pub(crate) fn settings(command: &Identify, logs: &Logs, seed: u64) -> Outcome<Se
     let mut settings = Settings { seed, hold: method.hold.into(), ..start };
     (settings.library, settings.constraints) = library.settings()?;
     settings.grow = library.may_grow();
+    settings.ranges = library.ranges()?;
     refuse_time(command)?;
-    settings.states = chosen_with(logs, &command.state, &unlogged(&settings.constraints, logs))
+    settings.states = chosen_with(logs, &command.state, &unlogged(&settings, logs))
         .map_err(|failure| failure.with(UNLOGGED_VELOCITY))?;
     settings.controls = chosen(logs, &command.control)?;
     for (state, column) in &command.derivative {

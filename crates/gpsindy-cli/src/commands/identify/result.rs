@@ -123,6 +123,10 @@ pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Fit>) 
         let error = late.standard_error.map_or("given".into(), |error| format!("std error {}", short(error)));
         text += &format!("  delay of {}: {} s, {error}\n", late.control, short(late.delay));
     }
+    for number in &found.model.parameters {
+        let error = number.tolerance.map_or("-".into(), |share| short(share * number.value.abs()));
+        text += &format!("  {}: {}, std error {error}\n", number.name, short(number.value));
+    }
     let mut rows = vec![["  state", "noise", "rollout rmse", "relative", "fit"].map(String::from).to_vec()];
     for (s, state) in found.states.iter().enumerate() {
         let error = fit.and_then(|f| f.score.rollout.by_state.iter().find(|e| e.state == state.state));

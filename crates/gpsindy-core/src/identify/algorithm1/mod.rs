@@ -18,6 +18,7 @@ use smooth::{Motion, smooth};
 use timing::{Timings, time};
 
 /// Algorithm 1, done: what the refinement works on.
+#[derive(Clone)]
 pub(crate) struct Algorithm1 {
     pub(crate) logs: Logs,
     pub(crate) motion: Motion,
@@ -45,7 +46,7 @@ impl Algorithm1 {
         Self::of(settings, logs, motion, progress)
     }
 
-    fn of(settings: &Identify, logs: Logs, motion: Motion, progress: &dyn Progress) -> Result<Self> {
+    pub(crate) fn of(settings: &Identify, logs: Logs, motion: Motion, progress: &dyn Progress) -> Result<Self> {
         let timings = time(settings, &logs, &motion, progress)?;
         let rows = rows(settings, &logs, &motion, timings.best.hold, &timings.best.delay_values())?;
         let regressed = regress(settings, logs.frame_with(&timings.best.delays), &rows, progress)?;

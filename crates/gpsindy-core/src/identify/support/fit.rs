@@ -40,7 +40,7 @@ pub(crate) struct Trial {
     pub(crate) errors: Vec<Vec<f64>>,
     /// Probability of each term of being in (n x p), of [`Fitter::weigh_choice`]; none before.
     pub(crate) inclusion: Vec<Vec<f64>>,
-    /// Standard error of each delay that was estimated.
+    /// Standard error of each delay that was estimated, then of each free number.
     pub(crate) delay_errors: Vec<f64>,
     /// The windows that were rolled out.
     pub(crate) windows: Vec<Window>,
@@ -282,7 +282,7 @@ impl<'a> Fitter<'a> {
         order
     }
 
-    /// What a fit may change: the coefficients of the support, then the free delays.
+    /// What a fit may change: the coefficients of the support, then the free delays, then the free numbers.
     pub(crate) fn free(&self, equations: &Equations) -> Vec<Free> {
         let mut free = Vec::new();
         for (s, j) in equations.support.iter() {
@@ -297,6 +297,12 @@ impl<'a> Fitter<'a> {
         }
         for (_, delay) in equations.free_delays() {
             free.push(Free { lower: 0.0, upper: delay.most, ..Free::new(free.len(), delay.period) });
+        }
+        for k in equations.free_numbers() {
+            let size = equations.library.numbers()[k].1.abs();
+            let (lower, upper) = equations.bounds[k];
+            let scale = if size > 0.0 { size } else { 1.0 };
+            free.push(Free { lower, upper, ..Free::new(free.len(), scale) });
         }
         free
     }
@@ -325,7 +331,8 @@ impl Scale {
         let misfit: f64 = (0..self.floor.len()).map(|c| trial.counts[c] * mean_square(c).ln()).sum();
         let equations = &trial.equations;
         let prices = equations.support.iter().map(|(_, j)| price(equations, j, self.share * trial.n_values));
-        self.share * misfit + prices.sum::<f64>()
+        let numbers = equations.free_numbers().len() as f64 * (self.share * trial.n_values).max(2.0).ln();
+        self.share * misfit + prices.sum::<f64>() + numbers
     }
 }
 

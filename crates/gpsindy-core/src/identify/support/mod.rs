@@ -2,7 +2,7 @@
 
 mod by_rollout;
 mod consensus;
-mod fit;
+pub(crate) mod fit;
 mod lengthen;
 mod linear;
 mod moves;

@@ -114,6 +114,11 @@ impl Course<'_> {
                 let row = (sample - window.first) * columns.len() + c;
                 let noise = self.experiment.noise[c];
                 if column < n {
+                    // At the end of its range a sensor shows no change.
+                    let (low, high) = self.equations.ranges[column];
+                    if !(low..=high).contains(&path[2 * done][column]) {
+                        continue;
+                    }
                     now[column].iter().enumerate().for_each(|(k, value)| rows[(row, k)] = kept(value / noise));
                     continue;
                 }
