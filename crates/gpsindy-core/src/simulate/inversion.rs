@@ -40,7 +40,7 @@ impl Inversion {
         if let Some(other) = (0..names.len()).find(|&k| names[k] != hidden && columns[k].is_none()) {
             let other = &names[other];
             return Err(Error::settings(format!(
-                "neither `{hidden}` nor `{other}` is in the logs, and one equation says nothing of both; give each an equation of a logged state"
+                "neither `{hidden}` nor `{other}` is in the logs, and one equation says nothing of both; give each an equation of a logged state, or let one be a free number"
             )));
         }
         let magnitudes = -DECADES * PER_DECADE..=DECADES * PER_DECADE;
