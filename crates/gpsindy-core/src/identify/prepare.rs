@@ -92,7 +92,7 @@ impl Logs {
     }
 }
 
-/// The range of a sensor that shows all.
+/// The range of a sensor that shows all. Exact.
 const WHOLE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 impl Identify {

@@ -17,7 +17,7 @@ use crate::parallel;
 use crate::progress::{Progress, Silent, step};
 use faer::Mat;
 
-/// The first prime numbers, one a dimension of the sequence of Halton 1960.
+/// The first prime numbers, one a dimension of the sequence of Halton 1960. Exact.
 const PRIMES: [usize; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
 
 /// What the search for free numbers came to.
