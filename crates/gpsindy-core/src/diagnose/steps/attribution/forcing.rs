@@ -130,6 +130,11 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
 /// nothing where what is left follows a law.
 fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Result<Option<(Account, f64)>> {
     let is_random = |p_value: f64| probability_of_random(p_value) >= LIKELY;
+    // Forces of their own may do what the effects do: asked first, because without them there is less to fit.
+    if !best.fit.hypotheses.is_empty() && !contest.run.is_out_of_time() {
+        let alone = Account::forced(contest, nominal, &[])?;
+        best = alone.filter(|alone| alone.score > best.score - CONVINCING).unwrap_or(best);
+    }
     let mut p_value = best.functions(contest)?;
     // With fewer effects more of a law is left.
     while is_random(p_value) && best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
@@ -145,14 +150,6 @@ fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Res
             _ => break,
         }
         p_value = best.functions(contest)?;
-    }
-    // Forces of their own may do what the effects do.
-    if !best.fit.hypotheses.is_empty() && !contest.run.is_out_of_time() {
-        let alone = Account::forced(contest, nominal, &[])?;
-        if let Some(alone) = alone.filter(|alone| alone.score > best.score - CONVINCING) {
-            p_value = alone.functions(contest)?;
-            best = alone;
-        }
     }
     Ok(is_random(p_value).then_some((best, p_value)))
 }

@@ -42,7 +42,9 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
 pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
-    if !is_open(contest, prepared) || !found.detected.gap {
+    // Beside random forces alone the rollouts of one hold are nearer to the logs by chance.
+    let is_random = found.forcing.is_some() && found.outcome.best.hypotheses.is_empty();
+    if !is_open(contest, prepared) || !found.detected.gap || is_random {
         return Ok(found);
     }
     if prepared.is_other_hold(&found) {
