@@ -17,7 +17,7 @@ pub enum Past {
 }
 
 /// One run as a fit sees it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Log {
     /// Name of the run.
     pub name: String,
@@ -27,6 +27,19 @@ pub struct Log {
     pub controls: Vec<Vec<f64>>,
     /// One row a logged column, r values each; NaN is a missing value.
     pub measured: Vec<Vec<f64>>,
+    /// Parameters that have a value of their own in this run: which, and by how much it is more than that of all runs.
+    pub own: Vec<(usize, f64)>,
+}
+
+impl Log {
+    /// The parameters of a rollout of this run, of those of all runs.
+    pub(crate) fn parameters<const L: usize>(&self, all: &[[f64; L]]) -> Vec<[f64; L]> {
+        let mut own = all.to_vec();
+        for &(parameter, more) in &self.own {
+            own.get_mut(parameter).into_iter().flatten().for_each(|value| *value += more);
+        }
+        own
+    }
 }
 
 /// A stretch of a log that is rolled out from an initial state of its own.
@@ -165,6 +178,11 @@ impl Experiment {
         self
     }
 
+    /// What each run has of its own of the parameters.
+    pub(crate) fn own_parameters(&self) -> Vec<Vec<(usize, f64)>> {
+        self.logs.iter().map(|log| log.own.clone()).collect()
+    }
+
     /// Samples that one pass over all windows takes.
     pub(crate) fn n_samples(&self) -> usize {
         self.windows.iter().map(|w| w.last - w.first + 1).sum()
@@ -215,6 +233,7 @@ fn log(run: &Run, channels: &[usize], controls: &[usize], model: &crate::model::
         time: run.time.clone(),
         controls: filled,
         measured: channels.iter().map(|&c| run.column(c).to_vec()).collect(),
+        own: Vec::new(),
     })
 }
 

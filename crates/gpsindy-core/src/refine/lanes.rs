@@ -74,8 +74,9 @@ struct Node<const L: usize> {
 }
 
 impl<'a, const L: usize> Lanes<'a, L> {
-    /// `parameters`: all of the system's, one value a lane.
+    /// `parameters`: all of the system's, one value a lane; those of all runs, of which the log may have its own.
     pub(crate) fn new(system: &'a System, log: &'a Log, (hold, past): (Hold, Past), parameters: &[[f64; L]]) -> Self {
+        let parameters = &log.parameters(parameters)[..];
         let histories = Histories::new(system.inputs(), log, hold, parameters);
         let first = system.n_states() + system.n_controls() + histories.len();
         let mut rates = system.rates().registers::<L>();

@@ -31,6 +31,7 @@ fn logs(model: &Model, values: &[f64]) -> Dataset {
                 time: time.clone(),
                 controls: vec![(0..200).map(u).collect()],
                 measured: vec![vec![0.0; 200]],
+                ..Log::default()
             };
             let parameters: Vec<[f64; 1]> = values.iter().map(|&v| [v]).collect();
             let mut lanes = lanes::Lanes::<1>::new(&system, &log, (Hold::Zero, Past::Still), &parameters);
@@ -177,4 +178,26 @@ fn a_fit_that_is_hopeless_ends_once_its_steps_are_slow() {
     );
     assert!(hopeless.cost < 1.1 * patient.cost / (0.9 * 0.9), "{} {}", hopeless.cost, patient.cost);
     assert_eq!(fit(2.0 * patient.cost).iterations, patient.iterations);
+}
+
+#[test]
+fn a_run_with_a_value_of_its_own_is_rolled_out_with_it() {
+    let model = cart("u");
+    let data = logs(&model, &[4.0, 0.3, 0.0]);
+    let system = model.compile().unwrap();
+    let experiment = Experiment::new(&system, &data, Some(&[0.01])).unwrap();
+    let shifted = |more: f64| {
+        let mut shifted = experiment.clone();
+        let mut all = shifted.logs.to_vec();
+        all[1].own = vec![(0, more)];
+        shifted.logs = all.into();
+        shifted
+    };
+    let point = |k: f64| Point { parameters: vec![k, 0.3, 0.0], initial: vec![vec![0.5, 0.0]; 2] };
+    let at = |experiment: &Experiment, k: f64| Jacobian::new(&system, experiment, &point(k), &[]).unwrap().blocks;
+    let (own, joint, other) = (at(&shifted(0.5), 4.0), at(&experiment, 4.0), at(&experiment, 4.5));
+    assert!(own[0].residual == joint[0].residual && own[1].residual == other[1].residual);
+    assert_ne!(own[1].residual, joint[1].residual);
+    let cost = |experiment: &Experiment, k: f64| costs(&system, experiment, &[point(k)], &[])[0];
+    assert!((cost(&shifted(0.5), 4.0) - own.iter().map(|b| b.residual.norm_squared()).sum::<f64>()).abs() < 1e-6);
 }

@@ -18,7 +18,13 @@ pub(super) fn rollout(
     system.check_stamps(&system.model().name, excitation.time())?;
     let n = system.n_states();
     let time: Vec<f64> = excitation.time().into();
-    let log = Log { name: String::new(), time, controls: excitation.controls().to_vec(), measured: Vec::new() };
+    let log = Log {
+        name: String::new(),
+        time,
+        controls: excitation.controls().to_vec(),
+        measured: Vec::new(),
+        ..Log::default()
+    };
     let window = Window { log: 0, first: range.start, last: range.end - 1 };
     let experiment = Experiment {
         logs: vec![log].into(),

@@ -203,6 +203,7 @@ impl<'a> Bench<'a> {
             time: self.frame.time.clone(),
             controls: signal.values.clone(),
             measured: vec![vec![0.0; r]; player.columns.len()],
+            ..Log::default()
         };
         let known = &self.open.candidates[0].model.states;
         let start = |signal: &Signal| -> Vec<f64> {

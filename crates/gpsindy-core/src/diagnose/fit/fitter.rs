@@ -5,7 +5,7 @@ use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
-use crate::diagnose::fit::{breakaway, sampling, stops};
+use crate::diagnose::fit::{breakaway, by_run, sampling, stops};
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
@@ -266,7 +266,9 @@ impl Fitter {
     /// The same contestant on other windows or with another hold, fitted again from where it is.
     pub(crate) fn on(self, contestant: &Contestant, experiment: &Experiment, budget: Budget) -> Result<Contestant> {
         let own = &contestant.experiment;
-        let experiment = Experiment { scale: own.scale.clone(), starts: starts(contestant), ..experiment.clone() };
+        // The logs are the same, but for what effects have of their own in each.
+        let (scale, logs) = (own.scale.clone(), own.logs.clone());
+        let experiment = Experiment { scale, logs, starts: starts(contestant), ..experiment.clone() };
         let n = contestant.system.n_states();
         // A window that starts where an earlier one did starts as that one was fitted.
         let place = |window: &Window| own.windows.iter().position(|w| w.log == window.log && w.first == window.first);
@@ -297,7 +299,7 @@ impl Fitter {
         let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
         let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
         let fitted = fitted.count();
-        let brought = (fitted, contestant.added_starts());
+        let brought = (fitted + by_run::sizes_of_their_own(&contestant.experiment), contestant.added_starts());
         let Contestant { experiment, refined, free, .. } = &*contestant;
         contestant.evidence = Evidence::of(experiment, refined, free, brought, self.model_error);
     }

@@ -1,6 +1,7 @@
 //! Contestants of the diagnosis, their fits to the logs, and their evidence.
 
 pub(crate) mod breakaway;
+pub(crate) mod by_run;
 pub(crate) mod colours;
 pub(crate) mod contestant;
 pub(crate) mod evidence;
@@ -12,6 +13,7 @@ pub(crate) mod lagging;
 pub(crate) mod linear;
 pub(crate) mod moved;
 pub(crate) mod outputs;
+pub(crate) mod own_sizes;
 pub(crate) mod peaks;
 pub(crate) mod sampling;
 pub(crate) mod stops;

@@ -86,3 +86,10 @@ pub(crate) const STEP: (f64, f64) = (0.5, 2.0);
 
 /// Most parameters at the end of their tolerance that a screening lets back: all 3^4 choices of them are tried. Convention.
 pub(crate) const MOST_STRAINED: usize = 4;
+
+/// Nats by which a size that differs between recordings is less expected beforehand: twenty to one that a machine keeps it. Argument.
+pub(crate) const OWN_SIZES: f64 = 3.0;
+
+/// Rounds by which sizes of their own are found: a straight line leaves a fiftieth of a size that differs by a seventh, and two more of them
+/// nothing. Argument.
+pub(crate) const OWN_ROUNDS: usize = 3;

@@ -10,6 +10,8 @@ pub(crate) const SPREADS: usize = 200;
 
 /// Half width of a band that holds 95 % of a normal variable, in its deviations. Argument.
 pub(crate) const BAND_95: f64 = 1.96;
+/// Probability below its upper end. Argument.
+pub(crate) const OF_BAND_95: f64 = 0.975;
 
 /// Chance below which errors are no longer those that the forces predict: one true force in a hundred is doubted. Convention.
 pub(crate) const COVERED: f64 = 0.01;

@@ -26,6 +26,10 @@ pub(crate) const FEW: usize = 3;
 pub(crate) const CROWDING: f64 = 0.2;
 pub(crate) const CROWDED: f64 = 0.15;
 
+/// By how much the odds are less where the size differs between recordings: of imitations one in five shows such a disagreement
+/// ([`CROWDING`]), of machines one in twenty ([`OWN_SIZES`](crate::diagnose::limits::OWN_SIZES)). Argument.
+pub(crate) const DIFFERS: f64 = 4.0;
+
 /// Probability of an effect whose time constant, speed or frequency is at an end of its range. There it is another effect without such a scale,
 /// and the catalogue has that one, too, where it is not withheld: odds of twenty to one against. Of 18 such causes in 535 diagnoses of drawn cases
 /// none was right (`single` 6000 to 6045 with an effect left out, `outside` 12300 to 12315 and 14300 to 14315, exam seeds 2000000 to 2000059).

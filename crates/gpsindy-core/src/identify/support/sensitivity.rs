@@ -78,6 +78,7 @@ impl Course<'_> {
                 time: (0..count).map(|k| between(&log.time, k)).collect(),
                 controls: log.controls.iter().map(control).collect(),
                 measured: Vec::new(),
+                ..Log::default()
             },
             per_sample,
         }

@@ -55,7 +55,7 @@ fn system(rate: &str) -> System {
 }
 
 fn log(time: Vec<f64>, u: Vec<f64>) -> Log {
-    Log { name: "log".into(), time, controls: vec![u], measured: Vec::new() }
+    Log { name: "log".into(), time, controls: vec![u], measured: Vec::new(), ..Log::default() }
 }
 
 #[test]

@@ -106,6 +106,7 @@ impl Guided {
             readings.push(shown);
         }
         let steps = steps.into_iter().map(|window| window.into_iter().flatten().collect()).collect();
-        Some((Tangent { parameters, initial, windows, steps, corrections: Some(corrections) }, readings))
+        let own = experiment.own_parameters();
+        Some((Tangent { parameters, own, initial, windows, steps, corrections: Some(corrections) }, readings))
     }
 }

@@ -164,7 +164,7 @@ impl<'a> Group<'a> {
         let inputs = vec![[[0.0; L]; 3]; system.n_controls() + lanes.histories.len()];
         let behind = system.n_states() + inputs.len();
         let filled = |mut registers: Vec<[f64; L]>| {
-            registers[behind..behind + parameters.len()].copy_from_slice(&parameters);
+            registers[behind..behind + parameters.len()].copy_from_slice(&lanes.parameters);
             registers
         };
         let drive = system.drive();

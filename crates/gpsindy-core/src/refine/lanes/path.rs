@@ -79,7 +79,7 @@ impl Path {
         if 2 * n * n * experiment.n_samples() * experiment.substeps > MOST {
             return None;
         }
-        let maker = Maker { system, experiment, parameters, read };
+        let maker = Maker { system, experiment, read };
         let lane: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
         let mut lanes: Option<(usize, Lanes<'_, 1>)> = None;
         let mut windows = Vec::with_capacity(experiment.windows.len());
@@ -117,6 +117,8 @@ impl Path {
             let mut histories: Option<(usize, Vec<Histories<'_, 1>>)> = None;
             for along in &self.windows {
                 let log = &experiment.logs[along.window.log];
+                let in_run = |set: &Vec<f64>| log.parameters(&set.iter().map(|&v| [v]).collect::<Vec<[f64; 1]>>());
+                let sets: Vec<Vec<f64>> = sets.iter().map(|set| in_run(set).iter().map(|v| v[0]).collect()).collect();
                 let of = |set: &Vec<f64>| {
                     let lane: Vec<[f64; 1]> = set.iter().map(|&v| [v]).collect();
                     Histories::<1>::new(&change.inputs, log, experiment.hold, &lane)

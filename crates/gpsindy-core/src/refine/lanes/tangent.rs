@@ -34,6 +34,8 @@ pub(super) struct Step {
 /// The derivatives along the paths of all windows.
 pub(crate) struct Tangent {
     pub(super) parameters: Vec<f64>,
+    /// What each run has of its own of them.
+    pub(super) own: Vec<Vec<(usize, f64)>>,
     pub(super) initial: Vec<Vec<f64>>,
     pub(super) windows: Vec<Window>,
     pub(super) steps: Vec<Vec<Step>>,
@@ -85,6 +87,7 @@ impl Tangent {
         let steps = paths.iter().map(|path| all.by_ref().take(path.len()).collect()).collect();
         Some(Self {
             parameters: parameters.to_vec(),
+            own: experiment.own_parameters(),
             initial: initial.to_vec(),
             windows: experiment.windows.clone(),
             steps,
@@ -101,7 +104,7 @@ impl Tangent {
     ) -> Option<Vec<usize>> {
         let mut own = self.windows.iter().zip(&self.initial).enumerate();
         let mut place = |wanted: (&Window, &Vec<f64>)| Some(own.find(|(_, known)| *known == wanted)?.0);
-        if self.parameters != parameters {
+        if self.parameters != parameters || self.own != experiment.own_parameters() {
             return None;
         }
         experiment.windows.iter().zip(initial).map(&mut place).collect()

@@ -17,6 +17,7 @@ fn a_rollout_from_within_a_log_finds_a_lagging_input_where_one_from_its_beginnin
         time: (0..80).map(|i| 0.05 * f64::from(i)).collect(),
         controls: vec![(0..80).map(|i| f64::from(i / 7 % 3)).collect()],
         measured: Vec::new(),
+        ..Log::default()
     };
     for hold in [Hold::Zero, Hold::Linear] {
         let mut lanes = Lanes::<1>::new(&system, &log, (hold, Past::Still), &[[0.4]]);
@@ -52,6 +53,7 @@ fn a_late_sensor_sees_the_start_or_the_tangent_before_a_log_and_the_tangent_with
         time: (0..20).map(|i| 0.1 * f64::from(i)).collect(),
         controls: Vec::new(),
         measured: Vec::new(),
+        ..Log::default()
     };
     let reading = |past: Past, first: usize, start: f64| {
         let mut lanes = Lanes::<1>::new(&system, &log, (Hold::Zero, past), &[[0.25]]);
@@ -79,7 +81,8 @@ fn a_slow_clock_shows_the_state_at_its_own_time_in_a_rollout_and_in_a_simulation
     };
     let system = System::new(&model).unwrap();
     let time: Vec<f64> = (0..30).map(|i| 0.1 * f64::from(i)).collect();
-    let log = Log { name: "fall".into(), time: time.clone(), controls: Vec::new(), measured: Vec::new() };
+    let log =
+        Log { name: "fall".into(), time: time.clone(), controls: Vec::new(), measured: Vec::new(), ..Log::default() };
     let mut lanes = Lanes::<2>::new(&system, &log, (Hold::Zero, Past::Still), &[[-0.25, 0.0]]);
     let mut rolled = vec![[f64::NAN; 2]; time.len()];
     lanes.roll((0, time.len() - 1), &[[0.0; 2], [0.0; 2]], &[0], 1, |i, _, v| rolled[i] = v);
@@ -110,7 +113,13 @@ fn sampled_and_held_inputs_and_sensors_are_those_of_the_simulator() {
     let time: Vec<f64> = (0..count).map(|i| 7.0 + 0.05 * i as f64).collect();
     let u: Vec<f64> = time.iter().map(|t| (1.7 * t).sin() + (3.1 * t).cos()).collect();
     let controls = faer::Mat::from_fn(count, 1, |i, _| u[i]);
-    let log = Log { name: "log".into(), time: time.clone(), controls: vec![u.clone()], measured: Vec::new() };
+    let log = Log {
+        name: "log".into(),
+        time: time.clone(),
+        controls: vec![u.clone()],
+        measured: Vec::new(),
+        ..Log::default()
+    };
     for hold in [Hold::Zero, Hold::Linear] {
         for values in [[0.25, 0.0, 0.15, 0.0], [0.13, 0.07, 0.17, -0.04], [0.05, 0.0, 0.55, 0.3]] {
             let system = System::new(&model(&values)).unwrap();

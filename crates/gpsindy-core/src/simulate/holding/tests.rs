@@ -36,7 +36,7 @@ fn lanes<const L: usize>(
     initial: &[[f64; L]],
 ) -> Vec<Vec<[f64; L]>> {
     let controls = (0..system.n_controls()).map(|_| time.iter().map(|&t| u(t)).collect()).collect();
-    let log = Log { name: "log".into(), time: time.to_vec(), controls, measured: Vec::new() };
+    let log = Log { name: "log".into(), time: time.to_vec(), controls, measured: Vec::new(), ..Log::default() };
     let mut lanes = Lanes::<L>::new(system, &log, (Hold::Linear, Past::Still), parameters);
     let mut states = vec![vec![[0.0; L]; system.n_states()]; time.len()];
     lanes.roll_states((0, time.len() - 1), initial, substeps, |i, j, values| states[i][j] = values);

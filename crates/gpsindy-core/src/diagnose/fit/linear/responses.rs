@@ -8,7 +8,7 @@ use crate::expression::Expression;
 use crate::model::change::Change;
 use crate::model::{Model, System};
 use crate::refine::tally::Purpose;
-use crate::refine::{Block, Job, Path, Refined, lanes::Lanes, roll_together, tangent};
+use crate::refine::{Block, Experiment, Job, Log, Path, Refined, lanes::Lanes, roll_together, tangent};
 use nalgebra::DVector;
 
 /// Columns that are rolled out at once: the width of the widest vector registers in doubles. Exact.
@@ -64,6 +64,7 @@ pub(crate) fn changes(
     if let Some(found) = at.path.as_ref().and_then(|path| along(path, at, model, moved, sets)) {
         return Some(found);
     }
+    let experiment = &numbered_in(model, at, moved);
     let system = System::with_simulator(model, fitted.system.simulator().cloned()).ok()?;
     let system = system.with_followers(fitted.nominal_states()).ok()?;
     // States that only the fit has are left out, those that only the model has start where it has them.
@@ -72,13 +73,31 @@ pub(crate) fn changes(
     let own = fitted.refined.initial.iter().map(|start| start[..known].to_vec()).collect();
     let initial = with_lagging(&system, experiment, own, known);
     if system.engine().is_some() {
-        return Some(stepped(&system, at, &initial, sets));
+        return Some(stepped(&system, (at, experiment), &initial, sets));
     }
     let rolled = |part: &[Vec<f64>]| {
         experiment.tally.pass(Purpose::Responses, experiment.n_samples());
-        rolled(&system, at, &initial, part)
+        rolled(&system, (at, experiment), &initial, part)
     };
     Some(sets.chunks(LANES).flat_map(rolled).collect())
+}
+
+/// The logs of the fit, sizes that its runs have of their own numbered as in `model`; those that are `moved` it does not have.
+fn numbered_in(model: &Model, at: &Linearised<'_>, moved: &[usize]) -> Experiment {
+    renumbered(at, &|own| {
+        let name = &at.contestant.system.model().parameters[own].name;
+        if moved.contains(&own) { None } else { model.parameter_index(name) }
+    })
+}
+
+fn renumbered(at: &Linearised<'_>, number: &dyn Fn(usize) -> Option<usize>) -> Experiment {
+    let experiment = &at.contestant.experiment;
+    if experiment.logs.iter().all(|log| log.own.is_empty()) {
+        return experiment.clone();
+    }
+    let own = |log: &Log| log.own.iter().filter_map(|&(own, more)| Some((number(own)?, more))).collect();
+    let logs: Vec<Log> = experiment.logs.iter().map(|log| Log { own: own(log), ..log.clone() }).collect();
+    Experiment { logs: logs.into(), ..experiment.clone() }
 }
 
 /// By straight lines from the path of the fit; `None` where the model has other states or reads late.
@@ -95,6 +114,12 @@ fn along(
     let with_own = |set: &Vec<f64>| set.iter().copied().chain(moved.iter().map(|&index| own[index])).collect();
     let sets: Vec<Vec<f64>> = sets.iter().map(with_own).collect();
     experiment.tally.pass(Purpose::Responses, (sets.len() * experiment.n_samples()).div_ceil(LANES));
+    // The fit's own values of what is moved stand behind those of the model.
+    let count = model.parameters.len();
+    let experiment = &renumbered(at, &|own| match moved.iter().position(|&index| index == own) {
+        Some(place) => Some(count + place),
+        None => model.parameter_index(&system.model().parameters[own].name),
+    });
     Some(path.responses(system, experiment, &change, &sets).into_iter().map(|values| scaled(at, values)).collect())
 }
 
@@ -113,9 +138,13 @@ fn scaled(at: &Linearised<'_>, values: Vec<Vec<f64>>) -> Vec<DVector<f64>> {
 }
 
 /// By rollouts, as many sets side by side as there are lanes.
-fn rolled(system: &System, at: &Linearised<'_>, initial: &[Vec<f64>], sets: &[Vec<f64>]) -> Vec<Vec<DVector<f64>>> {
-    let Linearised { contestant: fitted, jacobian, .. } = at;
-    let experiment = &fitted.experiment;
+fn rolled(
+    system: &System,
+    (at, experiment): (&Linearised<'_>, &Experiment),
+    initial: &[Vec<f64>],
+    sets: &[Vec<f64>],
+) -> Vec<Vec<DVector<f64>>> {
+    let jacobian = &at.jacobian;
     let n_columns = experiment.columns.len();
     let lane = |p: usize| std::array::from_fn(|lane| sets[lane.min(sets.len() - 1)][p]);
     let parameters: Vec<[f64; LANES]> = (0..system.n_parameters()).map(lane).collect();
@@ -154,11 +183,11 @@ fn rolled(system: &System, at: &Linearised<'_>, initial: &[Vec<f64>], sets: &[Ve
 /// The same where the simulator steps on its own: one list of changes a window for each set of `parameters`.
 fn stepped(
     system: &System,
-    at: &Linearised<'_>,
+    (at, experiment): (&Linearised<'_>, &Experiment),
     initial: &[Vec<f64>],
     parameters: &[Vec<f64>],
 ) -> Vec<Vec<DVector<f64>>> {
-    let (experiment, blocks) = (&at.contestant.experiment, &at.jacobian.blocks);
+    let blocks = &at.jacobian.blocks;
     let n_columns = experiment.columns.len();
     let windows = 0..experiment.windows.len();
     let job = |window: usize, parameters: &Vec<f64>| Job {
@@ -184,9 +213,9 @@ fn stepped(
     let Refined { parameters: now, initial: starts, .. } = &contestant.refined;
     let lines = match &at.guide {
         Some(Guide { tangent, .. }) => {
-            tangent.windows_of(experiment, now, starts).map(|windows| (tangent.clone(), windows))
+            tangent.windows_of(&contestant.experiment, now, starts).map(|windows| (tangent.clone(), windows))
         }
-        None => tangent(&contestant.system, experiment, now, starts),
+        None => tangent(&contestant.system, &contestant.experiment, now, starts),
     };
     match lines {
         Some((tangent, windows)) => {

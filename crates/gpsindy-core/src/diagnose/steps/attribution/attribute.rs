@@ -7,6 +7,7 @@ use crate::diagnose::limits::{CONVINCING, MOST_MOVES, NAMED, SWAP};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
+use crate::diagnose::steps::attribution::moves::scatter::resettled;
 use crate::diagnose::steps::attribution::places::{self, Place};
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -31,6 +32,7 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     if is_lengthened && !notes.contains(&Note::Lengthened) {
         notes.push(Note::Lengthened);
     }
+    best = resettled(contest, best)?;
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);

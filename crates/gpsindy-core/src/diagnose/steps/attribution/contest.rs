@@ -5,10 +5,12 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::Rival;
+use crate::diagnose::fit::by_run::differing;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at};
-use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, SHOWN_CLOCK};
+use crate::diagnose::fit::own_sizes::inherited;
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, OWN_SIZES, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::attribution::suspects::Suspects;
 use crate::error::{Result, unless_refused};
@@ -97,7 +99,8 @@ impl<'a> Contest<'a> {
 
     /// Log prior odds of a contestant's effects.
     pub(crate) fn prior(&self, fitted: &Contestant) -> f64 {
-        fitted.hypotheses.iter().map(|h| self.log_prior(h)).sum()
+        let own = differing(&fitted.experiment).len() as f64;
+        fitted.hypotheses.iter().map(|h| self.log_prior(h)).sum::<f64>() - OWN_SIZES * own
     }
 
     /// Score with prior odds.
@@ -169,7 +172,10 @@ impl<'a> Contest<'a> {
         let written = joint::apply(&hypotheses, base.system.model(), &self.scene_of(base));
         let Some(applied) = written.ok().filter(|applied| applied.model.check().is_ok()) else { return Ok(None) };
         let base = standing_at(base, best);
-        unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))
+        let Some(fit) = unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))? else {
+            return Ok(None);
+        };
+        inherited(self.fitter, best, fit).map(Some)
     }
 
     /// `best` without each of its effects in turn, fitted again from the nominal model; none where the others can't be fitted.

@@ -4,6 +4,8 @@
 //! promise most take a step each, the better ones a few more, and those that may still win are fitted to the end: successive halving,
 //! Jamieson and Talwalkar 2016, AISTATS, "Non-stochastic best arm identification and hyperparameter optimization".
 
+pub(crate) mod scatter;
+
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Start};
 use crate::diagnose::fit::colours::noise::Noise;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
@@ -18,6 +20,7 @@ use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::gross::gross;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::{Result, unless_refused};
+use scatter::with_scattered;
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
 struct Move<'a> {
@@ -91,7 +94,7 @@ pub(crate) fn moves(
     if contest.run.is_out_of_time() || !is_in_sight {
         return Ok(fits);
     }
-    with_simpler(contest, nominal, base, fits)
+    with_scattered(contest, base, with_simpler(contest, nominal, base, fits)?)
 }
 
 /// The effects of a move, those that stay first.

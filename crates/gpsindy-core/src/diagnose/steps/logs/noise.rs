@@ -130,7 +130,13 @@ mod tests {
             (0.01 * f64::from(sample)).sin() + 0.1 * (f64::from(sample * sample) * 1.7).sin()
         };
         let measured = vec![(0..count).map(&mut value).collect()];
-        Log { name: "a".into(), time: (0..count).map(|i| i as f64).collect(), controls: Vec::new(), measured }
+        Log {
+            name: "a".into(),
+            time: (0..count).map(|i| i as f64).collect(),
+            controls: Vec::new(),
+            measured,
+            ..Log::default()
+        }
     }
 
     #[test]

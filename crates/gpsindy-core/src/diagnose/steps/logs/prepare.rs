@@ -235,6 +235,7 @@ fn decimated(experiment: &Experiment) -> Option<(Experiment, usize)> {
                 time: log.time.iter().copied().step_by(stride).collect(),
                 controls: log.controls.iter().map(mean).collect(),
                 measured: log.measured.iter().map(|c| c.iter().copied().step_by(stride).collect()).collect(),
+                own: log.own.clone(),
             }
         })
         .collect();

@@ -6,6 +6,7 @@
 //! and Knapp 2001, Statistics in Medicine 20(24), never narrower than without their factor. The share is I^2 of Higgins and Thompson
 //! 2002, Statistics in Medicine 21(11).
 
+use crate::diagnose::fit::by_run::Pooled;
 use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::report::{BetweenRuns, RunValue};
 use crate::excerpt::recording;
@@ -37,19 +38,9 @@ impl Sizes {
         }
         let own = information.clone().cholesky()?.inverse();
         let freedom = (count - 1) as f64;
-        let row = information.column_sum();
-        let total = row.sum();
-        let centre = row.dot(values) / total;
-        let excess = values.dot(&(information * values)) - total * centre * centre;
-        let scale = information.trace() - row.norm_squared() / total;
-        let variance = if scale > 0.0 { ((excess - freedom) / scale).max(0.0) } else { 0.0 };
-        let weights = (&own + DMatrix::identity(count, count) * variance).cholesky()?.inverse();
-        let row = weights.column_sum();
-        let pooled = row.dot(values) / row.sum();
-        let apart = values.add_scalar(-pooled);
-        let factor = (apart.dot(&(&weights * &apart)) / freedom).max(1.0);
+        let Pooled { mean: pooled, weight, factor, variance, excess } = self.pooled()?;
         let level = 0.5 + 0.5 * confidence;
-        let width = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(level) * (factor / row.sum()).sqrt();
+        let width = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(level) * (factor / weight).sqrt();
         let normal = normal_quantile(level);
         let runs = names.iter().enumerate().map(|(i, run)| {
             let width = normal * own[(i, i)].sqrt();
@@ -70,6 +61,12 @@ impl Sizes {
             .iter()
             .all(|v| v.is_finite())
             .then_some(found)
+    }
+
+    /// What is common to the recordings.
+    pub(crate) fn pooled(&self) -> Option<Pooled> {
+        let Self { values, information, .. } = self.by_recording()?;
+        Pooled::of(&values, &information)
     }
 
     /// One value for all runs that share a recording, by generalised least squares.

@@ -1,8 +1,9 @@
 //! Causes as the report states them: the winner's effects, what else may stand in their places, and random forces.
 
 use crate::diagnose::catalogue::effect::separating_experiment;
-use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis};
 use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::fit::by_run;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::fit::moved::deviation;
@@ -125,6 +126,15 @@ impl Causes<'_> {
         let mut stated = cause(self.confidence, best, place, class_weight * sound, self.keep, equivalent);
         stated.twins = twins;
         stated.between_runs = self.stabilities[place].as_ref().map_or(Vec::new(), |s| s.between(self.confidence));
+        let by_run = by_run::differing(&best.experiment);
+        for size in &stated.between_runs {
+            let is_own = |added: &Added| added.symbol == size.parameter;
+            let differs = best.added[place].iter().any(|(index, added)| is_own(added) && by_run.contains(index));
+            // What differs between runs is known as well as their mean.
+            if let Some(parameter) = stated.parameters.iter_mut().find(|p| differs && p.name == size.parameter) {
+                (parameter.value, parameter.low, parameter.high) = (size.pooled, finite(size.low), finite(size.high));
+            }
+        }
         stated.stability = self.stabilities[place].as_ref().map(|s| crate::diagnose::report::Stability {
             runs: s.parts,
             agree: s.agree,

@@ -63,8 +63,13 @@ impl Checked<'_> {
         let (place, worst) = known.into_iter().min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value))?;
         let name = self.outcome.best.hypotheses[place].id();
         let passed = worst.p_value >= DISAGREES;
+        let is_within = worst.within.is_some_and(|within| within >= DISAGREES);
         let says = if passed {
             format!("The sizes agree between runs, ranges and times; {name} differs most, by no more than chance.")
+        } else if is_within {
+            format!(
+                "The size of {name} differs between runs by more than chance, and keeps its value within them: it is the machine's, or the imitation of another cause."
+            )
         } else {
             // Parts may differ together where none of them does alone.
             let parts = match worst.disagree.is_empty() {

@@ -148,7 +148,7 @@ mod tests {
             })
             .collect();
         let control = (0..400).map(|i| gain * (0.1 * f64::from(i)).sin()).collect();
-        Log { name: format!("{seed}"), time, controls: vec![control], measured: vec![measured] }
+        Log { name: format!("{seed}"), time, controls: vec![control], measured: vec![measured], ..Log::default() }
     }
 
     #[test]

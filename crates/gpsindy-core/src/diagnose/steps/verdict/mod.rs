@@ -7,6 +7,7 @@ pub(crate) mod checks;
 pub(crate) mod curves;
 pub(crate) mod floor;
 pub(crate) mod localise;
+pub(crate) mod own_size;
 pub(crate) mod spread;
 pub(crate) mod stability;
 pub(crate) mod start;

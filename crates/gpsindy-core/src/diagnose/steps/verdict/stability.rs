@@ -7,17 +7,15 @@
 mod gated;
 
 use crate::diagnose::catalogue::hypothesis::Role;
-use crate::diagnose::fit::colours::whitening::Whitener;
+use crate::diagnose::fit::by_run::{Products, Values, differing, is_inside, parts_of_logs};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::linear::elimination::{eliminate, gain};
-use crate::diagnose::limits::stability::{DISAGREES, MOST_PARTS, NOTHING, SAME_SIZE};
+use crate::diagnose::limits::stability::{DISAGREES, NOTHING, SAME_SIZE};
 use crate::diagnose::report::BetweenRuns;
 use crate::diagnose::steps::verdict::between::{Sizes, named};
 use crate::model::Model;
-use crate::refine::{Jacobian, Point};
 use gated::Gated;
-use nalgebra::{DMatrix, DVector};
 
 /// Whether the sizes of a cause agree between parts of the logs.
 pub(crate) struct Stability {
@@ -30,6 +28,8 @@ pub(crate) struct Stability {
     pub(crate) disagree: Vec<String>,
     /// Its sizes by run.
     pub(crate) sizes: Vec<Sizes>,
+    /// Where runs have a size of their own: the chance of so much disagreement within them.
+    pub(crate) within: Option<f64>,
 }
 
 impl Stability {
@@ -62,21 +62,36 @@ pub(crate) fn of(nominal: &Model, best: &Contestant, place: usize) -> Option<Sta
         return None;
     }
     let gated = Gated::new(best, place);
-    let products = Products::new(best, &gated, &own)?;
+    let logs = parts_of_logs(&best.experiment.logs);
+    let products = Products::new(best, (&gated.system, &gated.free), &own, &logs)?;
     let first = best.free[own[0]].parameter;
     let size = best.refined.parameters[first] - nominal.parameters.get(first).map_or(0.0, |p| p.value);
     let questions = questions(best, &gated, &own, products.runs);
-    let mut found =
-        Stability { parts: 0, agree: 0, p_value: 1.0, disagree: Vec::new(), sizes: products.sizes(best, place, &own) };
-    let mut asked = 0;
+    let mut found = Stability {
+        parts: 0,
+        agree: 0,
+        p_value: 1.0,
+        disagree: Vec::new(),
+        sizes: sizes(&products, best, place, &own),
+        within: None,
+    };
+    let differing = differing(&best.experiment);
+    let has_own = own.iter().enumerate().filter(|(_, free)| differing.contains(&best.free[**free].parameter));
+    let by_run: Vec<usize> = has_own.flat_map(|(k, _)| products.columns(own.len(), k)).collect();
+    let (mut asked, mut within) = (0, 1.0_f64);
     for question in questions {
         let all: Vec<usize> = question.parts.iter().flat_map(|p| p.columns.iter().copied()).collect();
-        let Some(p_value) = products.disagreement(best, (&own, size), &all) else { continue };
+        let halves = question.parts.len() == 1;
+        let beside = if halves { &by_run[..] } else { &[] };
+        let ask = |columns: &[usize]| disagreement(&products, best, (&own, size), (columns, beside));
+        let Some(p_value) = ask(&all) else { continue };
         asked += 1;
         found.p_value = found.p_value.min(p_value);
-        let halves = question.parts.len() == 1;
+        if halves {
+            within = within.min(p_value);
+        }
         for part in &question.parts {
-            let alone = if halves { Some(p_value) } else { products.disagreement(best, (&own, size), &part.columns) };
+            let alone = if halves { Some(p_value) } else { ask(&part.columns) };
             let Some(alone) = alone else { continue };
             found.parts += 1;
             if p_value < DISAGREES && alone * question.parts.len() as f64 <= DISAGREES {
@@ -92,6 +107,7 @@ pub(crate) fn of(nominal: &Model, best: &Contestant, place: usize) -> Option<Sta
         }
     }
     found.p_value = (found.p_value * f64::from(asked)).min(1.0);
+    found.within = (!by_run.is_empty()).then(|| (within * f64::from(asked)).min(1.0));
     (asked > 0).then_some(found)
 }
 
@@ -115,155 +131,71 @@ fn questions(best: &Contestant, gated: &Gated, own: &[usize], runs: usize) -> Ve
 /// Names of the runs of a part.
 fn members(best: &Contestant, part: usize) -> Vec<String> {
     let logs = &best.experiment.logs;
-    let own = (0..logs.len()).filter(|&l| part_of(l, logs.len()) == part);
-    own.map(|l| logs[l].name.clone()).collect()
+    let parts = parts_of_logs(logs);
+    (0..logs.len()).filter(|&l| parts[l] == part).map(|l| logs[l].name.clone()).collect()
 }
 
-/// Which part log number `log` belongs to.
-fn part_of(log: usize, logs: usize) -> usize {
-    if logs <= MOST_PARTS { log } else { log * MOST_PARTS / logs }
-}
-
-/// Products of all columns among themselves and with the residual, whitened, the initial states eliminated.
-struct Products {
-    gram: DMatrix<f64>,
-    slope: DVector<f64>,
-    /// Squared length of every column before anything was eliminated.
-    before: Vec<f64>,
-    free: usize,
-    runs: usize,
-}
-
-impl Products {
-    fn new(best: &Contestant, gated: &Gated, own: &[usize]) -> Option<Self> {
-        let mut parameters = best.refined.parameters.clone();
-        parameters.resize(gated.system.n_parameters(), 0.0);
-        let point = Point { parameters, initial: best.refined.initial.clone() };
-        let jacobian = Jacobian::new(&gated.system, &best.experiment, &point, &gated.free).ok()?;
-        let logs = best.experiment.logs.len();
-        let runs = logs.min(MOST_PARTS);
-        let (n, q) = (jacobian.n_states, gated.free.len());
-        let width = q + runs * own.len();
-        let mut all = Self {
-            gram: DMatrix::zeros(width, width),
-            slope: DVector::zeros(width),
-            before: vec![0.0; width],
-            free: best.free.len(),
-            runs,
-        };
-        for (block, window) in jacobian.blocks.iter().zip(&best.experiment.windows) {
-            let whitener = Whitener::new(&best.evidence.colours, &block.present);
-            let mut residual = block.residual.clone();
-            whitener.whiten(&mut residual);
-            let mut derivative = block.derivative.clone();
-            for mut column in derivative.column_iter_mut() {
-                let mut values = column.clone_owned();
-                whitener.whiten(&mut values);
-                column.copy_from(&values);
-            }
-            let directions = derivative.columns(0, n).into_owned().qr().q();
-            let mut free = derivative.columns(n, q).into_owned();
-            let lengths: Vec<f64> = free.column_iter().map(|c| c.norm_squared()).collect();
-            free -= &directions * directions.tr_mul(&free);
-            residual -= &directions * directions.tr_mul(&residual);
-            let (gram, slope) = (free.tr_mul(&free), free.tr_mul(&residual));
-            // The places of this window's columns: once for all runs, once more for its own.
-            let run = part_of(window.log, logs);
-            let places: Vec<(usize, usize)> = (0..q)
-                .map(|i| (i, i))
-                .chain(own.iter().enumerate().map(|(k, &i)| (q + run * own.len() + k, i)))
-                .collect();
-            for &(row, i) in &places {
-                all.slope[row] += slope[i];
-                all.before[row] += lengths[i];
-                for &(column, j) in &places {
-                    all.gram[(row, column)] += gram[(i, j)];
-                }
-            }
-        }
-        for (i, free) in best.free.iter().enumerate() {
-            if let Some((mean, sd)) = free.prior {
-                all.gram[(i, i)] += sd.powi(-2);
-                all.slope[i] += (mean - best.refined.parameters[free.parameter]) / (sd * sd);
-            }
-        }
-        all.gram.iter().chain(all.slope.iter()).all(|v| v.is_finite()).then_some(all)
+/// Sizes of the effect at `place` by run, by a straight line from the joint fit, with everything that is common to the runs free.
+fn sizes(products: &Products, best: &Contestant, place: usize, own: &[usize]) -> Vec<Sizes> {
+    if products.runs < 2 {
+        return Vec::new();
     }
-
-    /// Sizes of the effect at `place` by run, by a straight line from the joint fit, with everything that is common to the runs free.
-    fn sizes(&self, best: &Contestant, place: usize, own: &[usize]) -> Vec<Sizes> {
-        if self.runs < 2 {
-            return Vec::new();
-        }
-        let first = self.gram.nrows() - self.runs * own.len();
-        let columns = |k: usize| (0..self.runs).map(move |run| first + run * own.len() + k);
-        let one = |(k, &free): (usize, &usize)| {
-            let index = best.free[free].parameter;
-            let (_, added) = best.added[place]
-                .iter()
-                .find(|(i, added)| *i == index && matches!(added.role, Role::Plain | Role::Scale))?;
-            if !is_inside(best, free) {
-                return None;
-            }
-            let (mut gram, mut slope) = (self.gram.clone(), self.slope.clone());
-            let common = (0..self.free).filter(|i| !own.contains(i) && is_inside(best, *i));
-            let others = (0..own.len()).filter(|&other| other != k && is_inside(best, own[other])).flat_map(columns);
-            for i in common.chain(others) {
-                eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
-            }
-            let telling: Vec<usize> = (0..self.runs)
-                .filter(|&run| {
-                    let i = first + run * own.len() + k;
-                    gram[(i, i)] > NOTHING * self.before[i]
-                })
-                .collect();
-            let at = |i: usize| first + telling[i] * own.len() + k;
-            let information = DMatrix::from_fn(telling.len(), telling.len(), |i, j| gram[(at(i), at(j))]);
-            let moved = information.clone().cholesky()?.solve(&DVector::from_fn(telling.len(), |i, _| slope[at(i)]));
-            Some(Sizes {
-                parameter: added.symbol.clone(),
-                unit: added.unit.clone(),
-                runs: telling.iter().map(|&run| members(best, run)).collect(),
-                values: moved.add_scalar(best.refined.parameters[index]),
-                information,
-            })
-        };
-        own.iter().enumerate().filter_map(one).collect()
-    }
-
-    /// Chance that sizes of their own in `extra` gain as much by noise and the rest; `None` where the logs say nothing of them.
-    ///
-    /// `own`: the effect's parameters among the free ones, and how far the first of them, its size, is from doing nothing.
-    fn disagreement(&self, best: &Contestant, (own, size): (&[usize], f64), extra: &[usize]) -> Option<f64> {
-        let is_inside = |i: &usize| is_inside(best, *i);
-        let mut gram = self.gram.clone();
-        let mut slope = self.slope.clone();
-        let is_own = |i: &usize| own.contains(i);
-        for i in (0..self.free).filter(is_inside).filter(|i| !is_own(i)) {
-            eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
-        }
-        // By how much the effect as a whole moves the outputs beyond what the others can, with a size that differs by a little.
-        let moved = gram[(own[0], own[0])].max(0.0) * (SAME_SIZE * size).powi(2);
-        for &i in own.iter().filter(|i| is_inside(i)) {
-            eliminate(&mut gram, &mut slope, i, NOTHING * self.before[i]);
-        }
-        let (gain, degrees) = gain(&mut gram, &mut slope, extra.iter().copied(), |i| NOTHING * self.before[i]);
-        if degrees == 0 {
+    let all: Vec<usize> = (0..own.len()).collect();
+    let one = |(k, &free): (usize, &usize)| {
+        let index = best.free[free].parameter;
+        let (_, added) = best.added[place]
+            .iter()
+            .find(|(i, added)| *i == index && matches!(added.role, Role::Plain | Role::Scale))?;
+        if !is_inside(best, free) {
             return None;
         }
-        let count = best.evidence.count();
-        let allowed = moved.max(best.evidence.negligible() * count as f64);
-        // The expected shift and the chance one add as lengths do.
-        let beyond = (gain.sqrt() - allowed.sqrt()).max(0.0).powi(2);
-        Some(gain_tail(with_fitted_level(beyond, count), degrees, count, best.evidence.spent()))
-    }
+        // Where one size alone has a value in every run, the others are common to all.
+        let is_alone = differing(&best.experiment).contains(&index);
+        let beside = if is_alone { &all[k..=k] } else { &all[..] };
+        let Values { parts, values, information } = products.values(best, own, k, beside)?;
+        Some(Sizes {
+            parameter: added.symbol.clone(),
+            unit: added.unit.clone(),
+            runs: parts.iter().map(|&run| members(best, run)).collect(),
+            values,
+            information,
+        })
+    };
+    own.iter().enumerate().filter_map(one).collect()
 }
 
-/// Whether free parameter number `place` can move: what stands at its bound can't give way, and would look as if it wanted to.
-fn is_inside(best: &Contestant, place: usize) -> bool {
-    let free = &best.free[place];
-    let value = best.refined.parameters[free.parameter];
-    value > free.lower && value < free.upper
+/// Chance that sizes of their own in `extra` gain as much by noise and the rest; `None` where the logs say nothing of them.
+///
+/// `own`: the effect's parameters among the free ones, and how far the first of them, its size, is from doing nothing. `by_run`: columns of
+/// sizes that runs have of their own, which halves of the logs then share.
+fn disagreement(
+    products: &Products,
+    best: &Contestant,
+    (own, size): (&[usize], f64),
+    (extra, by_run): (&[usize], &[usize]),
+) -> Option<f64> {
+    let is_inside = |i: &usize| is_inside(best, *i);
+    let mut gram = products.gram.clone();
+    let mut slope = products.slope.clone();
+    let least = |i: usize| NOTHING * products.before[i];
+    let is_own = |i: &usize| own.contains(i);
+    for i in (0..products.free).filter(is_inside).filter(|i| !is_own(i)) {
+        eliminate(&mut gram, &mut slope, i, least(i));
+    }
+    // By how much the effect as a whole moves the outputs beyond what the others can, with a size that differs by a little.
+    let moved = gram[(own[0], own[0])].max(0.0) * (SAME_SIZE * size).powi(2);
+    for i in own.iter().copied().filter(is_inside).chain(by_run.iter().copied()) {
+        eliminate(&mut gram, &mut slope, i, least(i));
+    }
+    let (gain, degrees) = gain(&mut gram, &mut slope, extra.iter().copied(), least);
+    if degrees == 0 {
+        return None;
+    }
+    let count = best.evidence.count();
+    let allowed = moved.max(best.evidence.negligible() * count as f64);
+    // The expected shift and the chance one add as lengths do.
+    let beyond = (gain.sqrt() - allowed.sqrt()).max(0.0).powi(2);
+    Some(gain_tail(with_fitted_level(beyond, count), degrees, count, best.evidence.spent()))
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolut
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halved};
 use crate::diagnose::steps::verdict::spread::{self, Spread};
 use crate::diagnose::steps::verdict::start::starts;
-use crate::diagnose::steps::verdict::{curves, floor};
+use crate::diagnose::steps::verdict::{curves, floor, own_size};
 use crate::error::Result;
 use crate::refine::{Experiment, Log};
 use rand_chacha::ChaCha8Rng;
@@ -28,6 +28,8 @@ pub(crate) struct Verification {
     pub(crate) checks: Vec<ResidualCheck>,
     /// By column that moves, how surely the corrected model misses it by more than its noise allows.
     pub(crate) missed: Vec<Missed>,
+    /// The same where every recording has a size of its own for causes whose sizes differ: of their form alone.
+    pub(crate) form_missed: f64,
     /// States whose columns never move.
     pub(crate) resting: Vec<usize>,
     /// How random forces predict the held-out errors; none where there are none, or nothing predicts them.
@@ -39,7 +41,7 @@ pub(crate) struct Verification {
 impl Verification {
     /// Probability that the corrected model misses a column; columns share what is wrong, so the surest speaks for all.
     pub(crate) fn missed(&self) -> f64 {
-        self.missed.iter().map(|m| m.probability).fold(0.0, f64::max)
+        surest(&self.missed)
     }
 
     /// The same where no cause is included: after is before, and nothing is closed.
@@ -59,6 +61,10 @@ impl Verification {
         self.checks.clear();
         self
     }
+}
+
+fn surest(missed: &[Missed]) -> f64 {
+    missed.iter().map(|m| m.probability).fold(0.0, f64::max)
 }
 
 /// How surely a corrected model misses a column by more than its noise allows.
@@ -132,10 +138,17 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
         probability: missed(&blocks, floor[c], model_error, c),
         is_lost: changed && is_lost(&experiment, &blocks, c),
     };
-    let missed = moving.iter().map(missed).collect();
+    let missed: Vec<Missed> = moving.iter().map(missed).collect();
+    let of_form = |after: &Vec<Vec<f64>>| {
+        let blocks = self::blocks(&experiment, &moving, &before, after);
+        moving.iter().map(|&c| self::missed(&blocks, floor[c], model_error, c)).fold(0.0, f64::max)
+    };
+    let rollouts_of = |held_out: &Experiment| rollouts(best, &best.refined.parameters, held_out);
+    let of_own = own_size::with_sizes_of_their_own(best, &experiment, &after, &rollouts_of);
+    let form_missed = of_own.map_or_else(|| surest(&missed), |after| of_form(&after));
     let figures = curves::rollouts(system, &experiment, &moving, &before, changed.then_some(&after));
     let checks = curves::checks(system, &experiment, &moving, &after);
-    Ok(Verification { closure, figures, checks, missed, resting, spread, notes })
+    Ok(Verification { closure, figures, checks, missed, form_missed, resting, spread, notes })
 }
 
 /// The held-out logs, cut into rollouts that are as long as the corrected model can predict.

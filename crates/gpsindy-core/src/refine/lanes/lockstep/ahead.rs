@@ -202,6 +202,7 @@ mod tests {
                 time: (0..SAMPLES).map(|i| 0.01 * i as f64).collect(),
                 controls: vec![(0..SAMPLES).map(level).collect()],
                 measured: Vec::new(),
+                ..Log::default()
             };
             let experiment = Experiment {
                 logs: vec![log].into(),

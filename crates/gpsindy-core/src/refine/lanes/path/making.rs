@@ -16,7 +16,6 @@ const DIFFERENCE: f64 = 1e-6;
 pub(super) struct Maker<'a> {
     pub(super) system: &'a System,
     pub(super) experiment: &'a Experiment,
-    pub(super) parameters: &'a [f64],
     /// What each logged column reads, where all read one state.
     pub(super) read: Option<Vec<Read>>,
 }
@@ -42,7 +41,7 @@ impl Making<'_, '_, '_> {
     #[inline(always)]
     fn make<S: pulp::Simd>(self, simd: S) -> Option<Along> {
         let Self { maker, lanes, window, start } = self;
-        let Maker { system, experiment, parameters, read } = maker;
+        let Maker { system, experiment, read } = maker;
         let log = &experiment.logs[window.log];
         let (n, m) = (system.n_states(), system.n_controls());
         let (samples, substeps) = (window.last - window.first + 1, experiment.substeps);
@@ -57,6 +56,7 @@ impl Making<'_, '_, '_> {
             pushed: Vec::with_capacity(steps * n * n),
             slopes: Vec::new(),
         };
+        let parameters = &lanes.parameters.iter().map(|value| value[0]).collect::<Vec<f64>>()[..];
         let mut differences = Differences::new(system, system.rates(), parameters, &experiment.scale);
         differences.slots = Slots::new(system, &parameters.iter().map(|&v| [v; L]).collect::<Vec<_>>());
         let mut shown = Differences::new(system, system.outputs(), parameters, &experiment.scale);

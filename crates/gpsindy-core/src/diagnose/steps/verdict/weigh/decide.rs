@@ -4,7 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::verify::QUIET;
 use crate::diagnose::limits::weigh::{
-    COUNTS, CROWDING, FEW, LEAST_REST, LIKELY, MANY, PART, REAL, REST_LEFT, TYPICAL, UNMEASURED,
+    COUNTS, CROWDING, DIFFERS, FEW, LEAST_REST, LIKELY, MANY, PART, REAL, REST_LEFT, TYPICAL, UNMEASURED,
 };
 use crate::diagnose::limits::{REST, STRUCTURE};
 use crate::diagnose::report::{Check, Unexplained, Verdict};
@@ -56,8 +56,10 @@ impl Decided {
                 return 1.0;
             }
             let share = outcome.seats[place].removed / gap;
-            let chance = stabilities[place].as_ref().map_or(1.0, |s| s.p_value);
-            let credible = credible(share, unexplained.probability, named, chance);
+            // What differs between recordings need not differ within them.
+            let within = stabilities[place].as_ref().and_then(|s| s.within);
+            let chance = within.or(stabilities[place].as_ref().map(|s| s.p_value)).unwrap_or(1.0);
+            let credible = credible(share, unexplained.probability, named, (chance, within.is_some()));
             if outcome.best.unmeasured(place).is_empty() { credible } else { credible.min(UNMEASURED) }
         };
         let credible: Vec<f64> = (0..hypotheses.len()).map(credible).collect();
@@ -92,11 +94,12 @@ impl Decided {
 ///
 /// Its odds are those of [`REAL`] times the share, for a use that a search finds for one more effect is small; less where much
 /// is left or many are named. Then by the `chance` of the disagreement of its sizes between parts of the logs: that of a true
-/// cause is spread evenly, that of some imitations crowds near zero.
-fn credible(share: f64, rest: f64, named: usize, chance: f64) -> f64 {
+/// cause is spread evenly, that of some imitations crowds near zero. Where the size `differs` between recordings it is that within them.
+fn credible(share: f64, rest: f64, named: usize, (chance, differs): (f64, bool)) -> f64 {
     let many = if named < FEW { 1.0 } else { MANY };
     let disagreement = 1.0 - CROWDING + CROWDING * crowding(chance);
-    let odds = REAL * share.clamp(0.0, 1.0) / (many * REST_LEFT.powf(rest) * disagreement);
+    let own = if differs { DIFFERS } else { 1.0 };
+    let odds = REAL * share.clamp(0.0, 1.0) / (many * own * REST_LEFT.powf(rest) * disagreement);
     odds / (1.0 + odds)
 }
 
@@ -113,7 +116,7 @@ fn unexplained(
     if !detected.gap {
         return nothing;
     }
-    let missed = verification.missed();
+    let missed = verification.form_missed;
     let Some(left) = &outcome.left else { return Unexplained { probability: missed, ..nothing } };
     if outcome.best.hypotheses.is_empty() {
         return Unexplained { probability: 1.0, share: 1.0, depends_on: left.depends_on.clone() };
@@ -179,17 +182,17 @@ mod tests {
 
     #[test]
     fn a_cause_of_the_whole_gap_is_credible_and_one_of_a_hundredth_of_it_is_not() {
-        assert!(credible(1.0, 0.0, 1, 0.5) > 0.95);
-        assert!(credible(0.001, 0.0, 2, 0.5) < 0.3);
+        assert!(credible(1.0, 0.0, 1, (0.5, false)) > 0.95);
+        assert!(credible(0.001, 0.0, 2, (0.5, false)) < 0.3);
         // Dry friction that removes nearly all of a real drive's gap is as likely as not, where a rest is left besides it.
-        assert!((0.5..0.7).contains(&credible(0.97, 1.0, 1, 0.5)));
-        assert!(credible(0.2, 1.0, 1, 0.5) < 0.3);
+        assert!((0.5..0.7).contains(&credible(0.97, 1.0, 1, (0.5, false))));
+        assert!(credible(0.2, 1.0, 1, (0.5, false)) < 0.3);
     }
 
     #[test]
     fn a_size_that_differs_between_parts_makes_an_imitation_likely() {
-        assert!(credible(1.0, 0.0, 1, 1e-6) < 0.05);
-        let all: Vec<f64> = (0..60).map(|i| credible(1.0, 0.0, 1, 10f64.powf(-0.1 * f64::from(i)))).collect();
+        assert!(credible(1.0, 0.0, 1, (1e-6, false)) < 0.05);
+        let all: Vec<f64> = (0..60).map(|i| credible(1.0, 0.0, 1, (10f64.powf(-0.1 * f64::from(i)), false))).collect();
         assert!(all.windows(2).all(|w| w[1] <= w[0] && w[0] - w[1] < 0.15), "{all:?}");
     }
 }
