@@ -34,6 +34,8 @@ pub(crate) enum Role {
     Corner,
     /// The level of dry friction at rest, behind that in motion: the outputs jump when it moves, so it is found by trial.
     AtRest,
+    /// When something happens, s: an extremum of its own in every rollout, so it is also looked for by trial.
+    Instant,
     /// How long something takes, or at what speed or frequency it happens. At an end of its range, which is that of what logs can show, its effect
     /// is another one that has no such scale, or none.
     Scale,
@@ -51,7 +53,7 @@ impl Added {
             Role::Corner => Some(0.0),
             Role::Above => Some(self.upper + far),
             Role::Below => Some(self.lower - far),
-            Role::Plain | Role::Angle | Role::Period | Role::Phase | Role::AtRest | Role::Scale => None,
+            Role::Plain | Role::Angle | Role::Period | Role::Phase | Role::AtRest | Role::Instant | Role::Scale => None,
         }
     }
 

@@ -114,6 +114,13 @@ impl<'a> Writer<'a> {
         added
     }
 
+    /// The parameter that was added last is the instant of an event.
+    pub(crate) fn is_instant(&mut self) {
+        if let Some((_, added)) = self.fitted.last_mut() {
+            added.role = Role::Instant;
+        }
+    }
+
     /// Adds the speed within which dry friction turns around, around which it starts: a corner as other simulators have it,
     /// and beyond the sharpest of them none, where it holds at rest.
     pub(crate) fn add_corner(&mut self, symbol: &str) -> Expression {

@@ -5,7 +5,7 @@ use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
-use crate::diagnose::fit::{breakaway, by_run, sampling, stops};
+use crate::diagnose::fit::{breakaway, by_run, instants, sampling, stops};
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
@@ -135,6 +135,7 @@ impl Fitter {
         if budget != Budget::Glance || system.engine().is_some() {
             sampling::settle(base, &system, &experiment, (&applied.fitted, &free), &mut point)?;
             stops::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
+            instants::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
             breakaway::settle(&system, &experiment, (&applied.fitted, &free), (&mut point, budget))?;
         }
         let Point { parameters, initial } = point;
@@ -202,6 +203,7 @@ impl Fitter {
         if budget == Budget::Rough && system.engine().is_none() {
             sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
             stops::settle(system, &experiment, (&added.concat(), free), &mut point)?;
+            instants::settle(system, &experiment, (&added.concat(), free), &mut point)?;
             breakaway::settle(system, &experiment, (&added.concat(), free), (&mut point, budget))?;
         }
         let at = (&point.parameters[..], &free[..]);

@@ -9,6 +9,7 @@ pub(crate) mod filter;
 pub(crate) mod fitter;
 pub(crate) mod guide;
 pub(crate) mod innovations;
+pub(crate) mod instants;
 pub(crate) mod lagging;
 pub(crate) mod linear;
 pub(crate) mod moved;

@@ -83,7 +83,14 @@ pub(crate) fn least_distinguished(experiment: &Experiment, added: &Added, value:
     match added.role {
         Role::Period => Some(value * grid.step / (grid.end - grid.begin).max(grid.step)),
         Role::Phase => Some(grid.step),
-        Role::Plain | Role::Angle | Role::Corner | Role::AtRest | Role::Scale | Role::Above | Role::Below => None,
+        Role::Plain
+        | Role::Angle
+        | Role::Corner
+        | Role::AtRest
+        | Role::Instant
+        | Role::Scale
+        | Role::Above
+        | Role::Below => None,
     }
 }
 

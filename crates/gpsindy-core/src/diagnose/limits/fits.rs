@@ -111,3 +111,10 @@ pub(crate) const NO_REST: f64 = 1e-12;
 
 /// Step of a finite difference about a filter's path, in typical sizes: the root of the rounding of a rollout. Argument.
 pub(crate) const DIFFERENCE: f64 = 1e-5;
+
+/// How far from where a fit has it an instant is looked for, in hundredths of the logs: starts are three of them apart. Argument.
+pub(crate) const AROUND_INSTANT: f64 = 4.0;
+
+/// Moments that are tried there, and then between the neighbours of the best: eighths of a thousandth of the logs, from which a fit goes on. Argument.
+pub(crate) const INSTANTS: usize = 64;
+pub(crate) const FINER_INSTANTS: usize = 20;
