@@ -106,6 +106,17 @@ impl Contestant {
         model
     }
 
+    /// One of no effects with the parameters that are believed beforehand: what its rollouts made of these they made without a random force.
+    pub(crate) fn believed(&self) -> Self {
+        let mut believed = self.clone();
+        if self.hypotheses.is_empty() {
+            for (parameter, mean) in self.free.iter().filter_map(|f| Some((f.parameter, f.prior?.0))) {
+                believed.refined.parameters[parameter] = mean;
+            }
+        }
+        believed
+    }
+
     /// Fitted values of the effect at `place`.
     pub(crate) fn values(&self, place: usize) -> Vec<f64> {
         self.added[place].iter().map(|(index, _)| self.refined.parameters[*index]).collect()

@@ -12,7 +12,6 @@ use crate::diagnose::limits::forcing::{
 use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
-use crate::diagnose::steps::attribution::forcing::tune::believed;
 use crate::diagnose::steps::findings::{Forcing, StatedProcess};
 use crate::error::Result;
 use crate::parallel;
@@ -84,7 +83,7 @@ impl Account {
 
     /// `fit` with random processes where they convince on a part of the readings.
     fn in_part(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
-        let Some(whole) = Self::of(contest, &believed(fit), &[])? else { return Ok(None) };
+        let Some(whole) = Self::of(contest, &fit.believed(), &[])? else { return Ok(None) };
         let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
         part.charged_anew(contest).map(|part| part.grown(contest, &places(fit))).transpose()
     }

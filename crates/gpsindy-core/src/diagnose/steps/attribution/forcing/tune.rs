@@ -7,7 +7,6 @@
 //! Source: the prediction error method, Ljung 1999, System Identification, chapter 7.
 
 use super::account::Account;
-use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::{Filtered, Pace};
 use crate::diagnose::limits::forcing::{SETTLED, SHORTENED, SLOPED, TUNED};
 use crate::diagnose::limits::{Budget, FLAT};
@@ -16,17 +15,6 @@ use crate::error::{Result, unless_refused};
 use crate::parallel;
 use crate::refine::{Free, prior_cost};
 use nalgebra::{DMatrix, DVector};
-
-/// A fit of no effects with the parameters that are believed beforehand: what its rollouts made of them they made without the force.
-pub(super) fn believed(fit: &Contestant) -> Contestant {
-    let mut believed = fit.clone();
-    if fit.hypotheses.is_empty() {
-        for (place, mean) in fit.free.iter().filter_map(|f| Some((f.parameter, f.prior?.0))) {
-            believed.refined.parameters[place] = mean;
-        }
-    }
-    believed
-}
 
 impl Account {
     /// The same with the rollouts that its parameters lead to; as it is where these can't be followed.
