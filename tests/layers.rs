@@ -65,7 +65,7 @@ const PARTS: &[(&str, &[&str])] = &[
     ("prepare", &["affordable", "check"]),
     ("attribute", &["search", "simplify", "settle", "places", "detect", "moves"]),
     ("settle", &["lengthen", "simplify", "detect"]),
-    ("search", &["lengthen", "simplify"]),
+    ("search", &["lengthen", "moves", "simplify"]),
     ("simplify", &["detect"]),
     ("hold", &["attribute", "detect"]),
     ("verify", &["curves", "floor", "own_size", "spread", "start"]),

@@ -94,7 +94,9 @@ pub(crate) fn moves(
     if contest.run.is_out_of_time() || !is_in_sight {
         return Ok(fits);
     }
-    with_scattered(contest, base, with_simpler(contest, nominal, base, fits)?)
+    let fits = with_simpler(contest, nominal, base, fits)?;
+    // Beside the nominal model once all suspects are known: a size by recording leaves no rest that would call those that wait.
+    if base.hypotheses.is_empty() { Ok(fits) } else { with_scattered(contest, base, fits) }
 }
 
 /// The effects of a move, those that stay first.

@@ -4,6 +4,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::lengthen::lengthen;
+use crate::diagnose::steps::attribution::moves::scatter::with_scattered;
 use crate::diagnose::steps::attribution::round::{Expansion, expand};
 use crate::diagnose::steps::attribution::simplify::is_superfluous;
 use crate::diagnose::steps::findings::counts;
@@ -24,6 +25,7 @@ pub(crate) struct Found {
 /// Moves from the nominal model to better sets of effects until none is left; `first` is the round at the nominal model.
 pub(crate) fn search(contest: &Contest<'_>, nominal: Contestant, first: Expansion) -> Result<Found> {
     let (mut nominal, mut best, mut round, mut is_lengthened) = (nominal.clone(), nominal, first, false);
+    round.fits = with_scattered(contest, &nominal, round.fits)?;
     let mut looked_at = nominal.evidence.misfit();
     for number in 1..=MOST_MOVES {
         let Some(next) = better(contest, &best, &round.fits) else { break };
