@@ -41,7 +41,7 @@ pub(crate) const FAR_OFF: f64 = 10.0;
 
 /// Share of a control's range, from zero or from its other end, that no limit of the drive takes away: with less the machine would not have been
 /// driven. Argument.
-pub(crate) const PASSES: f64 = 0.02;
+pub(crate) const LET_THROUGH: f64 = 0.02;
 
 /// Share of a typical speed within which dry friction turns around, at the start of a fit. Convention.
 pub(crate) const CORNER: f64 = 0.02;

@@ -8,7 +8,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::writer::{Drive as Driven, Writer, keep};
-use crate::diagnose::limits::catalogue::PASSES;
+use crate::diagnose::limits::catalogue::LET_THROUGH;
 use crate::error::Result;
 use crate::expression::{Expression, Function};
 
@@ -43,8 +43,8 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let (first, last) = if is_two_way { (0.0, 0.0) } else { (low, high) };
     let up = |part: f64| first + part * (high - first);
     let down = |part: f64| last - part * (last - low);
-    let upper = writer.add_end("high", Role::Above, size, (up(PASSES), high));
-    let lower = writer.add_end("low", Role::Below, size, (low, down(PASSES)));
+    let upper = writer.add_end("high", Role::Above, size, (up(LET_THROUGH), high));
+    let lower = writer.add_end("low", Role::Below, size, (low, down(LET_THROUGH)));
     writer.replace(&name, &Expression::Call(Function::Clamp, vec![u, lower, upper]));
     let one = [0.95, 0.8, 0.6, 0.35].into_iter().flat_map(|part| [keep(&[up(part), low]), keep(&[high, down(part)])]);
     if !is_two_way {
@@ -52,7 +52,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     }
     let both = [0.97, 0.92, 0.85, 0.75, 0.6, 0.45, 0.3].map(|part| {
         let level = 0.5 * (part * excursion.size_quantile(1.0) + excursion.size_quantile(part));
-        keep(&[level.clamp(up(PASSES), high), (-level).clamp(low, down(PASSES))])
+        keep(&[level.clamp(up(LET_THROUGH), high), (-level).clamp(low, down(LET_THROUGH))])
     });
     Ok(both.into_iter().chain(one).collect())
 }
