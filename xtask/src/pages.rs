@@ -119,7 +119,7 @@ mod tests {
             assert!(measured.contains(&stated), "{stated}");
         }
         for (stated, found) in [
-            ("118 of 122 right", "118 of 122 are right"),
+            ("120 of 124 right", "120 of 124 are right"),
             ("in 5 cases by one that misses the held-out logs", "there are five of 76"),
             ("0.1499981 N m (0.1499938 to 0.1500024)", "0.1499981 N m (0.1499938 to 0.1500024)"),
             ("92.1 %", "92.1 %"),
