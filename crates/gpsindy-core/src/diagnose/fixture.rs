@@ -176,11 +176,21 @@ pub(crate) fn benches() -> Vec<Bench> {
         parameters: vec![Parameter::new("k", 9.0), Parameter::new("b", 0.8), Parameter::new("c", 0.9)],
         ..Model::default()
     };
+    // An angle, by which a weight acts.
+    let arm = Model {
+        name: "arm".into(),
+        states: vec![state("q", "rad", "w"), state("w", "rad/s", "g*u - k*q - b*w")],
+        controls: vec![control("u", "N m")],
+        parameters: vec![Parameter::new("g", 1.2), Parameter::new("k", 4.0), Parameter::new("b", 0.7)],
+        ..Model::default()
+    };
     let drive: fn(usize, f64) -> Vec<f64> =
         |run, t| vec![levels(run, t, 0.7), 12.0 + 3.0 * (0.9 * t + 1.3 * run as f64).sin()];
     let pump: fn(usize, f64) -> Vec<f64> = |run, t| vec![levels(run, t, 1.1).abs()];
     let push: fn(usize, f64) -> Vec<f64> = |run, t| vec![levels(run, t, 0.9)];
-    [(cart, drive, vec![0.0; 2]), (tank, pump, vec![0.4]), (masses, push, vec![0.0; 4])]
+    let torque: fn(usize, f64) -> Vec<f64> = |run, t| vec![levels(run, t, 0.7)];
+    let still = |states: usize| vec![0.0; states];
+    [(cart, drive, still(2)), (tank, pump, vec![0.4]), (masses, push, still(4)), (arm, torque, still(2))]
         .map(|(model, drive, start)| Bench { model, drive, start, noise: 0.003 })
         .into()
 }

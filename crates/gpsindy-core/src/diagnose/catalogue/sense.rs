@@ -128,18 +128,21 @@ fn is_length(unit: &str) -> bool {
     matches!(unit, "m" | "cm" | "mm" | "um" | "km" | "in" | "ft")
 }
 
+/// Whether a unit is a base, or one of these prefixes and a base.
+fn is_or_prefixed(unit: &str, prefixes: &[char], is_base: impl Fn(&str) -> bool) -> bool {
+    is_base(unit) || unit.strip_prefix(prefixes).is_some_and(is_base)
+}
+
 /// Whether a unit is one of a voltage or a pressure, of which a drive is fed.
 pub(crate) fn is_supply(unit: &str) -> bool {
-    let without_prefix = unit.strip_prefix(['k', 'M', 'm', 'h']).unwrap_or(unit);
-    ["V", "Pa", "bar", "psi", "atm"].iter().any(|base| *base == unit || *base == without_prefix)
+    is_or_prefixed(unit, &['k', 'M', 'm', 'h'], |unit| matches!(unit, "V" | "Pa" | "bar" | "psi" | "atm"))
 }
 
 /// Whether a unit is one of a current, of a voltage, or of the speed of a place; or none is given.
 fn is_lossy(unit: &str) -> bool {
-    let without_prefix = unit.strip_prefix(['k', 'M', 'm', 'u', 'µ']).unwrap_or(unit);
-    let is_base = |unit: &str| matches!(unit, "" | "A" | "V" | "rpm");
+    let is_electrical = is_or_prefixed(unit, &['k', 'M', 'm', 'u', 'µ'], |unit| matches!(unit, "A" | "V"));
     let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "s" | "min" | "h");
-    is_base(unit) || is_base(without_prefix) || unit.split_once('/').is_some_and(is_rate)
+    matches!(unit, "" | "rpm") || is_electrical || unit.split_once('/').is_some_and(is_rate)
 }
 
 /// Whether a unit is one of a temperature.
@@ -155,8 +158,7 @@ fn is_amount(unit: &str) -> bool {
         let known = ["V", "A", "W", "J", "Pa", "bar", "psi", "atm", "mol", "M", "g", "l", "L", "Ohm", "ppm"];
         known.contains(&name) || is_temperature(name)
     };
-    let without_prefix = first.strip_prefix(['k', 'M', 'm', 'u', 'µ', 'n', 'c', 'd', 'h']);
-    is_base(first) || without_prefix.is_some_and(is_base)
+    is_or_prefixed(first, &['k', 'M', 'm', 'u', 'µ', 'n', 'c', 'd', 'h'], is_base)
 }
 
 /// Whether the state is the rate of a place of the model, or by its unit a speed; or says nothing of either.
