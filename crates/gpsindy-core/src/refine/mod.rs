@@ -34,6 +34,7 @@ use crate::error::{Error, Result};
 use crate::model::System;
 use nalgebra::DMatrix;
 use normal::Normal;
+pub(crate) use normal::bounded_solution;
 use search::Wanted;
 use std::sync::Arc;
 

@@ -76,7 +76,7 @@ impl Normal {
             gradient -= mixed.tr_mul(&own);
             solved.push((weights, own));
         }
-        let applied = bounded_solution(&reduced, &gradient, point, free)?;
+        let applied = bounded_solution(&reduced, &gradient, &point.parameters, free)?;
         let mut next = point.clone();
         for (f, change) in free.iter().zip(applied.iter()) {
             next.parameters[f.parameter] = (point.parameters[f.parameter] + change).clamp(f.lower, f.upper);
@@ -148,10 +148,10 @@ impl Solved {
 
 /// Solves for the change of the free parameters; what would leave its bounds stops there, and the others are solved
 /// again without it (an active set that only grows).
-fn bounded_solution(
+pub(crate) fn bounded_solution(
     matrix: &DMatrix<f64>,
     gradient: &DVector<f64>,
-    point: &Point,
+    at: &[f64],
     free: &[Free],
 ) -> Option<DVector<f64>> {
     let q = free.len();
@@ -173,7 +173,7 @@ fn bounded_solution(
         let solution = if q > 0 { matrix.cholesky()?.solve(&right) } else { right };
         let mut all_inside = true;
         for (i, f) in free.iter().enumerate().filter(|(i, _)| solution[*i].is_finite()) {
-            let old = point.parameters[f.parameter];
+            let old = at[f.parameter];
             let new = (old + solution[i]).clamp(f.lower, f.upper);
             if stopped[i].is_none() && new != old + solution[i] {
                 stopped[i] = Some(new - old);

@@ -108,16 +108,21 @@ impl<'a> Writer<'a> {
         unit: &str,
     ) -> Expression {
         let added = self.add(symbol, value, scale, bounds, unit);
-        if let Some((_, added)) = self.fitted.last_mut() {
-            added.role = Role::Scale;
-        }
+        self.assign(Role::Scale);
         added
     }
 
-    /// The parameter that was added last is the instant of an event.
-    pub(crate) fn is_instant(&mut self) {
+    /// Adds the instant of an event, s.
+    pub(crate) fn add_instant(&mut self, symbol: &str, scale: f64, bounds: (f64, f64)) -> Expression {
+        let instant = self.add(symbol, bounds.0, scale, bounds, "s");
+        self.assign(Role::Instant);
+        instant
+    }
+
+    /// Gives the parameter that was added last a role.
+    fn assign(&mut self, role: Role) {
         if let Some((_, added)) = self.fitted.last_mut() {
-            added.role = Role::Instant;
+            added.role = role;
         }
     }
 
@@ -133,9 +138,8 @@ impl<'a> Writer<'a> {
             &speed,
         );
         // A simulator that steps has no modes.
-        let has_modes = !self.model.calls_simulator();
-        if let Some((_, added)) = self.fitted.last_mut().filter(|_| has_modes) {
-            added.role = Role::Corner;
+        if !self.model.calls_simulator() {
+            self.assign(Role::Corner);
         }
         corner
     }
@@ -143,9 +147,7 @@ impl<'a> Writer<'a> {
     /// Adds the level of dry friction at rest, the parameter before it being that in motion: found by trial.
     pub(crate) fn add_level_at_rest(&mut self, symbol: &str, scale: f64, unit: &str) -> Expression {
         let rest = self.add(symbol, 0.0, scale, POSITIVE, unit);
-        if let Some((_, added)) = self.fitted.last_mut() {
-            added.role = Role::AtRest;
-        }
+        self.assign(Role::AtRest);
         rest
     }
 
@@ -153,18 +155,14 @@ impl<'a> Writer<'a> {
     pub(crate) fn add_end(&mut self, symbol: &str, role: Role, scale: f64, bounds: (f64, f64)) -> Expression {
         let (value, unit) = (if role == Role::Above { bounds.1 } else { bounds.0 }, self.unit_of(0));
         let end = self.add(symbol, value, scale, bounds, &unit);
-        if let Some((_, added)) = self.fitted.last_mut() {
-            added.role = role;
-        }
+        self.assign(role);
         end
     }
 
     /// Adds the phase of a sine, which a reader has within a turn.
     pub(crate) fn add_phase(&mut self) -> Expression {
         let phase = self.add("phase", 0.0, 1.0, FREE, "rad");
-        if let Some((_, added)) = self.fitted.last_mut() {
-            added.role = Role::Angle;
-        }
+        self.assign(Role::Angle);
         phase
     }
 

@@ -5,7 +5,7 @@ use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
-use crate::diagnose::fit::{breakaway, by_run, instants, sampling, stops};
+use crate::diagnose::fit::{by_run, tried};
 use crate::diagnose::limits::{Budget, DOUBTED, FAR, HOPELESS, POOR, START_SAMPLES};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
@@ -133,10 +133,7 @@ impl Fitter {
         let mut point = Point { parameters, initial };
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
-            sampling::settle(base, &system, &experiment, (&applied.fitted, &free), &mut point)?;
-            stops::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
-            instants::settle(&system, &experiment, (&applied.fitted, &free), &mut point)?;
-            breakaway::settle(&system, &experiment, (&applied.fitted, &free), (&mut point, budget))?;
+            tried::settle(base, (&system, &experiment), (&applied.fitted, &free), (&mut point, budget))?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -201,10 +198,7 @@ impl Fitter {
         let mut point = Point { parameters: parameters.clone(), initial: initial.clone() };
         // What was left out at the first step.
         if budget == Budget::Rough && system.engine().is_none() {
-            sampling::settle(&contestant, system, &experiment, (&added.concat(), free), &mut point)?;
-            stops::settle(system, &experiment, (&added.concat(), free), &mut point)?;
-            instants::settle(system, &experiment, (&added.concat(), free), &mut point)?;
-            breakaway::settle(system, &experiment, (&added.concat(), free), (&mut point, budget))?;
+            tried::settle(&contestant, (system, &experiment), (&added.concat(), free), (&mut point, budget))?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());

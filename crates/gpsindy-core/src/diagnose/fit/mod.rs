@@ -20,3 +20,4 @@ pub(crate) mod sampling;
 pub(crate) mod stops;
 pub(crate) mod substeps;
 pub(crate) mod tolerance;
+pub(crate) mod tried;

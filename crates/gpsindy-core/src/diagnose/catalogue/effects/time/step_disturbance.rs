@@ -43,8 +43,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let c = writer.add("c", 0.0, rate, FREE, &unit);
     // Less than a handful of samples next to the edge is a spike, not an event that lasts.
     let margin = (EDGE * span).max(LASTING * period).min(0.5 * span);
-    let t0 = writer.add("t0", first, 0.01 * span, (first + margin, last - margin), "s");
-    writer.is_instant();
+    let t0 = writer.add_instant("t0", 0.01 * span, (first + margin, last - margin));
     // A ramp of two samples in place of the edge, so that its time can be fitted.
     let ramp = Expression::Time.minus(t0).over(number(2.0 * period));
     let edge = Expression::Call(Function::Clamp, vec![ramp, number(0.0), number(1.0)]);

@@ -13,7 +13,7 @@ use crate::diagnose::limits::{Budget, FLAT};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::{Result, unless_refused};
 use crate::parallel;
-use crate::refine::{Free, prior_cost};
+use crate::refine::{Free, bounded_solution, prior_cost};
 use nalgebra::{DMatrix, DVector};
 
 impl Account {
@@ -32,11 +32,11 @@ impl Account {
 
     /// Moves the free parameters to where they cost least beside the processes; by how many nats less, and nothing where the filter diverges.
     pub(super) fn tune(&mut self) -> Option<f64> {
-        let mut found = self.passed(&self.fit.refined.parameters)?;
-        let first = self.cost(&found, &self.fit.refined.parameters);
         if self.fit.free.is_empty() {
             return Some(0.0);
         }
+        let mut found = self.passed(&self.fit.refined.parameters)?;
+        let first = self.cost(&found, &self.fit.refined.parameters);
         // Innovations are nearly linear in the parameters: the slopes of the first step serve all.
         let slopes = self.slopes(&found.whitened())?;
         let mut last = first;
@@ -102,32 +102,12 @@ fn change(free: &[Free], at: &[f64], (innovations, slopes): (&[f64], &[Vec<f64>]
             right[i] -= (at[f.parameter] - mean) / deviation.powi(2);
         }
     }
-    let mut change = vec![0.0; count];
-    let mut loose: Vec<usize> = (0..count).filter(|&i| gram[(i, i)] > 0.0).collect();
-    // What would leave its bounds stays at them, and the others are solved for again.
-    while !loose.is_empty() {
-        let part = DMatrix::from_fn(loose.len(), loose.len(), |a, b| {
-            gram[(loose[a], loose[b])] * if a == b { 1.0 + FLAT } else { 1.0 }
-        });
-        let left = |&i: &usize| {
-            right[i] - (0..count).filter(|j| !loose.contains(j)).map(|j| gram[(i, j)] * change[j]).sum::<f64>()
-        };
-        let solved = part.cholesky()?.solve(&DVector::from_iterator(loose.len(), loose.iter().map(left)));
-        let bounded = |i: usize, change: f64| {
-            let value = at[free[i].parameter];
-            (value + change).clamp(free[i].lower, free[i].upper) - value
-        };
-        let beyond: Vec<usize> =
-            loose.iter().zip(solved.iter()).filter(|(i, c)| bounded(**i, **c) != **c).map(|(i, _)| *i).collect();
-        for (&i, &c) in loose.iter().zip(solved.iter()) {
-            change[i] = bounded(i, c);
-        }
-        if beyond.is_empty() {
-            break;
-        }
-        loose.retain(|i| !beyond.contains(i));
+    for i in 0..count {
+        // What moves no innovation stays where it is.
+        gram[(i, i)] = if gram[(i, i)] > 0.0 { gram[(i, i)] * (1.0 + FLAT) } else { 1.0 };
     }
-    change.iter().all(|c| c.is_finite()).then_some(change)
+    let change = bounded_solution(&gram, &right, at, free)?;
+    change.iter().all(|c| c.is_finite()).then(|| change.iter().copied().collect())
 }
 
 #[cfg(test)]
