@@ -54,7 +54,7 @@ impl Identify {
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
         if let Some(started) = self.with_numbers_started(data, progress)? {
-            let (settings, given) = started.as_given(data, progress)?;
+            let (settings, given) = started.into_given(data, progress)?;
             return match given {
                 Some(searched) => searched.identification(progress),
                 None => settings.fit(data, progress),

@@ -32,7 +32,7 @@ pub(crate) struct Started {
 
 impl Started {
     /// The result where no equation has a term to be found: what the numbers came to, fitted to all of `data`.
-    pub(crate) fn as_given(self, data: &Dataset, progress: &dyn Progress) -> Result<(Identify, Option<Searched>)> {
+    pub(crate) fn into_given(self, data: &Dataset, progress: &dyn Progress) -> Result<(Identify, Option<Searched>)> {
         let Self { settings, found, whole } = self;
         let Some((done, member)) = found.filter(|(done, _)| done.rows.iter().all(Option::is_none)) else {
             return Ok((settings, None));
