@@ -89,7 +89,7 @@ impl Settings {
                 products: self.products,
                 extra: self.terms,
                 controls: self.control_terms,
-                numbers: Vec::new(),
+                ..LibrarySettings::default()
             },
             target: self.derivative_method.parse()?,
             regressor: self.regressor.parse::<Regression>()?.regressor(),

@@ -66,6 +66,7 @@ impl Settings {
                 products: self.products,
                 extra: self.terms,
                 controls: self.control_terms,
+                ..LibrarySettings::default()
             },
             constraints: constraints(&self.fix, &self.forbid, &self.sign)?,
             regressor: self.regressor.parse::<Regression>()?.regressor(),
