@@ -101,7 +101,7 @@ fn moved(
     let is_one_for_two =
         |fit: &&Contestant| !is_structured && fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     // Where a rest is left anyhow, what removes little of the gap is a use for that.
-    let share = |fit: &Contestant| if is_structured && fit.evidence.leaves_a_rest() { NAMED } else { LEAST_REST };
+    let share = |fit: &Contestant| if fit.evidence.leaves_a_rest() { NAMED } else { LEAST_REST };
     let that_count = fits.iter().filter(|fit| counts(nominal, fit, best, share(fit)));
     richer(contest, other.unwrap_or(best), that_count)
         .or_else(|| contest.best(simpler))

@@ -153,9 +153,19 @@ impl<'a> Contest<'a> {
         best: &Contestant,
         effects: &[(Entrant<'_>, Vec<f64>)],
     ) -> Result<Option<Contestant>> {
+        self.again_by(base, best, effects, Budget::Usual)
+    }
+
+    fn again_by(
+        &self,
+        base: &Contestant,
+        best: &Contestant,
+        effects: &[(Entrant<'_>, Vec<f64>)],
+        budget: Budget,
+    ) -> Result<Option<Contestant>> {
         let entrants: Vec<Entrant<'_>> = effects.iter().map(|e| e.0).collect();
         let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
-        self.with_values(base, best, &entrants, &[values], Budget::Usual)
+        self.with_values(base, best, &entrants, &[values], budget)
     }
 
     /// The same from the best of several values of all effects together.
@@ -179,8 +189,13 @@ impl<'a> Contest<'a> {
     }
 
     /// `best` without each of its effects in turn, fitted again from the nominal model; none where the others can't be fitted.
-    pub(crate) fn without_each(&self, nominal: &Contestant, best: &Contestant) -> Result<Vec<Option<Contestant>>> {
-        let without = |place| self.again_with(nominal, best, &best.entrants_without(&[place]));
+    pub(crate) fn without_each(
+        &self,
+        nominal: &Contestant,
+        best: &Contestant,
+        budget: Budget,
+    ) -> Result<Vec<Option<Contestant>>> {
+        let without = |place| self.again_by(nominal, best, &best.entrants_without(&[place]), budget);
         nominal.each((0..best.hypotheses.len()).collect(), without)
     }
 }

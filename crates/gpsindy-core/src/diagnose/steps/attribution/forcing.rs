@@ -14,7 +14,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::verify::LEFT;
 use crate::diagnose::limits::weigh::LIKELY;
-use crate::diagnose::limits::{CHANCE, CONVINCING};
+use crate::diagnose::limits::{Budget, CHANCE, CONVINCING};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probability_of_random};
 use crate::error::Result;
@@ -139,7 +139,7 @@ fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Res
     // With fewer effects more of a law is left.
     while is_random(p_value) && best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
-        for fit in contest.without_each(nominal, &best.fit)?.into_iter().flatten() {
+        for fit in contest.without_each(nominal, &best.fit, Budget::Usual)?.into_iter().flatten() {
             let Some(account) = best.beside(contest, &fit) else { continue };
             if simpler.as_ref().is_none_or(|known| account.score > known.score) {
                 simpler = Some(account);

@@ -28,10 +28,15 @@ pub(crate) fn places(
     let rests = match rests {
         Some(rests) => rests,
         None if best.hypotheses.len() == 1 => vec![Some(nominal.clone())],
-        None => contest.without_each(nominal, best)?,
+        None => contest.without_each(nominal, best, if is_moot(best) { Budget::Rough } else { Budget::Usual })?,
     };
     let one = |(place, rest)| at(contest, nominal, best, fits, (place, rest));
     rests.into_iter().enumerate().map(one).collect()
+}
+
+/// Whether none of its effects is believed much, because more than noise is left: a few steps then say what stands beside each.
+fn is_moot(best: &Contestant) -> bool {
+    best.evidence.leaves_a_rest()
 }
 
 fn at(
@@ -50,7 +55,7 @@ fn at(
     fits.push(best.clone());
     let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
     let finish = |f: Contestant| match !f.refined.converged && contest.score(&f) > leader - IN_SIGHT {
-        true => contest.fitter.carried_on(f, Budget::Thorough),
+        true => contest.fitter.carried_on(f, if is_moot(best) { Budget::Rough } else { Budget::Thorough }),
         false => Ok(f),
     };
     let mut fits = best.each(fits, finish)?;

@@ -4,7 +4,7 @@ mod charge;
 mod sharpen;
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::fit::substeps::exact;
+use crate::diagnose::fit::substeps::{exact, finer};
 use crate::diagnose::limits::{Budget, STEADY};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
@@ -50,7 +50,9 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
         nominal.experiment.substeps = sharp.experiment.substeps;
         best = sharp;
     }
-    if let Some(finer) = exact(&best).filter(|_| !contest.run.is_out_of_time()) {
+    // Where a rest is left no effect is decided by what the integration adds to it.
+    let shorter = if best.evidence.leaves_a_rest() { finer } else { exact };
+    if let Some(finer) = shorter(&best).filter(|_| !contest.run.is_out_of_time()) {
         nominal.experiment.substeps = finer.substeps;
         best.experiment.substeps = finer.substeps;
         // From where they are: starts that the logs show may lead elsewhere.

@@ -1,7 +1,7 @@
 //! Simplify: removes effects that only fit unexplained structure.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{CHANCE, NAMED, REST, STRUCTURE};
+use crate::diagnose::limits::{Budget, CHANCE, NAMED, REST, STRUCTURE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::nameless_p_value;
 use crate::diagnose::steps::attribution::screen::nameless;
@@ -13,7 +13,7 @@ use crate::error::Result;
 pub(crate) fn pruned(contest: &Contest<'_>, nominal: &Contestant, mut best: Contestant) -> Result<Pruned> {
     while best.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         // An effect without which nothing can be fitted is none to leave out.
-        let rests = contest.without_each(nominal, &best)?;
+        let rests = contest.without_each(nominal, &best, Budget::Usual)?;
         let misfit = |rest: &&Contestant| rest.evidence.misfit();
         let least = rests.iter().flatten().min_by(|a, b| misfit(a).total_cmp(&misfit(b)));
         match least {
@@ -95,7 +95,7 @@ mod tests {
         let entrants = [30, 70].map(Searches::of);
         let entrants = [0, 1].map(|i| Entrant { hypothesis: both[i], searches: entrants[i] });
         let best = fitter.with(&nominal, &entrants, &applied, &[vec![0.3, 0.3]], Budget::Usual).unwrap();
-        let rest = contest.without_each(&nominal, &best).unwrap().swap_remove(0).unwrap();
+        let rest = contest.without_each(&nominal, &best, Budget::Usual).unwrap().swap_remove(0).unwrap();
         assert_eq!(rest.searches_beyond(&nominal), Searches::of(70));
         assert_eq!(best.searches_beyond(&rest), Searches::of(30));
         assert_eq!(fitter.carried_on(rest, Budget::Usual).unwrap().searches_beyond(&nominal), Searches::of(70));
