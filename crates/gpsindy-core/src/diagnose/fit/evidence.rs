@@ -121,16 +121,16 @@ impl Evidence {
         (self.effective_count() / self.count().max(1) as f64).min(1.0)
     }
 
-    /// Whether what is left is no noise, however coloured.
+    /// Whether what is left in a column is no noise, however coloured: beside many good ones a mean hides it.
     pub(crate) fn is_structured(&self) -> bool {
-        self.misfit() > FAR
+        self.colours.iter().any(|c| c.variance() > FAR)
     }
 
     /// Whether the residual's own past predicts nearly all of it, and it is far above the noise: a swing that is left
     /// over and no sensor's noise, however coloured.
     pub(crate) fn is_predictable(&self) -> bool {
         let innovation: f64 = self.colours.iter().map(|c| c.innovation * c.count as f64).sum();
-        self.is_structured() && self.misfit() * self.count() as f64 > FAR * innovation
+        self.misfit() > FAR && self.misfit() * self.count() as f64 > FAR * innovation
     }
 
     /// By how much coloured or large residuals carry less than their number.
