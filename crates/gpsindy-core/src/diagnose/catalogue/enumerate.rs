@@ -158,6 +158,9 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
             let loads = position.into_iter().chain(controls()).filter(|n| equation.contains(n));
             loads.map(|load| vec![own, load]).collect()
         }
+        // A simulator that steps has both ends in one step.
+        Place::OtherEnd if model.calls_simulator() => Vec::new(),
+        Place::OtherEnd => controls().filter(|u| model.states[j].equation.contains(u)).map(|u| vec![own, u]).collect(),
         Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
         Place::DriveAndSpeed | Place::Supply | Place::Rate => Vec::new(),
         Place::Contact | Place::Heated | Place::Gap => Vec::new(),
@@ -172,12 +175,7 @@ fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec
     match place {
         Place::DriveAndSpeed => driven().map(|(j, u)| (j, vec![u, model.states[j].name.as_str()])).collect(),
         Place::Supply => {
-            let stands = |n: &str| model.states.iter().any(|s| s.equation.contains(n));
-            let are_together =
-                |u: &str, w: &str| model.states.iter().any(|s| s.equation.contains(u) && s.equation.contains(w));
-            let feeds = |u: &str, w: &&Control| !stands(&w.name) || (is_supply(&w.unit) && !are_together(u, &w.name));
-            let beside = |u| model.controls.iter().filter(move |w| feeds(u, w));
-            driven().flat_map(|(j, u)| beside(u).map(move |w| (j, vec![u, w.name.as_str()]))).collect()
+            driven().flat_map(|(j, u)| supplies(model, j, u).into_iter().map(move |w| (j, vec![u, w]))).collect()
         }
         // Only a parameter that scales its terms has a rate that can saturate.
         Place::Rate => set().flat_map(|(j, p)| scaled(model, j, p).map(move |z| (j, vec![p, z]))).collect(),
@@ -188,12 +186,17 @@ fn choices<'a>(place: Place, model: &'a Model, scene: &Scene) -> Vec<(usize, Vec
         Place::Heated => {
             let heats = |j: usize, u: &str| model.states[j].equation.contains(u);
             // What a resistance or a friction loses goes with the square of what it scales.
-            let of = |j, p| controls().filter(move |u| heats(j, u)).chain(scaled(model, j, p));
-            set().flat_map(|(j, p)| of(j, p).map(move |u| (j, vec![p, u]))).collect()
+            let of = |j, p: &'a str| {
+                let all = losing(model, p);
+                let alone = if all.is_empty() { scaled(model, j, p).collect() } else { Vec::new() };
+                let one = controls().filter(move |u| heats(j, u)).chain(alone).map(move |u| vec![p, u]);
+                one.chain((!all.is_empty()).then(|| std::iter::once(p).chain(all).collect()))
+            };
+            set().flat_map(|(j, p)| of(j, p).map(move |variables| (j, variables))).collect()
         }
         Place::Gap => gaps(model),
         Place::Row | Place::Own | Place::Position | Place::Other | Place::Pair | Place::Time => Vec::new(),
-        Place::Load | Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
+        Place::Load | Place::OtherEnd | Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
     }
 }
 
@@ -203,6 +206,38 @@ fn scaled<'a>(model: &'a Model, j: usize, parameter: &'a str) -> impl Iterator<I
     let slope = slope.ok().filter(|slope| !slope.contains(parameter));
     let is_held = move |z: &&State| slope.as_ref().is_some_and(|slope| slope.contains(&z.name));
     model.states.iter().filter(is_held).map(|z| z.name.as_str())
+}
+
+/// What may feed the control `u`, which moves the state `j` most: a logged control that no equation uses, and another voltage or pressure that
+/// those of `u` do not; what a supply loses to the drive stands in an equation of its own.
+fn supplies<'a>(model: &'a Model, j: usize, u: &str) -> Vec<&'a str> {
+    let reading = |name: &str, but: &str| {
+        let others = model.states.iter().filter(|s| s.name != but && s.equation.contains(name));
+        others.map(|s| s.name.clone()).collect::<Vec<_>>()
+    };
+    let is_source = |w: &str, unit: &str| {
+        let driven = reading(u, w);
+        is_supply(unit) && !driven.is_empty() && !reading(w, w).iter().any(|row| driven.contains(row))
+    };
+    let is_logged = |w: &&Control| reading(&w.name, "").is_empty() || is_source(&w.name, &w.unit);
+    let controls = model.controls.iter().filter(is_logged).map(|w| w.name.as_str());
+    let others = model.states.iter().enumerate().filter(|(i, _)| *i != j).map(|(_, w)| w);
+    let states = others.filter(|w| is_source(&w.name, &w.unit)).map(|w| w.name.as_str());
+    controls.chain(states).collect()
+}
+
+/// The states of several equations of one unit that a parameter takes from each, as a resistance does in every phase: what it loses goes with
+/// the sum of their squares. None where it stands otherwise in one of its equations.
+fn losing<'a>(model: &'a Model, parameter: &'a str) -> Vec<&'a str> {
+    let read: Vec<(usize, &State)> =
+        model.states.iter().enumerate().filter(|(_, s)| s.equation.contains(parameter)).collect();
+    let is_one =
+        |(j, own): &(usize, &State)| own.unit == read[0].1.unit && scaled(model, *j, parameter).any(|z| z == own.name);
+    if read.len() > 1 && read.iter().all(is_one) {
+        read.into_iter().map(|(_, own)| own.name.as_str()).collect()
+    } else {
+        Vec::new()
+    }
 }
 
 /// Differences of two places: the first equation that has them, and the two.
@@ -223,4 +258,49 @@ fn gaps(model: &Model) -> Vec<(usize, Vec<&str>)> {
         });
     }
     found.into_iter().map(|(j, pair)| (j, pair.map(|i| model.states[i].name.as_str()).into())).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::model::Parameter;
+
+    fn model(rates: [(&str, &str, &str); 3], controls: &[(&str, &str)], parameters: &[&str]) -> Model {
+        let state = |(name, unit, rate): (&str, &str, &str)| State {
+            unit: unit.into(),
+            ..State::new(name, Expression::parse(rate).unwrap())
+        };
+        let control = |(name, unit): &(&str, &str)| Control { unit: (*unit).into(), ..Control::new(*name) };
+        Model {
+            states: rates.map(state).into(),
+            controls: controls.iter().map(control).collect(),
+            parameters: parameters.iter().map(|name| Parameter::new(*name, 0.8)).collect(),
+            ..Model::default()
+        }
+    }
+
+    #[test]
+    fn a_pressure_feeds_a_valve_whose_equation_lacks_it_though_it_loses_to_it_in_its_own() {
+        let rail = |flow: &str| {
+            let rates = [("v", "m/s", "p - v"), ("p", "bar", flow), ("ps", "bar", "150 - ps - 9*abs(u)")];
+            model(rates, &[("u", ""), ("q", "l/s")], &[])
+        };
+        // A logged control that no equation uses may be a supply, too.
+        assert_eq!(supplies(&rail("3*u - v"), 1, "u"), ["q", "ps"]);
+        assert_eq!(supplies(&rail("3*u*(ps - p) - v"), 1, "u"), ["q"]);
+    }
+
+    #[test]
+    fn a_resistance_of_two_phases_loses_in_both() {
+        let drive = |first: &str| {
+            let rates = [("id", "A", first), ("iq", "A", "(uq - R*iq - w*id)/L"), ("w", "rad/s", "iq - w")];
+            model(rates, &[("ud", "V"), ("uq", "V")], &["R", "L"])
+        };
+        let both = drive("(ud - R*id + w*iq)/L");
+        assert_eq!(losing(&both, "R"), ["id", "iq"]);
+        assert!(losing(&both, "L").is_empty());
+        assert!(losing(&drive("(ud + w*iq)/L"), "R").is_empty());
+        assert!(losing(&drive("(ud - R + w*iq)/L"), "R").is_empty());
+    }
 }

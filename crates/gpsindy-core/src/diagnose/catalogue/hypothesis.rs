@@ -163,6 +163,10 @@ impl Hypothesis {
         if self.effect().and_then(|effect| site.carrier(effect, model)).is_some_and(|p| p.value != 0.0) {
             return None;
         }
+        // What acts at the other end of a spring has no force at this one.
+        if self.is(Effect::ElasticJoint) && self.variables.len() > 1 {
+            return None;
+        }
         let mut moved = Self { site: Some(site.clone()), ..self.clone() };
         // The position that a port names, in the place of the one whose rate its motion is.
         let integral = model.integral_of(self.state).map(|i| &model.states[i].name);

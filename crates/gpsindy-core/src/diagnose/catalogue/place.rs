@@ -49,6 +49,8 @@ pub(crate) enum Place {
     Sensor,
     /// In an equation, on its own state and another force of it: a control or the place that it depends on.
     Load,
+    /// In an equation, on its own state and a control in it that may act at the other end of a spring.
+    OtherEnd,
     /// Wherever a control appears, on the state of the equation that it moves most.
     DriveAndSpeed,
     /// Wherever a control appears, on a control that no equation has: a column that was logged beside.
@@ -67,8 +69,8 @@ pub(crate) enum Place {
 
 impl Place {
     /// The places within an equation, in the order in which they are tried.
-    pub(crate) const IN_A_ROW: [Self; 7] =
-        [Self::Row, Self::Own, Self::Position, Self::Other, Self::Pair, Self::Time, Self::Load];
+    pub(crate) const IN_A_ROW: [Self; 8] =
+        [Self::Row, Self::Own, Self::Position, Self::Other, Self::Pair, Self::Time, Self::Load, Self::OtherEnd];
 
     /// The places that are not of one equation, in the order in which they are tried.
     pub(crate) const ELSEWHERE: [Self; 6] =
@@ -89,11 +91,12 @@ impl Place {
             Self::Control => "every equation that contains a control",
             Self::Sensor => "a logged column",
             Self::Load => "a dynamic equation, as a function of its own state and of another force in it",
+            Self::OtherEnd => "a dynamic equation, as a function of a control in it",
             Self::DriveAndSpeed => {
                 "every equation that contains a control, as a function of the speed that the control drives"
             }
             Self::Supply => {
-                "every equation that contains a control, as a function of a logged control that no equation uses, or of a voltage or pressure that only others use"
+                "every equation that contains a control, as a function of a logged control that no equation uses, or of a voltage or pressure that is in none of them but its own"
             }
             Self::Rate => "every equation that contains a parameter, as a function of a state in its terms",
             Self::Contact => {

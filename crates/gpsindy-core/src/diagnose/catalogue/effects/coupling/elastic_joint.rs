@@ -7,7 +7,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
-use crate::diagnose::catalogue::writer::{Writer, amplitude};
+use crate::diagnose::catalogue::writer::{Writer, amplitude, keep};
 use crate::error::Result;
 use crate::expression::Expression;
 use crate::model::State;
@@ -17,11 +17,11 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "elastic joint",
     meaning: "The drive and its load are joined by a spring that the model assumes to be rigid.",
     family: Family::Coupling,
-    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else",
-    symbols: &["z"],
-    parameters: "m: inertia of the load as a share of the drive's, omega: rad/s, zeta: damping, l: share of the load's inertia that the model has already, as part of its own",
+    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else; or the same without what the control u does, which twists the spring from its other end",
+    symbols: &["z", "u"],
+    parameters: "m: inertia of the load as a share of the drive's, or the drive's as one of the load's, omega: rad/s, zeta: damping, l: share of the load's inertia that the model has already, as part of its own",
     signature: "a resonance after each jump of the force, and no effect at slow motion",
-    places: &[Place::Own],
+    places: &[Place::Own, Place::OtherEnd],
     sense: &[Sense::Speed],
     twins: &[(Effect::InputLag, "a chirp beyond the resonance"), (Effect::Inertia, "a chirp beyond the resonance")],
     traits: Traits { added_states: 2, ..Traits::PLAIN },
@@ -36,17 +36,17 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*v + 0.6*(36*s + 1.2*r)"), ("s", "r"), ("r", "-36*s - 1.2*r - (2*u - 0.8*v)")],
     ),
     in_mjcf: None,
-    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia, unless the model has that of the load already.",
+    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia, unless the model has that of the load already. Where the state is that of the load, the drive's motion is hidden: the model is then the rigid one of both, and a very stiff spring changes nothing.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
+    if let Some(drive) = writer.hypothesis.variables.get(1).cloned() {
+        return write_at_load(writer, &drive);
+    }
     let state = writer.hypothesis.state;
-    let (period, window) = (writer.scene.period, writer.scene.window);
-    // Three swings between two starts: a slower one with a start of its own would fit any slow force.
-    let (slowest, fastest) = (3.0 * TAU / window, 0.6 * PI / period);
+    let (slowest, fastest) = swings(writer);
     let m = writer.add("m", 0.0, 1.0, (0.0, 10.0), "");
-    let omega = writer.add_scale("omega", slowest, slowest, (slowest, PI / period), "rad/s");
-    let zeta = writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "");
+    let [omega, zeta] = spring(writer);
     // A rigid model has the inertia of both, or of the drive alone. The rate of a simulator that steps is its own.
     let is_equation = writer.hypothesis.site.is_none() && !writer.model.calls_simulator();
     let both = is_equation.then(|| writer.add("l", 0.0, 1.0, (0.0, 1.0), ""));
@@ -72,8 +72,56 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     Ok((0..7).flat_map(|k| shares.iter().map(move |share| start(k, share))).collect())
 }
 
+/// The equation of a load whose drive is the hidden one: what `drive` does to both bodies twists the spring, and all else moves the load.
+///
+/// The twist is in units of the load's motion by the drive's share `m`, so that a drive without inertia is the limit in which the spring
+/// passes the force on, late.
+fn write_at_load(writer: &mut Writer<'_>, drive: &str) -> Result<Vec<Start>> {
+    let state = writer.hypothesis.state;
+    let (slowest, fastest) = swings(writer);
+    let m = writer.add("m", 1.0, 1.0, (0.0, 10.0), "");
+    let [omega, zeta] = spring(writer);
+    let rigid = writer.model.states[state].equation.clone();
+    let (load, driven) = ends(&rigid, drive);
+    let both = Expression::Number(1.0).plus(m.clone());
+    let name = writer.model.states[state].name.clone();
+    let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
+    let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
+    let symbols = [("s", twist.clone()), ("r", unwinding.clone()), ("omega", omega), ("zeta", zeta)];
+    let pull = writer.form("omega^2*s + 2*zeta*omega*r", &symbols)?;
+    let rate = both.clone().times(load).plus(pull.clone());
+    writer.model.states[state].equation = rate.clone();
+    writer.set_rate(&twist, unwinding.clone());
+    writer.set_rate(&unwinding, both.times(driven).minus(pull).minus(m.times(rate)));
+    let ratio = (fastest / slowest).max(1.0);
+    let start = |k: i32| keep(&[1.0, slowest * ratio.powf(f64::from(k) / 9.0), 0.1]);
+    Ok((0..10).map(start).collect())
+}
+
+/// A rate without what a control adds to it, and what that is.
+fn ends(rate: &Expression, control: &str) -> (Expression, Expression) {
+    let load = rate.substitute(control, &Expression::Number(0.0));
+    (load.clone(), rate.clone().minus(load))
+}
+
+/// The slowest and the fastest swing of a joint that is looked for, rad/s. Three swings between two starts: a slower one with a start of its own
+/// would fit any slow force.
+fn swings(writer: &Writer<'_>) -> (f64, f64) {
+    (3.0 * TAU / writer.scene.window, 0.6 * PI / writer.scene.period)
+}
+
+/// Frequency and damping of the spring.
+fn spring(writer: &mut Writer<'_>) -> [Expression; 2] {
+    let slowest = swings(writer).0;
+    let omega = writer.add_scale("omega", slowest, slowest, (slowest, PI / writer.scene.period), "rad/s");
+    [omega, writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "")]
+}
+
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let state = planting.hypothesis.state;
+    if planting.hypothesis.variables.len() > 1 {
+        return plant_at_load(planting).map(Some);
+    }
     let omega = 0.12 * PI / planting.scene.period;
     let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
     let own = |name: &str| Expression::variable(name.to_string());
@@ -91,4 +139,21 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.model.states.push(State::new(slip.clone(), rate));
     planting.model.initial.extend([(stretch, 0.0), (slip, 0.0)]);
     Ok(Some(Size::within("m", String::new(), (0.02, 8.0), "")))
+}
+
+/// Two bodies of the same inertia, of which the spring's is the period.
+fn plant_at_load(planting: &mut Planting<'_>) -> Result<Size> {
+    let state = planting.hypothesis.state;
+    let rigid = planting.model.states[state].equation.clone();
+    let (load, driven) = ends(&rigid, &planting.name(1));
+    let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
+    let own = |name: &str| Expression::variable(name.to_string());
+    let symbols = [("x", own(&stretch)), ("v", own(&slip)), ("load", load), ("driven", driven)];
+    let rate = planting.written("2*load + x/c^2 + 0.2*v/c", "c", &symbols)?;
+    let unwinds = planting.written("2*driven - 2*load - 2*x/c^2 - 0.4*v/c", "c", &symbols)?;
+    planting.model.states[state].equation = rate;
+    planting.model.states.push(State::new(stretch.clone(), own(&slip)));
+    planting.model.states.push(State::new(slip.clone(), unwinds));
+    planting.model.initial.extend([(stretch, 0.0), (slip, 0.0)]);
+    Ok(planting.late())
 }

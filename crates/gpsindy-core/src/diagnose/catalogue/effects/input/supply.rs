@@ -40,7 +40,7 @@ pub(super) static DEFINITION: Definition = Definition {
         )
     },
     in_mjcf: None,
-    about: "It is tested only if the model declares a logged control that none of its equations uses, or a voltage or pressure that only other equations use: the column of the supply.",
+    about: "It is tested only if the model declares a logged control that none of its equations uses, or a voltage or pressure that the equations of the control do not use: the column of the supply. A supply that is a state may lose to the control in its own equation.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

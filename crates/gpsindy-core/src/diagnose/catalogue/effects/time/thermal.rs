@@ -41,11 +41,12 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
     ),
     in_mjcf: None,
-    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
-    let (period, span, size) = (writer.scene.period, writer.span().2, writer.size(1));
+    let (period, span) = (writer.scene.period, writer.span().2);
+    let size = (1..writer.hypothesis.variables.len()).map(|heats| writer.size(heats)).fold(0.0, f64::max);
     let c = writer.add("c", 0.0, 1.0, FREE, "");
     let tau = writer.add_scale("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
     let name = writer.hypothesis.variables[0].clone();
@@ -53,18 +54,29 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let symbols = [("tau", tau), ("size", number(size)), ("T", warm.clone()), ("c", c)];
     let changed = writer.form("p*(1 + c*T)", &symbols)?;
     writer.replace(&name, &changed);
-    writer.set_rate(&warm, writer.form("((u/size)^2 - T)/tau", &symbols)?);
+    // Of a parameter of several equations the losses add up.
+    let also = writer.hypothesis.variables[2..].iter().cloned().map(Expression::variable);
+    let mut heat = writer.form("(u/size)^2", &symbols)?;
+    for other in also {
+        heat = heat.plus(writer.form("(w/size)^2", &[("w", other), ("size", number(size))])?);
+    }
+    writer.set_rate(&warm, writer.form("(heat - T)/tau", &[&symbols[..], &[("heat", heat)]].concat())?);
     Ok([0.03, 0.1, 0.3, 1.0].map(|part| amplitude(&[1e-3, part * span])).into())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
-    let (span, size) = (planting.span(), planting.size_of(1));
+    let count = planting.hypothesis.variables.len();
+    let (span, size) = (planting.span(), (1..count).map(|heats| planting.size_of(heats)).fold(0.0, f64::max));
     let name = planting.name(0);
     let heat = planting.model.free_name("heat");
+    let square = |heats| {
+        Expression::variable(planting.name(heats)).over(Expression::Number(size)).power(Expression::Number(2.0))
+    };
+    let power = (2..count).map(square).fold(square(1), Expression::plus);
     let symbols = [
         ("p", Expression::variable(name.clone())),
         ("q", Expression::variable(heat.clone())),
-        ("power", Expression::variable(planting.name(1)).over(Expression::Number(size)).power(Expression::Number(2.0))),
+        ("power", power),
         ("tau", Expression::Number(0.2 * span)),
     ];
     let changed = planting.written("p + p*c*q", "c", &symbols)?;
