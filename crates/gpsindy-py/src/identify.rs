@@ -6,11 +6,11 @@ use crate::model::PyModel;
 use crate::rollout::hold_of;
 use crate::smooth::smoother;
 use crate::watch::Watch;
-use gpsindy_core::library::{Constraints, Fixed, Forbidden, Kept, LibrarySettings, Signed};
+use gpsindy_core::library::{Constraints, Fixed, Forbidden, FreeNumber, Kept, LibrarySettings, Signed};
 use gpsindy_core::regress::Selection;
 use gpsindy_core::{
-    Choice, Control, Delay, Error, Expression, Hold, Identification, Identify, Model, Regression, Result, Smoother,
-    State,
+    Choice, Control, Delay, Error, Expression, Hold, Identification, Identify, Model, Regression, Result, SensorRange,
+    Smoother, State,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -28,6 +28,8 @@ pub(crate) struct Settings {
     grow: bool,
     products: bool,
     terms: Vec<String>,
+    free: Vec<String>,
+    ranges: Vec<String>,
     control_terms: bool,
     fix: Vec<String>,
     forbid: Vec<String>,
@@ -79,6 +81,8 @@ impl Settings {
         let known = constraints(&self.fix, &self.forbid, &self.sign)?;
         let kept = self.keep.iter().map(|text| Kept::parse(text)).collect::<Result<_>>()?;
         let constraints = Constraints { kept, ..known };
+        let numbers = self.free.iter().map(|text| FreeNumber::parse(text)).collect::<Result<_>>()?;
+        let ranges = self.ranges.iter().map(|text| SensorRange::parse(text)).collect::<Result<_>>()?;
         let delay = |(control, delay): (String, Option<f64>)| {
             (control, delay.map_or(Delay::Auto(self.max_delay), Delay::Fixed))
         };
@@ -89,7 +93,7 @@ impl Settings {
                 products: self.products,
                 extra: self.terms,
                 controls: self.control_terms,
-                ..LibrarySettings::default()
+                numbers,
             },
             target: self.derivative_method.parse()?,
             regressor: self.regressor.parse::<Regression>()?.regressor(),
@@ -99,7 +103,7 @@ impl Settings {
             controls: self.controls,
             derivatives: self.derivatives,
             constraints,
-            ranges: Vec::new(),
+            ranges,
             smoother,
             standardize: self.standardize,
             train_fraction: self.train_fraction,

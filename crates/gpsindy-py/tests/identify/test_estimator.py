@@ -193,6 +193,13 @@ X = np.random.default_rng(0).standard_normal((30, 2))
         ({"terms": ["x0 +"]}, {"x": X, "t": 0.1}, "at character"),
         ({"random_state": -1}, {"x": X, "t": 0.1}, "random_state: expected None or an integer"),
         ({"delays": {"w": 0.1}}, {"x": X, "t": 0.1}, "control `w` is unknown"),
+        ({"free": {"h": "a"}}, {"x": X, "t": 0.1}, "free\\['h'\\]: expected numbers, found 'a'"),
+        ({"free": {"h": (2, 1)}}, {"x": X, "t": 0.1}, "`h=2.0:1.0`: expected NAME"),
+        ({"free": ["x0"]}, {"x": X, "t": 0.1}, "free number `x0`"),
+        ({"ranges": {"x0": 1}}, {"x": X, "t": 0.1}, "ranges\\['x0'\\]: expected a lowest and a highest value"),
+        ({"ranges": {"w": (None, 1)}}, {"x": X, "t": 0.1}, "state `w` is unknown"),
+        ({"fix": ["x0' = -k*x0"]}, {"x": X, "t": 0.1}, "the name `k` is unknown"),
+        ({"fix": ["x0' = h*q"], "hidden": ["h", "q"]}, {"x": X, "t": 0.1}, "one equation says nothing of both"),
     ],
 )
 def test_wrong_input_is_one_line_that_names_the_argument(settings, arguments, message):
@@ -225,3 +232,43 @@ def test_the_library_grows_where_polynomials_are_too_few_unless_it_is_given():
         assert not any("log" in name for name in given.fit(**log).get_feature_names())
     with pytest.raises(ValueError, match="library"):
         gpsindy.GPSINDy(library="all").fit(**log)
+
+
+def test_a_free_number_of_a_term_is_estimated():
+    t, steps = np.arange(300) * 0.2, 20
+    u = 0.6 + 0.5 * np.sin(0.7 * np.arange(300 * steps) * 0.2 / steps)
+    x = [0.3]
+    for rate in u:
+        x.append(x[-1] + 0.2 / steps * (rate - 1.5 * x[-1] / (0.8 + x[-1])))
+    x = np.array(x[:-1:steps]) + 0.01 * np.random.default_rng(3).standard_normal(300)
+    log = {"x": x[:, None], "t": t, "u": u[::steps], "feature_names": ["x", "u"]}
+    found = gpsindy.GPSINDy(degree=1, terms=["x/(h + x)"], free=["h"], hold="linear").fit(**log)
+    value, error = found.numbers_["h"]
+    assert abs(value - 0.8) < 4 * error and error < 0.1
+    assert found.report_[0]["terms"] == ["u", "x/(h + x)"]
+
+
+def test_a_hidden_level_and_the_end_of_a_sensor():
+    t, steps = np.arange(400) * 0.5, 50
+    every = np.arange(400 * steps) * 0.5 / steps
+    u = 1 + 0.6 * np.sin(0.13 * every) + 0.3 * np.cos(0.41 * every)
+    h, y, logged = 0.8, 1.0, []
+    for i, pump in enumerate(u):
+        if i % steps == 0:
+            logged.append(y)
+        through = 0.5 * np.sqrt(h)
+        h += 0.5 / steps * (0.4 * pump - through)
+        y += 0.5 / steps * (through - 0.35 * np.sqrt(y))
+    y = np.minimum(np.array(logged) + 0.01 * np.random.default_rng(11).standard_normal(400), 1.5)
+    assert np.sum(y == 1.5) > 20
+    fix = ["y' = sqrt(max(h, 0)) - b*sqrt(max(y, 0))", "h' = k*u - q*sqrt(max(h, 0))"]
+    settings = {"degree": 1, "fix": fix, "hold": "linear", "ranges": {"y": (None, 1.5)}}
+    found = gpsindy.GPSINDy(**settings, free={"b": (0.01, 10), "k": 0.2, "q": None})
+    found.fit(y[:, None], t, u=u[::steps], feature_names=["y", "u"])
+    assert [state.name for state in found.model_.states] == ["y", "h"]
+    assert found.model_.states[0].measured == "min(y, 1.5)"
+    # With the hidden level in units in which its outflow is its root.
+    for name, truth in {"b": 0.35, "k": 0.1, "q": 0.25}.items():
+        value, error = found.numbers_[name]
+        assert abs(value - truth) < 4 * error and error < 0.1 * truth, (name, value, error)
+    assert found.score(y[:, None], t, u=u[::steps], kind="rollout") > 0.9

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
+
+from gpsindy.data._tables import names_of
 
 SettingsOf = TypeVar("SettingsOf", bound="Settings")
 
@@ -50,6 +53,37 @@ def number(value: Any, name: str) -> float:
         return float(value)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected a number or 'auto', found {value!r}") from None
+
+
+def free_numbers(value: Any) -> list[str]:
+    """Free numbers as the command line writes them, from names or from a mapping of names to starts or ranges."""
+    if not isinstance(value, Mapping):
+        return names_of(value)
+    return [name if start is None else f"{name}={_start(name, start)}" for name, start in value.items()]
+
+
+def _start(name: str, value: Any) -> str:
+    if isinstance(value, (tuple, list)) and len(value) == 2:
+        return ":".join(_text(end, f"free[{name!r}]") for end in value)
+    return _text(value, f"free[{name!r}]")
+
+
+def sensor_ranges(value: Any) -> list[str]:
+    """Ranges of sensors as the command line writes them, from a mapping of states to a lowest and a highest value."""
+    found = []
+    for name, ends in dict(value or {}).items():
+        if not isinstance(ends, (tuple, list)) or len(ends) != 2:
+            raise ValueError(f"ranges[{name!r}]: expected a lowest and a highest value, None where there is no end, found {ends!r}")
+        low, high = ("" if end is None else _text(end, f"ranges[{name!r}]") for end in ends)
+        found.append(f"{name}={low}:{high}")
+    return found
+
+
+def _text(value: Any, name: str) -> str:
+    try:
+        return repr(float(value))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers, found {value!r}") from None
 
 
 def _same(one: Any, other: Any) -> bool:

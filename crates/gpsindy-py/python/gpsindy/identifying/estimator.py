@@ -16,7 +16,7 @@ from gpsindy.data._layout import Layout, chosen, lay_out, runs_of
 from gpsindy.data._tables import Array, is_list_of_runs, names_of, readonly, tables
 from gpsindy.data.dataset import Dataset
 from gpsindy.errors import NotFittedError
-from gpsindy.identifying._settings import Settings, count, number
+from gpsindy.identifying._settings import Settings, count, free_numbers, number, sensor_ranges
 from gpsindy.model import Hold, Model, Progress, rounded
 from gpsindy.scoring import score
 
@@ -27,7 +27,8 @@ Kernel = Literal["auto", "se", "matern12", "matern32", "matern52", "periodic", "
 DerivativeMethod = Literal["weak", "given", "difference", "gp-time", "gp-state", "gp-control"]
 Regressor = Literal["subset", "lasso", "sqrt-lasso", "stlsq", "ssr-coefficient", "ssr-residual", "least-squares"]
 
-_VELOCITY = re.compile(r"\s*\w+\s*'\s*=\s*([A-Za-z]\w*)\s*")
+_EQUATION = re.compile(r"\s*(\w+)\s*'\s*=(.*)", re.DOTALL)
+_NAME = re.compile(r"[A-Za-z]\w*")
 
 
 class GPSINDy(Settings):
@@ -50,11 +51,21 @@ class GPSINDy(Settings):
         Polynomials of degree 1 and 2 times sine and cosine; implies ``trig``.
     terms : sequence of str
         Further terms, such as ``"v*abs(v)"``.
+    free : sequence of str, or mapping of str to float, (float, float) or None
+        Numbers in ``terms`` and ``fix`` that are estimated, such as ``h`` in ``"x/(h + x)"``: their names, or name to the value that the
+        search begins at, to the lowest and highest value that it may have, or to None. Each is in the unit that its place asks for. Left open, the
+        search begins at several values between 0.01 and 100 and may end anywhere.
+    ranges : mapping of str to (float or None, float or None), optional
+        Lowest and highest value that the sensor of a state can show, in its unit, None where there is no end. At an end the state is there
+        or beyond.
     control_terms : bool
         Whether controls are variables of the library.
     fix : sequence of str
         Equations taken as given, such as ``"x' = v"``. Where no column is called ``v``, its samples are the slope of the
-        smoothed ``x``.
+        smoothed ``x``. Numbers to be estimated are named in ``free``.
+    hidden : sequence of str
+        States that no column carries, each in a given equation of a state that one does: ``h`` in ``"y' = sqrt(h) - b*sqrt(y)"``. Its
+        own equation is found, or given, too; where it is given, or the other one is just ``"x' = v"``, the state need not be named here.
     forbid : sequence of str
         Terms that stay out, ``"STATE:TERM"``; the state ``*`` is every state.
     keep : sequence of str
@@ -117,6 +128,8 @@ class GPSINDy(Settings):
         Noise of every state's column, in its unit.
     delays_ : dict of str to (float, float)
         Delay of a control and its standard error, s.
+    numbers_ : dict of str to (float, float)
+        Value of a free number that the equations have, and its standard error.
     hold_ : {"zero", "linear"}
         What the controls were taken to do between samples; simulations and scores do the same.
     report_ : tuple of dict
@@ -140,6 +153,20 @@ class GPSINDy(Settings):
     >>> found.print(precision=2)
     (x)' = v
     (v)' = -4*x
+
+    A rate that saturates, 1.5 x/(0.8 + x) per second, and the number in it:
+
+    >>> t = np.linspace(0, 6, 121)
+    >>> x = np.empty(121)
+    >>> x[0], step = 3.0, 0.005
+    >>> for i in range(120):
+    ...     x[i + 1] = x[i]
+    ...     for _ in range(10):
+    ...         x[i + 1] -= step * 1.5 * x[i + 1] / (0.8 + x[i + 1])
+    >>> found = gpsindy.GPSINDy(degree=1, terms=["x/(h + x)"], free={"h": (0.01, 10)}).fit(x[:, None], t, feature_names=["x"])
+    >>> value, error = found.numbers_["h"]
+    >>> print(f"{value:.1f}")
+    0.8
     """
 
     def __init__(
@@ -150,8 +177,11 @@ class GPSINDy(Settings):
         trig: bool = False,
         products: bool = False,
         terms: Sequence[str] = (),
+        free: Sequence[str] | Mapping[str, float | tuple[float, float] | None] = (),
+        ranges: Mapping[str, tuple[float | None, float | None]] | None = None,
         control_terms: bool = True,
         fix: Sequence[str] = (),
+        hidden: Sequence[str] = (),
         forbid: Sequence[str] = (),
         keep: Sequence[str] = (),
         sign: Sequence[str] = (),
@@ -177,8 +207,11 @@ class GPSINDy(Settings):
         self.trig = trig
         self.products = products
         self.terms = terms
+        self.free = free
+        self.ranges = ranges
         self.control_terms = control_terms
         self.fix = fix
+        self.hidden = hidden
         self.forbid = forbid
         self.keep = keep
         self.sign = sign
@@ -256,6 +289,8 @@ class GPSINDy(Settings):
         self.control_names_in_ = readonly(np.array(layout.controls, dtype=object))
         self.noise_ = readonly(np.array([state["noise"] for state in report["states"]]))
         self.delays_ = {control: (delay, error) for control, delay, error in report["delays"]}
+        parameters = self.model_.parameters
+        self.numbers_ = {one.name: (one.value, np.nan if one.tolerance is None else abs(one.tolerance * one.value)) for one in parameters}
         self.window_ = report["window"]
         self.hold_: Hold = report["hold"]
         self.report_ = tuple(report["states"])
@@ -273,10 +308,13 @@ class GPSINDy(Settings):
         return self
 
     def _unlogged(self, layout: Layout) -> list[str]:
-        """Velocities that an equation taken as given speaks of and no column carries."""
-        matches = (_VELOCITY.fullmatch(equation) for equation in names_of(self.fix))
-        names = dict.fromkeys(match[1] for match in matches if match)
-        return [name for name in names if name not in layout.states and name not in layout.controls]
+        """States that no column carries: those named so, velocities, and what has a given equation and stands in another one."""
+        equations = [match.groups() for match in map(_EQUATION.fullmatch, names_of(self.fix)) if match]
+        velocities = [right.strip() for _, right in equations if _NAME.fullmatch(right.strip())]
+        both = [left for left, _ in equations if any(left in _NAME.findall(right) for other, right in equations if other != left)]
+        numbers = [text.split("=")[0].strip() for text in free_numbers(self.free)]
+        taken = {*layout.states, *layout.controls, *numbers}
+        return [name for name in dict.fromkeys([*velocities, *both, *names_of(self.hidden)]) if name not in taken]
 
     def _may_grow(self) -> bool:
         if self.library not in (None, "auto", "given"):
@@ -298,6 +336,8 @@ class GPSINDy(Settings):
             "grow": self._may_grow(),
             "products": bool(self.products),
             "terms": names_of(self.terms),
+            "free": free_numbers(self.free),
+            "ranges": sensor_ranges(self.ranges),
             "control_terms": bool(self.control_terms),
             "fix": names_of(self.fix),
             "forbid": names_of(self.forbid),
