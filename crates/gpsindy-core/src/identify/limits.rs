@@ -239,6 +239,11 @@ pub(crate) mod numbers {
     pub(crate) const MOST_STARTS: usize = 64;
     /// Sets whose rollouts are lengthened, the best ones of the short rollouts. Convention.
     pub(crate) const KEPT_STARTS: usize = 4;
+    /// Ratio of a number to what it is added to, and the inverse, up to which logs can show it: a hundredth of a column is hidden by
+    /// the noise of most sensors. Convention.
+    pub(crate) const VISIBLE: f64 = 100.0;
+    /// Share of a bound within which a number has ended there: the last step of a fit may round. Argument.
+    pub(crate) const AT_A_BOUND: f64 = 1e-6;
 }
 
 /// Limits of the identification sample by sample.

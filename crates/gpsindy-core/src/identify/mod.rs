@@ -5,6 +5,7 @@
 
 mod algorithm1;
 mod author;
+mod bounds;
 mod equations;
 mod evidence;
 mod excerpt;
@@ -53,6 +54,9 @@ impl Identify {
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
+        if let Some(bounded) = self.with_numbers_bounded(data)?.filter(|bounded| bounded.library != self.library) {
+            return bounded.fit(data, progress);
+        }
         if let Some(started) = self.with_numbers_started(data, progress)? {
             let (settings, given) = started.into_given(data, progress)?;
             return match given {
@@ -104,6 +108,7 @@ impl Searched {
             None => scope.unrefined(&done.regressed, inclusion(&settings, &done.regressed, &done.rows)?)?,
         };
         let mut notes = [done.motion.notes.clone(), done.logs.notes.clone(), notes].concat();
+        notes.extend(found.equations.numbers_at_bounds());
         if settings.hold.is_none() && found.hold == Hold::Linear {
             notes.push(Note::Interpolated);
         }

@@ -59,6 +59,13 @@ pub enum Note {
         /// Share of the samples, from 0 to 1.
         share: f64,
     },
+    /// A free number ended at a bound of its range.
+    AtBound {
+        /// The number.
+        number: String,
+        /// Its value.
+        value: f64,
+    },
     /// A state is a straight line of time.
     LineOfTime {
         /// The state.
@@ -123,6 +130,11 @@ fn percent(share: f64) -> String {
     format!("{:.0} %", PERCENTS * share)
 }
 
+/// A value with three significant digits.
+fn significant(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -150,6 +162,11 @@ impl fmt::Display for Note {
                 "`{column}` stays at its {} value, {value}, in {} of the samples: if its sensor ends there, give its range",
                 if *largest { "largest" } else { "smallest" },
                 percent(*share)
+            ),
+            Self::AtBound { number, value } => write!(
+                f,
+                "`{number}` ended at a bound of its range, {}: these logs do not give its value, they only bound it; log what shows it, or name another range",
+                significant(*value)
             ),
             Self::LineOfTime { state } => {
                 write!(

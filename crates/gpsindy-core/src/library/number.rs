@@ -49,6 +49,11 @@ impl FreeNumber {
         Ok(Self { name: name.into(), start, bounds })
     }
 
+    /// Whether no value and no range was named.
+    pub(crate) fn is_unnamed(&self) -> bool {
+        self.start == USUAL && self.bounds == ANYWHERE
+    }
+
     /// Whether the search has more than one value to begin at.
     pub(crate) fn is_open(&self) -> bool {
         self.start.0 < self.start.1

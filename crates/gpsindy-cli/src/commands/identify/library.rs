@@ -25,7 +25,7 @@ pub(crate) struct LibraryOptions {
     #[arg(long, value_name = "EXPR")]
     pub(super) term: Vec<String>,
     /// Estimate a number in a --term or --fix, such as h in 'x/(h + x)'; the search begins at START, or at several values and stays between LOW
-    /// and HIGH [default: begins between 0.01 and 100, ends anywhere]
+    /// and HIGH [default: where the logs can show it, by what it is compared with; else begins between 0.01 and 100, ends anywhere]
     #[arg(long, value_name = "NAME[=START|=LOW:HIGH]", value_delimiter = ',', allow_hyphen_values = true)]
     pub(super) free: Vec<String>,
     /// The values that a state's sensor can show, such as y=0:10 or y=:10; at an end the state is there or beyond

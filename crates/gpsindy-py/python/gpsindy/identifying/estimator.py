@@ -53,8 +53,9 @@ class GPSINDy(Settings):
         Further terms, such as ``"v*abs(v)"``.
     free : sequence of str, or mapping of str to float, (float, float) or None
         Numbers in ``terms`` and ``fix`` that are estimated, such as ``h`` in ``"x/(h + x)"``: their names, or name to the value that the
-        search begins at, to the lowest and highest value that it may have, or to None. Each is in the unit that its place asks for. Left open, the
-        search begins at several values between 0.01 and 100 and may end anywhere.
+        search begins at, to the lowest and highest value that it may have, or to None. Each is in the unit that its place asks for. Left open, it is
+        looked for where the logs can show it, by what it is compared with: h in ``"x/(h + x)"`` between a hundredth of the spread of x and a
+        hundred times the largest x. Where that is nothing logged, the search begins between 0.01 and 100 and may end anywhere.
     ranges : mapping of str to (float or None, float or None), optional
         Lowest and highest value that the sensor of a state can show, in its unit, None where there is no end. At an end the state is there
         or beyond.
