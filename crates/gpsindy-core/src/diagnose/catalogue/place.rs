@@ -49,7 +49,7 @@ pub(crate) enum Place {
     Sensor,
     /// In an equation, on its own state and another force of it: a control or the place that it depends on.
     Load,
-    /// In an equation, on its own state and a control in it that may act at the other end of a spring.
+    /// In an equation, on a control in it that may act at the other end of a spring.
     OtherEnd,
     /// Wherever a control appears, on the state of the equation that it moves most.
     DriveAndSpeed,

@@ -2,7 +2,7 @@
 
 use crate::diagnose::catalogue::definition::{Definition, Traits, as_fitted};
 use crate::diagnose::catalogue::example::{self, Drive, Example};
-use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::hypothesis::{Hypothesis, Start};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
@@ -10,15 +10,15 @@ use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::writer::{Writer, amplitude, keep};
 use crate::error::Result;
 use crate::expression::Expression;
-use crate::model::State;
+use crate::model::{Model, State};
 use std::f64::consts::{PI, TAU};
 
 pub(super) static DEFINITION: Definition = Definition {
     name: "elastic joint",
     meaning: "The drive and its load are joined by a spring that the model assumes to be rigid.",
     family: Family::Coupling,
-    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else; or the same without what the control u does, which twists the spring from its other end",
-    symbols: &["z", "u"],
+    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else; or the same without what a control z does, which twists the spring from its other end",
+    symbols: &["z"],
     parameters: "m: inertia of the load as a share of the drive's, or the drive's as one of the load's, omega: rad/s, zeta: damping, l: share of the load's inertia that the model has already, as part of its own",
     signature: "a resonance after each jump of the force, and no effect at slow motion",
     places: &[Place::Own, Place::OtherEnd],
@@ -40,7 +40,7 @@ pub(super) static DEFINITION: Definition = Definition {
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
-    if let Some(drive) = writer.hypothesis.variables.get(1).cloned() {
+    if let Some(drive) = drive_of(writer.hypothesis, &writer.model) {
         return write_at_load(writer, &drive);
     }
     let state = writer.hypothesis.state;
@@ -70,6 +70,11 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         amplitude(&[&joint[..], share].concat())
     };
     Ok((0..7).flat_map(|k| shares.iter().map(move |share| start(k, share))).collect())
+}
+
+/// The control at the other end of the spring, where the state is the load's.
+fn drive_of(hypothesis: &Hypothesis, model: &Model) -> Option<String> {
+    hypothesis.variables.first().filter(|z| model.control_index(z).is_some()).cloned()
 }
 
 /// The equation of a load whose drive is the hidden one: what `drive` does to both bodies twists the spring, and all else moves the load.
@@ -119,8 +124,8 @@ fn spring(writer: &mut Writer<'_>) -> [Expression; 2] {
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let state = planting.hypothesis.state;
-    if planting.hypothesis.variables.len() > 1 {
-        return plant_at_load(planting).map(Some);
+    if let Some(drive) = drive_of(planting.hypothesis, &planting.model) {
+        return plant_at_load(planting, &drive).map(Some);
     }
     let omega = 0.12 * PI / planting.scene.period;
     let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
@@ -142,10 +147,10 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
 }
 
 /// Two bodies of the same inertia, of which the spring's is the period.
-fn plant_at_load(planting: &mut Planting<'_>) -> Result<Size> {
+fn plant_at_load(planting: &mut Planting<'_>, drive: &str) -> Result<Size> {
     let state = planting.hypothesis.state;
     let rigid = planting.model.states[state].equation.clone();
-    let (load, driven) = ends(&rigid, &planting.name(1));
+    let (load, driven) = ends(&rigid, drive);
     let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
     let own = |name: &str| Expression::variable(name.to_string());
     let symbols = [("x", own(&stretch)), ("v", own(&slip)), ("load", load), ("driven", driven)];
