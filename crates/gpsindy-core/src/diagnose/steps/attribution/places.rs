@@ -1,7 +1,7 @@
 //! Places: what else may replace each effect of the winner, and what the winner is without it.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, IN_SIGHT};
+use crate::diagnose::limits::{Budget, CONVINCING, IN_SIGHT};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::error::Result;
@@ -54,9 +54,17 @@ fn at(
     fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
     fits.push(best.clone());
     let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
-    let finish = |f: Contestant| match !f.refined.converged && contest.score(&f) > leader - IN_SIGHT {
-        true => contest.fitter.carried_on(f, if is_moot(best) { Budget::Rough } else { Budget::Thorough }),
-        false => Ok(f),
+    let is_open = |f: &Contestant, within: f64| !f.refined.converged && contest.score(f) > leader - within;
+    let finish = |f: Contestant| {
+        if !is_open(&f, IN_SIGHT) {
+            return Ok(f);
+        }
+        let f = contest.fitter.carried_on(f, if is_moot(best) { Budget::Rough } else { Budget::Usual })?;
+        // To the end goes only what may be a twin, or better.
+        match is_open(&f, CONVINCING) && !is_moot(best) {
+            true => contest.fitter.carried_on(f, Budget::Thorough),
+            false => Ok(f),
+        }
     };
     let mut fits = best.each(fits, finish)?;
     contest.sort(&mut fits);
