@@ -81,6 +81,8 @@ pub struct Experiment {
     pub columns: Vec<usize>,
     /// Standard deviation of the noise of every logged column, in the column's unit.
     pub noise: Vec<f64>,
+    /// Share of every logged column's values that are readings: a sensor that is slower than the log repeats its last one, with its noise.
+    pub(crate) news: Vec<f64>,
     /// The stretches that are rolled out.
     pub windows: Vec<Window>,
     /// Control between the samples.
@@ -134,6 +136,7 @@ impl Experiment {
         let scale = state_scales(system, &logs, &columns, &spread);
         Ok(Self {
             logs: logs.into(),
+            news: vec![1.0; columns.len()],
             columns,
             noise,
             windows,
@@ -181,6 +184,22 @@ impl Experiment {
     /// What each run has of its own of the parameters.
     pub(crate) fn own_parameters(&self) -> Vec<Vec<(usize, f64)>> {
         self.logs.iter().map(|log| log.own.clone()).collect()
+    }
+
+    /// Whether a value repeats the one before, sample by sample as residuals are; nothing where no column repeats its readings.
+    pub(crate) fn repeats(&self, window: &Window) -> Vec<bool> {
+        if self.news.iter().all(|&news| news >= 1.0) {
+            return Vec::new();
+        }
+        let columns = self.columns.len();
+        let mut repeats = vec![false; (window.last - window.first + 1) * columns];
+        for (c, _) in self.news.iter().enumerate().filter(|(_, news)| **news < 1.0) {
+            let there = present(&self.logs[window.log].measured[c][window.first..=window.last]);
+            there.windows(2).filter(|pair| pair[1].1 == pair[0].1).for_each(|pair| {
+                repeats[pair[1].0 * columns + c] = true;
+            });
+        }
+        repeats
     }
 
     /// Samples that one pass over all windows takes.

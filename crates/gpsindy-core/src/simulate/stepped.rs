@@ -30,6 +30,7 @@ pub(super) fn rollout(
         logs: vec![log].into(),
         columns: Vec::new(),
         noise: Vec::new(),
+        news: Vec::new(),
         windows: vec![window],
         hold: excitation.hold(),
         past: Past::Still,

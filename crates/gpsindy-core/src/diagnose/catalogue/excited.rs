@@ -1,10 +1,13 @@
 //! What the logs excite: ranges, typical rates and typical times, from the nominal trajectories.
 
+pub(crate) mod repeats;
+
 use crate::diagnose::catalogue::excursion::{Excursion, shows_time, turns};
 use crate::diagnose::catalogue::site::Reach;
 use crate::diagnose::limits::catalogue::MOMENTS_OF_PATHS;
 use crate::model::System;
 use crate::refine::{Experiment, Log, Window, present};
+use repeats::Repeats;
 
 /// The trajectories of the nominal model and what they excite.
 #[derive(Debug, Clone)]
@@ -15,6 +18,8 @@ pub(crate) struct Scene {
     pub(crate) turns: Vec<Option<bool>>,
     /// Names of the states and controls that show how long a run has lasted.
     pub(crate) clocks: Vec<String>,
+    /// Period and phase, s, of the sensor of every logged state that repeats its readings; nothing of other states.
+    pub(crate) samplings: Vec<Option<(f64, f64)>>,
     /// Typical size of every state's rate, in its unit per second.
     pub(crate) rates: Vec<f64>,
     /// Median sampling period, s.
@@ -75,6 +80,8 @@ impl Scene {
         let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         let reach = Reach::new(system, &states, &controls, &rates);
         let clocks = clocks(system, experiment, paths);
+        let sampling = |j: usize| Repeats::of(&experiment.logs, experiment.column_of(j)?)?.clock;
+        let samplings = (0..n).map(sampling).collect();
         let window = experiment.longest_window();
         let moments = moments(experiment, paths);
         Self {
@@ -82,6 +89,7 @@ impl Scene {
             controls,
             turns,
             clocks,
+            samplings,
             rates,
             period,
             times,

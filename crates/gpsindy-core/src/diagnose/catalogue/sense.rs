@@ -205,6 +205,7 @@ mod tests {
             controls: Vec::new(),
             turns: Vec::new(),
             clocks: Vec::new(),
+            samplings: Vec::new(),
             rates: Vec::new(),
             period: 0.01,
             times: (0.0, 1.0),

@@ -8,7 +8,9 @@ use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::catalogue::form::written;
 use crate::diagnose::catalogue::hypothesis::{Added, Applied, Combine, Hypothesis, Kind, Role, Start};
 use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::limits::catalogue::{CORNER, CORNERS};
+use crate::diagnose::limits::sampling::REACH;
 use crate::error::{Error, Result};
 use crate::expression::Expression;
 use crate::model::{Model, Parameter, State};
@@ -307,7 +309,8 @@ impl<'a> Writer<'a> {
     /// Adds period and phase of a sample-and-hold, both found by trial.
     pub(crate) fn add_sampling(&mut self) -> (Expression, Expression) {
         let step = self.scene.period;
-        let longest = 0.1 * self.scene.duration;
+        let seen = self.seen().map_or(0.0, |(period, _)| REACH * period);
+        let longest = (0.1 * self.scene.duration).max(seen);
         let period = self.add("T", 2.0 * step, step, (1.5 * step, longest.max(2.0 * step)), "s");
         let phase = self.add("phase", self.scene.times.0, step, FREE, "s");
         let last = self.fitted.len();
@@ -317,8 +320,18 @@ impl<'a> Writer<'a> {
         (period, phase)
     }
 
-    /// Periods at which a sample-and-hold is tried, in samples of the log: about a quarter apart.
+    /// Period and phase of the sensor of the hypothesis, where its column shows them.
+    fn seen(&self) -> Option<(f64, f64)> {
+        let is_of_sensor = self.hypothesis.family() == Family::Sensor;
+        self.scene.samplings.get(self.hypothesis.state).copied().flatten().filter(|_| is_of_sensor)
+    }
+
+    /// Periods at which a sample-and-hold is tried, in samples of the log: about a quarter apart. That of a sensor that repeats its readings
+    /// is known.
     pub(crate) fn samplings(&self) -> Vec<Start> {
+        if let Some((period, phase)) = self.seen() {
+            return vec![keep(&[period, phase])];
+        }
         const SAMPLES: [f64; 12] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0];
         let longest = 0.1 * self.scene.duration;
         let periods = SAMPLES.iter().map(|samples| samples * self.scene.period);

@@ -217,6 +217,7 @@ impl<'a> Bench<'a> {
             logs: signals.iter().map(log).collect::<Vec<_>>().into(),
             columns: player.columns.clone(),
             noise: self.noise.clone(),
+            news: vec![1.0; player.columns.len()],
             windows: (0..signals.len()).map(|log| Window { log, first: 0, last: r - 1 }).collect(),
             hold: self.open.hold(),
             past: Past::Still,

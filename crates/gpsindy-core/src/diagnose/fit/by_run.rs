@@ -135,7 +135,7 @@ impl Products {
                 let column = own.iter().find(|&&i| free[i].parameter == parameter);
                 column.into_iter().for_each(|i| residual.axpy(more, &block.derivative.column(n + i), 1.0));
             }
-            let whitener = Whitener::new(&best.evidence.colours, &block.present);
+            let whitener = Whitener::new(&best.evidence.colours, &block.present, &best.experiment.repeats(window));
             whitener.whiten(&mut residual);
             let mut derivative = block.derivative.clone();
             for mut column in derivative.column_iter_mut() {

@@ -22,6 +22,8 @@ pub(crate) struct Evidence {
     starts: (usize, f64),
     spent: usize,
     effective: f64,
+    /// How often a reading is repeated in the column that does so most: the fit's own covariance takes every value for one.
+    repeated: f64,
 }
 
 impl Evidence {
@@ -33,7 +35,8 @@ impl Evidence {
         (parameters, started): (usize, usize),
         model_error: f64,
     ) -> Self {
-        let colours = colours(&refined.residuals, experiment.columns.len());
+        let repeats: Vec<Vec<bool>> = experiment.windows.iter().map(|window| experiment.repeats(window)).collect();
+        let colours = colours(&refined.residuals, experiment.columns.len(), &repeats);
         let initial = refined.initial.iter().map(Vec::len).sum::<usize>();
         let spent = initial + free.len() + colours.iter().map(|c| c.coefficients.len() + 1).sum::<usize>();
         let beliefs = prior_cost(&refined.parameters, free);
@@ -43,7 +46,9 @@ impl Evidence {
         let complexity = parameters + started * windows;
         let values = colours.iter().map(|c| c.count).sum::<usize>() as f64 / windows.max(1) as f64;
         let starts = (started * windows, values);
-        let mut evidence = Self { colours, model_error, strain: 0.0, beliefs, complexity, starts, spent, effective };
+        let repeated = experiment.news.iter().copied().fold(1.0, f64::min).recip();
+        let mut evidence =
+            Self { repeated, colours, model_error, strain: 0.0, beliefs, complexity, starts, spent, effective };
         evidence.strain = tolerance::strain(refined, free, evidence.count());
         evidence
     }
@@ -136,7 +141,7 @@ impl Evidence {
     /// By how much coloured or large residuals carry less than their number.
     pub(crate) fn inflation(&self) -> f64 {
         // A slow quantity averages the noise, so the spectrum at zero frequency counts.
-        self.colours.iter().map(Colour::spectrum).fold(0.0, f64::max).max(self.misfit())
+        self.repeated * self.colours.iter().map(Colour::spectrum).fold(0.0, f64::max).max(self.misfit())
     }
 }
 

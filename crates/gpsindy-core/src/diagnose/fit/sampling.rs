@@ -8,7 +8,9 @@
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::sampling::{BESIDE, CELLS, FEWEST_TRIALS, FINE, KEPT, LATTICE, PAST_END, PHASES, REACH};
+use crate::diagnose::limits::sampling::{
+    BESIDE, CELLS, FEWEST_TRIALS, FINE, KEPT, LATTICE, PAST_END, PHASES, REACH, TURN_OF,
+};
 use crate::error::Result;
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, Refined, Window, tangent};
@@ -52,7 +54,8 @@ pub(crate) fn settle(
             continue;
         }
         let bounds = (of_period.lower, of_period.upper);
-        let found = search(experiment, point.parameters[*period], bounds, |until, trials| {
+        let start = (point.parameters[*period], point.parameters[*phase]);
+        let found = search(experiment, start, bounds, |until, trials| {
             let (part, windows) = beginning(experiment, until);
             let initial: Vec<Vec<f64>> = windows.iter().map(|&w| point.initial[w].clone()).collect();
             let at = |trial: &Sampling| {
@@ -127,10 +130,10 @@ impl Grid {
     }
 }
 
-/// The sampling with the least cost near the period `start`; `costs(until, trials)`: on what is rolled out before that stamp.
+/// The sampling with the least cost near the period and phase `start`, or that one; `costs(until, trials)`: on what is rolled out before that stamp.
 fn search(
     experiment: &Experiment,
-    start: f64,
+    (start, at): (f64, f64),
     (lower, upper): (f64, f64),
     costs: impl Fn(f64, &[Sampling]) -> Result<Vec<f64>>,
 ) -> Result<Sampling> {
@@ -142,46 +145,72 @@ fn search(
         .map(|k| f64::from(k) * step)
         .skip_while(|&p| p < (1.0 - PAST_END) * low)
         .take_while(|&p| p <= (1.0 + PAST_END) * high);
-    let in_step: Vec<Sampling> =
-        in_step.map(|period| Sampling { period, phase: grid.first, apart: (0.0, 0.0) }).collect();
+    let alone = |period: f64, phase: f64| Sampling { period, phase, apart: (0.0, 0.0) };
+    let in_step: Vec<Sampling> = in_step.map(|period| alone(period, grid.first)).chain([alone(start, at)]).collect();
     // After so many periods the neighbours' moments are a share of a period apart.
     let ratio = 1.0 + 1.0 / (CELLS * LATTICE);
     let periods = std::iter::successors(Some(low), |p| Some(p * ratio)).take_while(|&p| p <= high);
-    let mut trials: Vec<Sampling> = periods
-        .flat_map(|period| {
-            let apart = ((ratio - 1.0) * period, period / PHASES);
-            let phases = (0..PHASES as usize).map(move |k| begin + k as f64 * apart.1);
-            phases.map(move |phase| Sampling { period, phase, apart })
-        })
-        .collect();
-    let mut most = KEPT;
-    let mut length = (CELLS * start).clamp(step, whole);
-    loop {
-        trials.extend(&in_step);
-        // The last sample is a part of the whole.
-        let found = costs(begin + length + 0.5 * step, &trials)?;
-        let mut order: Vec<usize> = (0..trials.len()).collect();
-        order.sort_by(|&a, &b| found[a].total_cmp(&found[b]));
-        let is_fine = |t: &Sampling| t.apart.0 * (whole / t.period) < FINE * step;
-        if length >= whole && trials.iter().all(is_fine) {
-            let best = order.first().map(|&i| trials[i]);
-            let Sampling { period, phase, apart } =
-                best.unwrap_or(Sampling { period: start, phase: grid.first, apart: (0.0, 0.0) });
-            let phase = Grid::since(grid.first, phase, period);
-            // Shortly before a period is over is shortly before the first sample.
-            let phase = if phase - grid.first > 0.5 * period { phase - period } else { phase };
-            return Ok(Sampling { period, phase, apart });
-        }
-        // The whole has no more to show: from here on the best of it can be distinguished.
-        most = if length >= whole { (most / 2).max(FEWEST_TRIALS) } else { most };
-        length = (2.0 * length).min(whole);
-        let mut kept: Vec<Sampling> = Vec::new();
-        for trial in order.iter().map(|&i| trials[i]).filter(|t| t.apart.0 > 0.0) {
-            if kept.len() < most && !kept.iter().any(|other| other.is_beside(&trial)) {
-                kept.push(trial);
+    let trials = periods.flat_map(|period| {
+        let apart = ((ratio - 1.0) * period, period / PHASES);
+        let phases = (0..PHASES as usize).map(move |k| begin + k as f64 * apart.1);
+        phases.map(move |phase| Sampling { period, phase, apart })
+    });
+    let descent = Descent { grid: &grid, range: (low, high), costs: &costs };
+    let found = if at == grid.first {
+        descent.of(trials.collect(), ((CELLS * start).clamp(step, whole), KEPT), &in_step)?
+    } else {
+        // What was pointed to or found before is right nearly to the end of the logs: an eighth of a period off there.
+        let apart = (start * start / (TURN_OF * 2.0 * whole), start / (2.0 * PHASES));
+        let near = Sampling { period: start, phase: at, apart };
+        descent.of(vec![near], (whole, FEWEST_TRIALS), &in_step)?
+    };
+    let Sampling { period, phase, apart } = found.unwrap_or(alone(start, grid.first));
+    let phase = Grid::since(grid.first, phase, period);
+    // Shortly before a period is over is shortly before the first sample.
+    let phase = if phase - grid.first > 0.5 * period { phase - period } else { phase };
+    Ok(Sampling { period, phase, apart })
+}
+
+/// From coarse lattices on beginnings of the logs to fine ones on all of them.
+struct Descent<'a, F> {
+    grid: &'a Grid,
+    range: (f64, f64),
+    costs: &'a F,
+}
+
+impl<F: Fn(f64, &[Sampling]) -> Result<Vec<f64>>> Descent<'_, F> {
+    /// The best of `trials` and of their neighbours on all logs; from a beginning of this length on, on which so many are kept.
+    /// `always`: what is tried throughout.
+    fn of(
+        &self,
+        mut trials: Vec<Sampling>,
+        (mut length, mut most): (f64, usize),
+        always: &[Sampling],
+    ) -> Result<Option<Sampling>> {
+        let Self { grid, range, costs } = self;
+        let whole = (grid.end - grid.begin).max(grid.step);
+        loop {
+            trials.extend(always);
+            // The last sample is a part of the whole.
+            let found = costs(grid.begin + length + 0.5 * grid.step, &trials)?;
+            let mut order: Vec<usize> = (0..trials.len()).collect();
+            order.sort_by(|&a, &b| found[a].total_cmp(&found[b]));
+            let is_fine = |t: &Sampling| t.apart.0 * (whole / t.period) < FINE * grid.step;
+            if length >= whole && trials.iter().all(is_fine) {
+                let best = order.first();
+                return Ok(best.map(|&i| trials[i]));
             }
+            // The whole has no more to show: from here on the best of it can be distinguished.
+            most = if length >= whole { (most / 2).max(FEWEST_TRIALS) } else { most };
+            length = (2.0 * length).min(whole);
+            let mut kept: Vec<Sampling> = Vec::new();
+            for trial in order.iter().map(|&i| trials[i]).filter(|t| t.apart.0 > 0.0) {
+                if kept.len() < most && !kept.iter().any(|other| other.is_beside(&trial)) {
+                    kept.push(trial);
+                }
+            }
+            trials = kept.into_iter().flat_map(|t| finer(t, *range, grid)).collect();
         }
-        trials = kept.into_iter().flat_map(|t| finer(t, (low, high), &grid)).collect();
     }
 }
 
@@ -250,7 +279,7 @@ mod tests {
     fn period_and_phase_are_found_from_a_quarter_off() {
         for (period, phase) in [(0.05, 0.0), (0.0732, 0.0), (0.1234, 0.051)] {
             let (system, experiment) = held(period, phase);
-            let start = 1.2 * period;
+            let start = (1.2 * period, 0.0);
             let profile = |until: f64, trials: &[Sampling]| {
                 let (part, _) = beginning(&experiment, until);
                 let at = |t: &Sampling| Point { parameters: vec![t.period, t.phase], initial: vec![vec![0.3]] };

@@ -2,22 +2,44 @@
 
 pub(crate) use crate::diagnose::fit::colours::autoregression::Colour;
 use crate::diagnose::fit::colours::autoregression::levinson;
+use crate::diagnose::fit::colours::cells::Cells;
 use crate::diagnose::fit::colours::whitening::prediction_error;
 use crate::diagnose::limits::MAX_ORDER;
 
-/// Noise models of every column, pooled over the windows. `residuals`: sample by sample, NaN is missing.
-pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize) -> Vec<Colour> {
+/// Noise models of every column, pooled over the windows. `residuals`: sample by sample, NaN is missing. `repeats`: which of them repeat the
+/// value before, nothing where none does. The noise model of a column that repeats its readings is that of one cell after the other.
+pub(crate) fn colours(residuals: &[Vec<f64>], n_columns: usize, repeats: &[Vec<bool>]) -> Vec<Colour> {
     (0..n_columns)
         .map(|column| {
-            let series: Vec<Vec<f64>> =
-                residuals.iter().map(|w| w.iter().skip(column).step_by(n_columns).copied().collect()).collect();
+            let mut within = 0.0;
+            let of_window = |(w, all): (usize, &Vec<f64>)| -> Vec<f64> {
+                let rows: Vec<f64> = all.iter().skip(column).step_by(n_columns).copied().collect();
+                let own = repeats.get(w).filter(|own| !own.is_empty());
+                let Some(cells) = own.and_then(|own| {
+                    let repeats = own.iter().skip(column).step_by(n_columns);
+                    Cells::new(rows.iter().map(|e| e.is_finite()).zip(repeats.copied()))
+                }) else {
+                    return rows;
+                };
+                let means = cells.means(&rows);
+                within += cells.within(&rows, &means);
+                means
+            };
+            let series: Vec<Vec<f64>> = residuals.iter().enumerate().map(of_window).collect();
             let count = series.iter().flatten().filter(|e| e.is_finite()).count();
             let variance =
                 series.iter().flatten().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>() / count.max(1) as f64;
             let covariance: Vec<f64> = (0..=MAX_ORDER).map(|lag| variance * autocorrelation(&series, lag)).collect();
-            let colour = levinson(&covariance, count);
-            let has_holes = count < series.iter().map(Vec::len).sum();
-            if has_holes { Colour { error: prediction_error(&colour, &series), ..colour } } else { colour }
+            let mut colour = levinson(&covariance, count);
+            if count < series.iter().map(Vec::len).sum() {
+                colour.error = prediction_error(&colour, &series);
+            }
+            // What is missed of the repeats is no part of the noise, and adds to whatever is left.
+            let within = within / count.max(1) as f64;
+            colour.innovation += within;
+            colour.error += within;
+            colour.covariance[0] += within;
+            colour
         })
         .collect()
 }
@@ -78,19 +100,19 @@ mod tests {
     #[test]
     fn an_autoregressive_series_gives_its_coefficient_back_and_becomes_white() {
         let series = slow_noise(1, 4000);
-        let colour = colours(std::slice::from_ref(&series), 1).remove(0);
+        let colour = colours(std::slice::from_ref(&series), 1, &[]).remove(0);
         // Standard error sqrt((1 - 0.8^2)/4000) = 0.01.
         assert!((colour.coefficients[0] - 0.8).abs() < 0.04, "{colour:?}");
         assert!((colour.innovation - 1.0).abs() < 0.1);
         let mut white = DVector::from_vec(series);
-        Whitener::new(&[colour], &[true; 4000]).whiten(&mut white);
-        let white = colours(&[white.as_slice().to_vec()], 1).remove(0);
+        Whitener::new(&[colour], &[true; 4000], &[]).whiten(&mut white);
+        let white = colours(&[white.as_slice().to_vec()], 1, &[]).remove(0);
         assert!(white.coefficients.is_empty(), "{white:?}");
     }
 
     #[test]
     fn white_noise_is_taken_as_white() {
-        let colour = colours(&[noise(2, 3000)], 1).remove(0);
+        let colour = colours(&[noise(2, 3000)], 1, &[]).remove(0);
         assert!(colour.coefficients.is_empty());
         assert!((colour.covariance[0] - 1.0).abs() < 0.1);
     }
@@ -99,7 +121,7 @@ mod tests {
     fn missing_values_are_left_out() {
         let mut series = noise(3, 2000);
         series.iter_mut().step_by(7).for_each(|v| *v = f64::NAN);
-        let colour = colours(&[series], 1).remove(0);
+        let colour = colours(&[series], 1, &[]).remove(0);
         assert!((colour.variance() - 1.0).abs() < 0.12);
         assert!(colour.coefficients.len() <= 1);
     }
@@ -121,12 +143,12 @@ mod tests {
                 *value = f64::NAN;
             }
         }
-        let colour = colours(&[series], 1).remove(0);
+        let colour = colours(&[series], 1, &[]).remove(0);
         assert!(colour.error > 1.0, "{colour:?}");
         // Noise alone is what it is.
         let mut alone = slow_noise(6, 3000);
         alone.iter_mut().step_by(3).for_each(|v| *v = f64::NAN);
-        let colour = colours(&[alone], 1).remove(0);
+        let colour = colours(&[alone], 1, &[]).remove(0);
         // A hole makes the value behind it as uncertain as 1 + 0.8^2: the geometric mean over half of the values is 1.28.
         assert!((colour.error - 1.28).abs() < 0.1, "{colour:?}");
     }
@@ -134,9 +156,9 @@ mod tests {
     #[test]
     fn holes_bias_neither_the_colour_nor_the_size_of_the_noise() {
         let mut series = slow_noise(3, 20_000);
-        let full = colours(std::slice::from_ref(&series), 1).remove(0);
+        let full = colours(std::slice::from_ref(&series), 1, &[]).remove(0);
         series.iter_mut().step_by(3).for_each(|v| *v = f64::NAN);
-        let holed = colours(&[series], 1).remove(0);
+        let holed = colours(&[series], 1, &[]).remove(0);
         assert_eq!(holed.count, 13_333);
         // Standard error sqrt((1 - 0.8^2)/20000) = 0.004, more with a third missing.
         assert!((holed.coefficients[0] - full.coefficients[0]).abs() < 0.03, "{holed:?}");

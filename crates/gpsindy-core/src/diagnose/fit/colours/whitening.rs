@@ -5,11 +5,15 @@
 //! observations", section 3.
 
 use crate::diagnose::fit::colours::autoregression::Colour;
+use crate::diagnose::fit::colours::cells::Cells;
 use crate::diagnose::limits::MAX_ORDER;
 use nalgebra::DVector;
 
 /// Values that are filtered side by side. Exact.
 const BLOCK: usize = 8;
+
+/// Values after which all that an autoregression looks at are known. Exact.
+const START: usize = MAX_ORDER + 1;
 
 /// What is done with one value.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,18 +39,28 @@ struct Filter {
     scale: f64,
     /// From the first value on; after the last of them all steps are plain.
     steps: Vec<Step>,
+    /// Of a column that repeats its readings: it is filtered cell by cell.
+    cells: Option<Cells>,
 }
 
 impl Whitener {
-    /// `present`: whether a value was measured, sample by sample.
-    pub(crate) fn new(colours: &[Colour], present: &[bool]) -> Self {
+    /// `present`: whether a value was measured, sample by sample; `repeats`: whether it repeats the one before, nothing where none does.
+    pub(crate) fn new(colours: &[Colour], present: &[bool], repeats: &[bool]) -> Self {
         let filters = colours.iter().enumerate().map(|(column, colour)| {
             let is_white = colour.coefficients.is_empty() && colour.innovation == 1.0;
             let own = present.iter().skip(column).step_by(colours.len()).copied();
-            (!is_white).then(|| Filter {
+            let repeats = repeats.iter().skip(column).step_by(colours.len()).copied();
+            let cells = Cells::new(own.clone().zip(repeats));
+            (!is_white || cells.is_some()).then(|| Filter {
                 coefficients: colour.coefficients.clone(),
                 scale: colour.innovation.sqrt().recip(),
-                steps: steps(colour, own),
+                // No cell is missing.
+                steps: if cells.is_some() {
+                    steps(colour, std::iter::repeat_n(true, START))
+                } else {
+                    steps(colour, own)
+                },
+                cells,
             })
         });
         Self { filters: filters.collect() }
@@ -61,7 +75,15 @@ impl Whitener {
             if let Some(filter) = filter {
                 own.clear();
                 own.extend(values.chunks_exact(stride).map(|sample| sample[column]));
-                filter.run(&mut own);
+                match &filter.cells {
+                    Some(cells) => {
+                        let means = cells.means(&own);
+                        let mut whitened = means.clone();
+                        filter.run(&mut whitened);
+                        cells.spread(&mut own, (&means, &whitened), filter.scale);
+                    }
+                    None => filter.run(&mut own),
+                }
                 values.chunks_exact_mut(stride).zip(&own).for_each(|(sample, own)| sample[column] = *own);
             }
         }
@@ -85,7 +107,7 @@ pub(crate) fn prediction_error(colour: &Colour, series: &[Vec<f64>]) -> f64 {
                 logarithms += 2.0 * (scale / own).ln();
             }
         }
-        Filter { coefficients: colour.coefficients.clone(), scale, steps }.run(&mut values);
+        Filter { coefficients: colour.coefficients.clone(), scale, steps, cells: None }.run(&mut values);
         squares += values.iter().map(|v| v * v).sum::<f64>();
         count += there().filter(|&is_there| is_there).count() as f64;
     }
@@ -225,7 +247,7 @@ mod tests {
         let mut values = DVector::from_fn(80, |k, _| if present[k] { value(k / 2) } else { 0.0 });
         let other: Vec<f64> = values.iter().skip(1).step_by(2).copied().collect();
         let colours = [colour, white];
-        Whitener::new(&colours, &present).whiten(&mut values);
+        Whitener::new(&colours, &present, &[]).whiten(&mut values);
         let found: f64 = values.iter().step_by(2).map(|v| v * v).sum();
         assert!((found / expected - 1.0).abs() < 1e-10, "{found} beside {expected}");
         assert!(values.iter().skip(1).step_by(2).eq(other.iter()));

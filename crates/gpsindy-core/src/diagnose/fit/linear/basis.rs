@@ -138,7 +138,11 @@ impl Basis {
         let projected = |(window, block): (usize, &crate::refine::Block)| {
             let whitening = match guide {
                 Some(guide) => Whitening::Innovations(guide.whitening[window].clone()),
-                None => Whitening::Noise(Whitener::new(&colours, &block.present)),
+                None => Whitening::Noise(Whitener::new(
+                    &colours,
+                    &block.present,
+                    &fitted.experiment.repeats(&fitted.experiment.windows[window]),
+                )),
             };
             let mut derivative = block.derivative.clone();
             for mut column in derivative.column_iter_mut() {

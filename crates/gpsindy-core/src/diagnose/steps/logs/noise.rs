@@ -1,16 +1,18 @@
 //! The noise of every column and the outliers in it, from the logs alone.
 
+use crate::diagnose::catalogue::excited::repeats::{Repeats, readings};
 use crate::diagnose::limits::{BENT, OF_MEDIAN, OUTLIER, SPIKE_LIKE, TRIMMED};
 use crate::refine::{Log, present};
 
 /// Noise standard deviation of each column from differences of its samples, in its unit.
 ///
 /// Differences of order 2 to 5, scaled to unit noise gain; the smallest is least spoilt by the signal.
-/// Never below the noise of the sensor's step.
+/// Never below the noise of the sensor's step. Of a sensor that is slower than the log, differences of its readings.
 pub(crate) fn noise_levels(logs: &[Log], n_columns: usize) -> Vec<f64> {
     (0..n_columns)
         .map(|column| {
-            let by_order = (2..=5).map(|order| difference_noise(logs, column, order));
+            let samples = samples(logs, column);
+            let by_order = (2..=5).map(|order| difference_noise(&samples, order));
             let smallest = by_order.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
             let step = resolution(logs, column) / 12f64.sqrt();
             let size = logs
@@ -39,13 +41,24 @@ pub(crate) fn still_levels(noise: &mut [f64], logs: &[Log], units: &[&str], scal
     }
 }
 
-fn difference_noise(logs: &[Log], column: usize, order: usize) -> f64 {
+/// Share of the values of each column that are readings.
+pub(crate) fn news(logs: &[Log], n_columns: usize) -> Vec<f64> {
+    (0..n_columns).map(|column| Repeats::of(logs, column).map_or(1.0, |repeats| repeats.news)).collect()
+}
+
+/// What a column read, log by log, and in which rows.
+///
+/// A column with a rate of its own has no value in the rows of the others: its samples follow each other across those.
+fn samples(logs: &[Log], column: usize) -> Vec<Vec<(usize, f64)>> {
+    let of: fn(&[f64]) -> Vec<(usize, f64)> = if Repeats::of(logs, column).is_some() { readings } else { present };
+    logs.iter().map(|log| of(&log.measured[column])).collect()
+}
+
+fn difference_noise(present: &[Vec<(usize, f64)>], order: usize) -> f64 {
     let binomial = |k: usize| (0..k).fold(1.0, |b, i| b * (order - i) as f64 / (i + 1) as f64);
     let weights: Vec<f64> = (0..=order).map(|k| if k % 2 == 0 { binomial(k) } else { -binomial(k) }).collect();
     let gain: f64 = weights.iter().map(|w| w * w).sum();
-    // A column with a rate of its own has no value in the rows of the others: its samples follow each other across those.
-    let present: Vec<Vec<(usize, f64)>> = logs.iter().map(|l| present(&l.measured[column])).collect();
-    let usual = usual_step(&present);
+    let usual = usual_step(present);
     let mut squares: Vec<f64> = present
         .iter()
         .flat_map(|samples| samples.windows(order + 1))
@@ -88,7 +101,7 @@ pub(crate) fn resolution(logs: &[Log], column: usize) -> f64 {
 pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
     let mut removed = 0;
     for c in 0..noise.len() {
-        let present: Vec<Vec<(usize, f64)>> = logs.iter().map(|l| present(&l.measured[c])).collect();
+        let present = samples(logs, c);
         let (usual, noise) = (usual_step(&present), noise[c]);
         for (log, there) in logs.iter_mut().zip(&present) {
             // Beside a hole nothing says how far the column may have moved.
@@ -108,7 +121,10 @@ pub(crate) fn remove_outliers(logs: &mut [Log], noise: &[f64]) -> usize {
                 .collect();
             removed += spikes.len();
             for i in spikes {
-                log.measured[c][there[i + 1].0] = f64::NAN;
+                // With its repeats, where it has any.
+                let (first, value) = there[i + 1];
+                let repeated = log.measured[c][first..there[i + 2].0].iter_mut();
+                repeated.filter(|v| **v == value).for_each(|v| *v = f64::NAN);
             }
         }
     }

@@ -14,7 +14,7 @@ use crate::diagnose::run::Run;
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::affordable::affordable;
 use crate::diagnose::steps::logs::check;
-use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, still_levels};
+use crate::diagnose::steps::logs::noise::{news, noise_levels, remove_outliers, still_levels};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
 use crate::error::Result;
 use crate::excitation::{choose, excitation, variance};
@@ -137,6 +137,7 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
         experiment = sparser;
         notes.push(Note::Decimated { stride });
     }
+    experiment.news = news(&experiment.logs, n_columns);
     let free = tolerated(system.model());
     let parameters = system.parameter_values();
     let start = guess_initial(system, &experiment);

@@ -202,7 +202,7 @@ fn weights(residuals: &[f64], n_columns: usize) -> Vec<f64> {
         let size = colour.spectrum().max(colour.variance()).max(1.0);
         if size.is_finite() { 1.0 / size } else { 0.0 }
     };
-    colours(std::slice::from_ref(&residuals.to_vec()), n_columns).iter().map(one).collect()
+    colours(std::slice::from_ref(&residuals.to_vec()), n_columns, &[]).iter().map(one).collect()
 }
 
 /// Cost, curvature and slope of one window's start.

@@ -18,6 +18,7 @@ use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
 use crate::parallel;
 use crate::random::normal;
+use crate::refine::{Block, Window};
 use nalgebra::DVector;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
@@ -99,18 +100,30 @@ fn chance(seen: f64, simulated: &[f64]) -> f64 {
 
 /// A fit whose residuals are drawn: as a view, what is to be taken from those that were seen.
 fn drawn(at: &Linearised<'_>, random: &mut ChaCha8Rng) -> Out {
-    let colours = &at.contestant.evidence.colours;
-    let one = |block: &crate::refine::Block| {
+    let (colours, experiment) = (&at.contestant.evidence.colours, &at.contestant.experiment);
+    let one = |(window, block): (&Window, &Block)| {
+        let repeats = experiment.repeats(window);
         let mut residual = DVector::zeros(block.residual.len());
         for (c, colour) in colours.iter().enumerate() {
             let mut series = noise(colour, random);
+            let mut last = 0.0;
             let samples = residual.as_mut_slice().chunks_exact_mut(colours.len());
-            samples.for_each(|sample| sample[c] = series());
+            samples.enumerate().for_each(|(i, sample)| {
+                // A repeat has the noise of the reading that it repeats.
+                if !repeats.get(i * colours.len() + c).is_some_and(|&repeats| repeats) {
+                    last = series();
+                }
+                sample[c] = last;
+            });
         }
         residual.iter_mut().zip(&block.present).filter(|(_, there)| !**there).for_each(|(value, _)| *value = 0.0);
         &block.residual - residual
     };
-    Out { places: Vec::new(), free: Vec::new(), change: at.jacobian.blocks.iter().map(one).collect() }
+    Out {
+        places: Vec::new(),
+        free: Vec::new(),
+        change: experiment.windows.iter().zip(&at.jacobian.blocks).map(one).collect(),
+    }
 }
 
 /// Noise of a column, value by value: of its colour where it is of a sensor's size, else only what of it is new in each sample.

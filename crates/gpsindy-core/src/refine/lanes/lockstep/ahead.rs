@@ -208,6 +208,7 @@ mod tests {
                 logs: vec![log].into(),
                 columns: Vec::new(),
                 noise: Vec::new(),
+                news: Vec::new(),
                 windows: [0, 7].map(|first| Window { log: 0, first, last: SAMPLES - 1 }).into(),
                 hold: Hold::Zero,
                 past: Past::Still,

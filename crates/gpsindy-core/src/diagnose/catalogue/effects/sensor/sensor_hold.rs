@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "sample_hold(x, 0.4, 0)"),
     in_mjcf: None,
-    about: "Period and phase are found by trial, because the values that are shown change in jumps when they move; the other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",
+    about: "Where a column shows its last reading again until the next one, with its noise, period and phase begin at what the repeats show, and a reading counts once however often it is repeated. Else period and phase are found by trial, because the values that are shown change in jumps when they move. The other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -44,4 +44,57 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.see_as("sample_hold(x, T, 0)", "T")?;
     Ok(Some(planting.late().called("T")))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::Dataset;
+    use crate::diagnose::fixture::{slider, slider_model};
+    use crate::diagnose::report::{Diagnosis, Verdict};
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::expression::Expression;
+    use crate::model::Model;
+    use crate::progress::Silent;
+
+    const CELL: usize = 14;
+
+    /// Logs of `v' = u - 3 v` whose place is read at every so-many-th sample, with noise, from the third on.
+    fn logs(seed: u64) -> Dataset {
+        let rate = |_: f64, v: f64, u: f64| u - 3.0 * v;
+        let input = |time: f64, run: f64| 5.0 * (0.9 * time + run).sin() + 3.0 * (2.3 * time + 2.0 * run).sin();
+        let data = slider(seed, rate, input, [0.06, 0.02], 500);
+        let mut runs = data.runs().to_vec();
+        for run in &mut runs {
+            for i in 1..run.n_samples() {
+                if i % CELL != 3 {
+                    run.values[(i, 0)] = run.values[(i - 1, 0)];
+                }
+            }
+        }
+        Dataset::new(data.channels().to_vec(), runs).unwrap()
+    }
+
+    fn found(model: &Model, seed: u64) -> Diagnosis {
+        let (train, holdout) = hold_out(&logs(seed)).unwrap();
+        Diagnose::default().run(model, &train, &holdout, &Silent).unwrap().diagnosis
+    }
+
+    #[test]
+    fn a_sensor_that_holds_its_readings_and_their_noise_is_all_that_a_log_shows() {
+        let found = found(&slider_model("u - 3*v"), 1);
+        let names: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!((names.as_slice(), found.verdict), (&["sensor_hold"][..], Verdict::Explained), "{:?}", found.checks);
+        let cause = found.included().next().unwrap();
+        assert!((cause.parameters[0].value - 0.02 * CELL as f64).abs() < 2e-3, "{:?}", cause.parameters);
+    }
+
+    #[test]
+    fn a_model_that_knows_of_the_hold_has_no_gap() {
+        let mut model = slider_model("u - 3*v");
+        model.states[0].measured = Some(Expression::parse("sample_hold(x, 0.28, 0.06)").unwrap());
+        let alarms = (1..=6).filter(|&seed| found(&model, seed).gap.detected).count();
+        // Two or more of six have a chance of 0.03 at a level of 5 %.
+        assert!(alarms < 2, "{alarms}");
+    }
 }
