@@ -3,7 +3,7 @@
 //! `cargo run --release -p gpsindy-report --example pages -- FOLDER`
 #![allow(missing_docs, unreachable_pub)]
 
-#[path = "../tests/fixtures/mod.rs"]
+#[path = "../tests/public/fixtures/mod.rs"]
 mod fixtures;
 
 fn main() -> std::io::Result<()> {

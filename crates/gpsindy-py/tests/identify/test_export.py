@@ -1,6 +1,6 @@
 """Exported equations are read back by readers of those languages and give the numbers of our own integrator.
 
-Python, C and Rust are compiled and run by `crates/gpsindy-core/tests/export.rs`.
+Python, C and Rust are compiled and run by `crates/gpsindy-core/tests/public/export.rs`.
 """
 
 from __future__ import annotations

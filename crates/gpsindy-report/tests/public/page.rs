@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-mod fixtures;
+use crate::fixtures;
 
 use gpsindy_report::{LogFacts, Provenance, render, render_with, summary, summary_with};
 

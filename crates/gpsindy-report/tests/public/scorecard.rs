@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-mod fixtures;
+use crate::fixtures;
 
 use gpsindy_core::diagnose::report::*;
 use gpsindy_core::diagnose::{Handed, Member};

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-mod fixtures;
+use crate::fixtures;
 
 use serde_json::Value;
 
