@@ -20,6 +20,8 @@ pub(crate) struct Scene {
     pub(crate) clocks: Vec<String>,
     /// Period and phase, s, of the sensor of every logged state that repeats its readings; nothing of other states.
     pub(crate) samplings: Vec<Option<(f64, f64)>>,
+    /// Periods and phases, s, that every control may be held with, by what a fit leaves; nothing before one was looked at.
+    pub(crate) holds: Vec<Vec<(f64, f64)>>,
     /// Typical size of every state's rate, in its unit per second.
     pub(crate) rates: Vec<f64>,
     /// Median sampling period, s.
@@ -90,6 +92,7 @@ impl Scene {
             turns,
             clocks,
             samplings,
+            holds: Vec::new(),
             rates,
             period,
             times,

@@ -206,6 +206,7 @@ mod tests {
             turns: Vec::new(),
             clocks: Vec::new(),
             samplings: Vec::new(),
+            holds: Vec::new(),
             rates: Vec::new(),
             period: 0.01,
             times: (0.0, 1.0),

@@ -327,7 +327,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Periods at which a sample-and-hold is tried, in samples of the log: about a quarter apart. That of a sensor that repeats its readings
-    /// is known.
+    /// is known; of a control those come first that what a fit leaves points to.
     pub(crate) fn samplings(&self) -> Vec<Start> {
         if let Some((period, phase)) = self.seen() {
             return vec![keep(&[period, phase])];
@@ -335,7 +335,10 @@ impl<'a> Writer<'a> {
         const SAMPLES: [f64; 12] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0];
         let longest = 0.1 * self.scene.duration;
         let periods = SAMPLES.iter().map(|samples| samples * self.scene.period);
-        periods.take_while(|&period| period <= longest).map(|period| keep(&[period, self.scene.times.0])).collect()
+        let tried = periods.take_while(|&period| period <= longest).map(|period| keep(&[period, self.scene.times.0]));
+        let control = self.hypothesis.variables.first().and_then(|name| self.model.control_index(name));
+        let pointed = control.and_then(|control| self.scene.holds.get(control)).into_iter().flatten();
+        pointed.map(|&(period, phase)| keep(&[period, phase])).chain(tried).collect()
     }
 
     /// What the column of the hypothesis reads now.

@@ -6,6 +6,8 @@
 //! length on a lattice twice as fine, to the end. Whole numbers of samples that begin with the first log are tried throughout:
 //! that is what a log has that its own controller wrote.
 
+pub(crate) mod jitter;
+
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::sampling::{

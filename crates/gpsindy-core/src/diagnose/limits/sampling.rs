@@ -47,5 +47,17 @@ pub(crate) const LONGER: f64 = 0.25;
 pub(crate) const FITTING: f64 = 0.95;
 pub(crate) const OFF_STAMP: f64 = 0.25;
 
-/// Parts of a turn by which the phase at the end of the logs moves from one period to the next. Convention.
+/// Ratio of the periods at which the jitter of a held control is rolled out: a sixteenth to either side of one, its size is within an eighth
+/// of that of its neighbours. Argument.
+pub(crate) const NEAR: f64 = 1.125;
+
+/// Samples of the log in the longest period whose jitter is looked for: as of those that are tried. Convention.
+pub(crate) const LONGEST_SEEN: f64 = 40.0;
+
+/// Parts of a turn by which the phase at the end of the logs moves from one period to the next, and how many periods are tried near one at
+/// most. Convention.
 pub(crate) const TURN_OF: f64 = 4.0;
+pub(crate) const MOST_TURNS: usize = 4096;
+
+/// Periods of a held control that a fit goes on from by its jitter. A count like [`super::SWAPPED`]. Convention.
+pub(crate) const SEEN: usize = 2;

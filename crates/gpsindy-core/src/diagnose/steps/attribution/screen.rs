@@ -11,6 +11,7 @@ use crate::diagnose::fit::linear::basis::{Basis, Out, View};
 use crate::diagnose::fit::linear::gains::{gains, gains_of_family};
 use crate::diagnose::fit::linear::outs::{in_place, interact, outs};
 use crate::diagnose::fit::peaks::peaks;
+use crate::diagnose::fit::sampling::jitter::samplings;
 use crate::diagnose::limits::{SCREENED, SKETCHED, SWAPPED};
 use crate::diagnose::run::Stage;
 use crate::diagnose::steps::attribution::contest::Contest;
@@ -34,7 +35,9 @@ pub(crate) fn screen(
     base: &Contestant,
     (stage, only): (&str, Option<Range<usize>>),
 ) -> Result<Survey> {
-    let scene = Scene { peaks: peaks(base), ..contest.scene_of(base) };
+    let at = base.linearised()?;
+    let scene = contest.scene_of(base);
+    let scene = Scene { peaks: peaks(base), holds: samplings(&contest.hypotheses, &at, &scene), ..scene };
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
     // Where there are innovations, all suspects have their turn with them, too.
@@ -42,7 +45,6 @@ pub(crate) fn screen(
     let count = only.as_ref().map_or(suspects.len(), Range::len);
     let stage = contest.run.stage(stage, turns * count)?;
     let screening = Screening { contest, nominal, base, scene, suspects, only, stage };
-    let at = base.linearised()?;
     if base.system.engine().is_some() {
         // Its derivatives along all windows serve for a part, too.
         let Refined { parameters, initial, .. } = &base.refined;
