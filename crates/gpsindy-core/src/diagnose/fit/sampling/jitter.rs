@@ -15,6 +15,7 @@ use crate::diagnose::fit::linear::responses::responses;
 use crate::diagnose::limits::sampling::{LONGEST_SEEN, MOST_TURNS, NEAR, SEEN, TURN_OF};
 use crate::parallel;
 use nalgebra::DVector;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// Quarters of a period. Exact.
@@ -106,6 +107,16 @@ fn signal(
     all
 }
 
+/// The signal summed over every period, in whose time no turn that is tried changes by more than a sixteenth.
+fn by_period(signal: &[(f64, f64, f64)], first: f64, period: f64) -> impl Iterator<Item = (f64, f64, f64)> {
+    let mut sums: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
+    for &(t, cosine, sine) in signal {
+        let sum = sums.entry(((t - first) / period) as u64).or_default();
+        *sum = (sum.0 + cosine, sum.1 + sine);
+    }
+    sums.into_iter().map(move |(k, (cosine, sine))| (first + (k as f64 + 0.5) * period, cosine, sine))
+}
+
 /// The period near `period` and the phase at which the signal agrees best.
 fn turned(signal: &[(f64, f64, f64)], period: f64, power: f64) -> Option<Turned> {
     let (first, last) = signal.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s.0), b.max(s.0)));
@@ -115,9 +126,9 @@ fn turned(signal: &[(f64, f64, f64)], period: f64, power: f64) -> Option<Turned>
     let count = (2.0 * reach / step).ceil() as usize + 1;
     let turn = |by: f64, t: f64| (by * t).sin_cos();
     // (cosine - i sine) e^(i turn t), which goes on by one step at a time.
-    let mut now: Vec<(f64, f64)> = Vec::with_capacity(signal.len());
-    let mut by: Vec<(f64, f64)> = Vec::with_capacity(signal.len());
-    for &(t, cosine, sine) in signal {
+    let mut now: Vec<(f64, f64)> = Vec::new();
+    let mut by: Vec<(f64, f64)> = Vec::new();
+    for (t, cosine, sine) in by_period(signal, first, period) {
         let (s, c) = turn(-reach, t);
         now.push((cosine * c + sine * s, cosine * s - sine * c));
         by.push(turn(step, t));
