@@ -158,14 +158,17 @@ fn search(
         phases.map(move |phase| Sampling { period, phase, apart })
     });
     let descent = Descent { grid: &grid, range: (low, high), costs: &costs };
-    let found = if at == grid.first {
-        descent.of(trials.collect(), ((CELLS * start).clamp(step, whole), KEPT), &in_step)?
-    } else {
-        // What was pointed to or found before is right nearly to the end of the logs: an eighth of a period off there.
+    let length = (CELLS * start).clamp(step, whole);
+    let mut found = descent.of(trials.collect(), (length, KEPT), &in_step)?;
+    if at != grid.first {
+        // What was pointed to or found before may be right nearly to the end of the logs: an eighth of a period off there.
         let apart = (start * start / (TURN_OF * 2.0 * whole), start / (2.0 * PHASES));
         let near = Sampling { period: start, phase: at, apart };
-        descent.of(vec![near], (whole, FEWEST_TRIALS), &in_step)?
-    };
+        let near = descent.of(vec![near], (whole, FEWEST_TRIALS), &[])?;
+        let is_better = |near: &(Sampling, f64)| found.is_none_or(|found| near.1 < found.1);
+        found = near.filter(is_better).or(found);
+    }
+    let found = found.map(|(sampling, _)| sampling);
     let Sampling { period, phase, apart } = found.unwrap_or(alone(start, grid.first));
     let phase = Grid::since(grid.first, phase, period);
     // Shortly before a period is over is shortly before the first sample.
@@ -181,14 +184,14 @@ struct Descent<'a, F> {
 }
 
 impl<F: Fn(f64, &[Sampling]) -> Result<Vec<f64>>> Descent<'_, F> {
-    /// The best of `trials` and of their neighbours on all logs; from a beginning of this length on, on which so many are kept.
+    /// The best of `trials` and of their neighbours, and its cost on all logs; from a beginning of this length on, on which so many are kept.
     /// `always`: what is tried throughout.
     fn of(
         &self,
         mut trials: Vec<Sampling>,
         (mut length, mut most): (f64, usize),
         always: &[Sampling],
-    ) -> Result<Option<Sampling>> {
+    ) -> Result<Option<(Sampling, f64)>> {
         let Self { grid, range, costs } = self;
         let whole = (grid.end - grid.begin).max(grid.step);
         loop {
@@ -200,7 +203,7 @@ impl<F: Fn(f64, &[Sampling]) -> Result<Vec<f64>>> Descent<'_, F> {
             let is_fine = |t: &Sampling| t.apart.0 * (whole / t.period) < FINE * grid.step;
             if length >= whole && trials.iter().all(is_fine) {
                 let best = order.first();
-                return Ok(best.map(|&i| trials[i]));
+                return Ok(best.map(|&i| (trials[i], found[i])));
             }
             // The whole has no more to show: from here on the best of it can be distinguished.
             most = if length >= whole { (most / 2).max(FEWEST_TRIALS) } else { most };
