@@ -47,6 +47,12 @@ pub(crate) const LONGER: f64 = 0.25;
 pub(crate) const FITTING: f64 = 0.95;
 pub(crate) const OFF_STAMP: f64 = 0.25;
 
+/// Steps, or periods, below which there is one and not two. Argument.
+pub(crate) const ONE_NOT_TWO: f64 = 1.5;
+
+/// Share of the longest run in the longest period whose jitter is looked for: ten of them, as where it is tried. Convention.
+pub(crate) const OF_RUN: f64 = 0.1;
+
 /// Ratio of the periods at which the jitter of a held control is rolled out: a sixteenth to either side of one, its size is within an eighth
 /// of that of its neighbours. Argument.
 pub(crate) const NEAR: f64 = 1.125;

@@ -3,7 +3,9 @@
 //! Such a column shows a reading again, with its noise, until the next one comes. A repeat says nothing that the reading did not say, and
 //! when the values change is when the sensor samples.
 
-use crate::diagnose::limits::sampling::{FEWEST_CHANGES, FITTING, IRREGULAR, LONGER, OFF_STAMP, SHORTEST_REPEAT};
+use crate::diagnose::limits::sampling::{
+    FEWEST_CHANGES, FITTING, IRREGULAR, LONGER, OFF_STAMP, ONE_NOT_TWO, SHORTEST_REPEAT,
+};
 use crate::refine::{Log, present};
 
 /// What the repeats of a column say of its sensor.
@@ -42,7 +44,7 @@ impl Repeats {
             short >= SHORTEST_REPEAT && gaps[gaps.len() * 3 / 4] as f64 <= (1.0 + LONGER) * short as f64 + 1.0;
         // A ramp that is read in coarse steps repeats its values regularly, too, and goes on by one step.
         let step = jumps.iter().copied().fold(f64::INFINITY, f64::min);
-        let is_stepped = jumps.iter().filter(|&&jump| jump < 1.5 * step).count() * 2 > jumps.len();
+        let is_stepped = jumps.iter().filter(|&&jump| jump < ONE_NOT_TWO * step).count() * 2 > jumps.len();
         let firsts = logs.iter().filter(|log| log.measured[column].iter().any(|v| v.is_finite())).count();
         let news = (jumps.len() + firsts) as f64 / values.max(1) as f64;
         (is_regular && !is_stepped).then(|| Self { news, clock: clock(&changes) })
@@ -63,7 +65,7 @@ fn clock(changes: &[Vec<Change>]) -> Option<(f64, f64)> {
     periods.sort_by(f64::total_cmp);
     // Without those of readings that happen to be the same.
     let median = *periods.get(periods.len() / 2)?;
-    let usual = periods.iter().filter(|period| **period < 1.5 * median);
+    let usual = periods.iter().filter(|period| **period < ONE_NOT_TWO * median);
     let (sum, count) = usual.fold((0.0, 0.0), |(sum, count), period| (sum + period, count + 1.0));
     let all = || changes.iter().flatten();
     let &(before, first) = all().next()?;

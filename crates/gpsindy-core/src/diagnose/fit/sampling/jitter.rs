@@ -12,7 +12,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::colours::whitening::Whitener;
 use crate::diagnose::fit::contestant::Linearised;
 use crate::diagnose::fit::linear::responses::responses;
-use crate::diagnose::limits::sampling::{LONGEST_SEEN, MOST_TURNS, NEAR, SEEN, TURN_OF};
+use crate::diagnose::limits::sampling::{LONGEST_SEEN, MOST_TURNS, NEAR, OF_RUN, SEEN, TURN_OF};
 use crate::parallel;
 use nalgebra::DVector;
 use std::collections::BTreeMap;
@@ -50,7 +50,7 @@ fn of(hypothesis: &Hypothesis, at: &Linearised<'_>, scene: &Scene) -> Option<Vec
         all
     };
     let left = white(at.jacobian.blocks.iter().map(|block| block.residual.clone()).collect());
-    let longest = (0.1 * scene.duration).min(LONGEST_SEEN * scene.period);
+    let longest = (OF_RUN * scene.duration).min(LONGEST_SEEN * scene.period);
     let periods = std::iter::successors(Some(2.0 * scene.period), |period| Some(period * NEAR));
     let periods: Vec<f64> = periods.take_while(|&period| period <= longest).collect();
     let origin = scene.times.0;
