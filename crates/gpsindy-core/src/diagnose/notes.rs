@@ -74,6 +74,8 @@ pub enum Note {
         /// The parameter.
         name: String,
     },
+    /// Every parameter is at its nominal value, because the tolerated ones together would take the gap up and none alone does.
+    Pinned,
     /// The control is interpolated between its samples, not held.
     Interpolated,
     /// Held-out rollouts are shorter than the runs.
@@ -195,6 +197,7 @@ impl std::fmt::Display for Note {
                 f,
                 "the logs contradict the nominal value of parameter `{name}`; it is reported as a cause even if it stays within its tolerance"
             ),
+            Self::Pinned => f.write_str("the tolerated parameters together would take the gap up, though none of them alone; causes were looked for with each of them at its nominal value"),
             Self::Interpolated => f.write_str(
                 "the control looks interpolated between samples, not held, so no delay below one sample is claimed",
             ),

@@ -160,7 +160,9 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
         }
         // A simulator that steps has both ends in one step.
         Place::OtherEnd if model.calls_simulator() => Vec::new(),
-        Place::OtherEnd => controls().filter(|u| model.states[j].equation.contains(u)).map(|u| vec![u]).collect(),
+        Place::OtherEnd => {
+            controls().chain(position).filter(|z| model.states[j].equation.contains(z)).map(|z| vec![z]).collect()
+        }
         Place::Parameter | Place::Control | Place::Sensor | Place::Random => Vec::new(),
         Place::DriveAndSpeed | Place::Supply | Place::Rate => Vec::new(),
         Place::Contact | Place::Heated | Place::Gap => Vec::new(),

@@ -164,7 +164,7 @@ impl Hypothesis {
             return None;
         }
         // What acts at the other end of a spring has no force at this one.
-        if self.is(Effect::ElasticJoint) && self.variables.iter().any(|z| model.control_index(z).is_some()) {
+        if self.is(Effect::ElasticJoint) && self.variables.iter().any(|z| *z != model.states[self.state].name) {
             return None;
         }
         let mut moved = Self { site: Some(site.clone()), ..self.clone() };

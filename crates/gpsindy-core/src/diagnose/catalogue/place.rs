@@ -49,7 +49,7 @@ pub(crate) enum Place {
     Sensor,
     /// In an equation, on its own state and another force of it: a control or the place that it depends on.
     Load,
-    /// In an equation, on a control in it that may act at the other end of a spring.
+    /// In an equation, on a control or the position in it, which may act at the other end of a spring.
     OtherEnd,
     /// Wherever a control appears, on the state of the equation that it moves most.
     DriveAndSpeed,
@@ -91,7 +91,7 @@ impl Place {
             Self::Control => "every equation that contains a control",
             Self::Sensor => "a logged column",
             Self::Load => "a dynamic equation, as a function of its own state and of another force in it",
-            Self::OtherEnd => "a dynamic equation, as a function of a control in it",
+            Self::OtherEnd => "a dynamic equation, as a function of a control or the position in it",
             Self::DriveAndSpeed => {
                 "every equation that contains a control, as a function of the speed that the control drives"
             }

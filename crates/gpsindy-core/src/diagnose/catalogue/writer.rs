@@ -254,6 +254,16 @@ impl<'a> Writer<'a> {
         }
     }
 
+    /// How far the difference of two states goes along the nominal trajectories; `None` for other variables.
+    pub(crate) fn range_between(&self, one: usize, other: usize) -> Option<f64> {
+        let state = |index: usize| self.model.state_index(self.hypothesis.variables.get(index)?);
+        let (one, other) = (state(one)?, state(other)?);
+        let ends = |(low, high): (f64, f64), difference: f64| (low.min(difference), high.max(difference));
+        let differences = self.scene.moments.iter().map(|moment| moment[one] - moment[other]);
+        let (low, high) = differences.filter(|d| d.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+        (high > low).then_some(high - low)
+    }
+
     /// Typical size of a variable: of a state or of a control.
     pub(crate) fn size(&self, index: usize) -> f64 {
         self.excursion(index).map_or(1.0, Excursion::size)

@@ -1,7 +1,7 @@
 //! How far a fit moves the parameters of a contestant, and their standard deviations.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{AT_END, BELIEVED, EXPECTED};
+use crate::diagnose::limits::{AT_END, BELIEVED, CONVINCING, EXPECTED, MATERIAL, TOLERABLE};
 
 /// A tolerated parameter that the logs move.
 pub(crate) struct Moved {
@@ -28,6 +28,22 @@ pub(crate) fn moved(contestant: &Contestant) -> Vec<Moved> {
             (information > 0.0 && squared.is_finite()).then_some(Moved { parameter: f.parameter, squared, is_believed })
         })
         .collect()
+}
+
+/// The tolerated parameters that are moved clearly and materially, or that are at the end of their tolerance.
+pub(crate) fn clearly_moved(contestant: &Contestant) -> Vec<usize> {
+    let count = contestant.evidence.count().max(2) as f64;
+    let convincing = |moved: &Moved| {
+        let material = if moved.is_believed { TOLERABLE } else { MATERIAL };
+        let noise = contestant.evidence.misfit().min(1.0);
+        moved.squared > 2.0 * CONVINCING + count.ln() && moved.squared > material * count * noise
+    };
+    let mut all: Vec<usize> = moved(contestant).into_iter().filter(convincing).map(|m| m.parameter).collect();
+    let strained = (0..contestant.free.len()).filter(|&place| is_strained(contestant, place));
+    all.extend(strained.map(|place| contestant.free[place].parameter));
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// Whether free parameter number `place` is a tolerated one that is at the end of its tolerance.

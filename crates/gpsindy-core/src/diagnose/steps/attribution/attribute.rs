@@ -25,12 +25,15 @@ pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<J
     if !suspected.detected.gap {
         return Ok(suspected.without_gap());
     }
-    let Suspected { nominal, first, nameless, detected } = suspected;
+    let Suspected { nominal, first, nameless, detected, is_pinned } = suspected;
     let singles = first.singles();
     let Found { nominal, best: found, round, is_lengthened } = search(contest, nominal, first)?;
     let Settled { nominal, mut best, rests, left, mut notes, is_moved } = settle(contest, nominal, &found)?;
     if is_lengthened && !notes.contains(&Note::Lengthened) {
         notes.push(Note::Lengthened);
+    }
+    if is_pinned {
+        notes.push(Note::Pinned);
     }
     best = resettled(contest, best)?;
     let is_structured = is_structured(&best, &left);

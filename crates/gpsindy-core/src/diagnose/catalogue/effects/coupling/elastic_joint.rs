@@ -17,7 +17,7 @@ pub(super) static DEFINITION: Definition = Definition {
     name: "elastic joint",
     meaning: "The drive and its load are joined by a spring that the model assumes to be rigid.",
     family: Family::Coupling,
-    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else; or the same without what a control z does, which twists the spring from its other end",
+    form: "m*(omega^2*s + 2*zeta*omega*r), with two states of its own: the twist s and its rate r; and 1 + l*m times all else; or the same without what z does, which acts at the spring's other end",
     symbols: &["z"],
     parameters: "m: inertia of the load as a share of the drive's, or the drive's as one of the load's, omega: rad/s, zeta: damping, l: share of the load's inertia that the model has already, as part of its own",
     signature: "a resonance after each jump of the force, and no effect at slow motion",
@@ -36,12 +36,12 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*v + 0.6*(36*s + 1.2*r)"), ("s", "r"), ("r", "-36*s - 1.2*r - (2*u - 0.8*v)")],
     ),
     in_mjcf: None,
-    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia, unless the model has that of the load already. Where the state is that of the load, the drive's motion is hidden: the model is then the rigid one of both, and a very stiff spring changes nothing.",
+    about: "The twist is the position of the load relative to the drive. In the limit of a very stiff spring it is additional inertia, unless the model has that of the load already. Where the state is that of the load, a control acts at the hidden other end, and where a drive carries a weight or a spring, what depends on the place does: the model is then the rigid one of both, and a very stiff spring changes nothing.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
-    if let Some(drive) = drive_of(writer.hypothesis, &writer.model) {
-        return write_at_load(writer, &drive);
+    if let Some(z) = at_other_end(writer.hypothesis, &writer.model) {
+        return write_two_ends(writer, &z);
     }
     let state = writer.hypothesis.state;
     let (slowest, fastest) = swings(writer);
@@ -72,41 +72,47 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     Ok((0..7).flat_map(|k| shares.iter().map(move |share| start(k, share))).collect())
 }
 
-/// The control at the other end of the spring, where the state is the load's.
-fn drive_of(hypothesis: &Hypothesis, model: &Model) -> Option<String> {
-    hypothesis.variables.first().filter(|z| model.control_index(z).is_some()).cloned()
+/// What acts at the other end of the spring: a control, where the state is the load's, or what depends on the place, where it is the drive's.
+fn at_other_end(hypothesis: &Hypothesis, model: &Model) -> Option<String> {
+    hypothesis.variables.first().filter(|z| **z != model.states[hypothesis.state].name).cloned()
 }
 
-/// The equation of a load whose drive is the hidden one: what `drive` does to both bodies twists the spring, and all else moves the load.
+/// The equation of one end where what `z` does acts at the other one, which is hidden, and the model has the inertia of both.
 ///
-/// The twist is in units of the load's motion by the drive's share `m`, so that a drive without inertia is the limit in which the spring
-/// passes the force on, late.
-fn write_at_load(writer: &mut Writer<'_>, drive: &str) -> Result<Vec<Start>> {
+/// The twist is in units of the logged motion by the other end's share `m`, so that an end without inertia is the limit in which the
+/// spring passes the force on, late.
+fn write_two_ends(writer: &mut Writer<'_>, z: &str) -> Result<Vec<Start>> {
     let state = writer.hypothesis.state;
     let (slowest, fastest) = swings(writer);
-    let m = writer.add("m", 1.0, 1.0, (0.0, 10.0), "");
+    let is_place = writer.model.state_index(z).is_some();
+    // An end without inertia is at no place of its own.
+    let m = writer.add("m", 1.0, 1.0, (if is_place { 0.05 } else { 0.0 }, 20.0), "");
     let [omega, zeta] = spring(writer);
     let rigid = writer.model.states[state].equation.clone();
-    let (load, driven) = ends(&rigid, drive);
+    let (own, other) = ends(&rigid, z);
     let both = Expression::Number(1.0).plus(m.clone());
     let name = writer.model.states[state].name.clone();
     let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
     let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
     let symbols = [("s", twist.clone()), ("r", unwinding.clone()), ("omega", omega), ("zeta", zeta)];
     let pull = writer.form("omega^2*s + 2*zeta*omega*r", &symbols)?;
-    let rate = both.clone().times(load).plus(pull.clone());
+    let other = match is_place {
+        true => other.substitute(z, &Expression::variable(z).plus(twist.clone().over(m.clone()))),
+        false => other,
+    };
+    let rate = both.clone().times(own).plus(pull.clone());
     writer.model.states[state].equation = rate.clone();
     writer.set_rate(&twist, unwinding.clone());
-    writer.set_rate(&unwinding, both.times(driven).minus(pull).minus(m.times(rate)));
+    writer.set_rate(&unwinding, both.times(other).minus(pull).minus(m.times(rate)));
     let ratio = (fastest / slowest).max(1.0);
     let start = |k: i32| keep(&[1.0, slowest * ratio.powf(f64::from(k) / 9.0), 0.1]);
     Ok((0..10).map(start).collect())
 }
 
-/// A rate without what a control adds to it, and what that is.
-fn ends(rate: &Expression, control: &str) -> (Expression, Expression) {
-    let load = rate.substitute(control, &Expression::Number(0.0));
-    (load.clone(), rate.clone().minus(load))
+/// A rate without what a variable adds to it, and what that is.
+fn ends(rate: &Expression, z: &str) -> (Expression, Expression) {
+    let without = rate.substitute(z, &Expression::Number(0.0));
+    (without.clone(), rate.clone().minus(without))
 }
 
 /// The slowest and the fastest swing of a joint that is looked for, rad/s. Three swings between two starts: a slower one with a start of its own
@@ -124,8 +130,8 @@ fn spring(writer: &mut Writer<'_>) -> [Expression; 2] {
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let state = planting.hypothesis.state;
-    if let Some(drive) = drive_of(planting.hypothesis, &planting.model) {
-        return plant_at_load(planting, &drive).map(Some);
+    if let Some(z) = at_other_end(planting.hypothesis, &planting.model) {
+        return plant_two_ends(planting, &z).map(Some);
     }
     let omega = 0.12 * PI / planting.scene.period;
     let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
@@ -147,12 +153,16 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
 }
 
 /// Two bodies of the same inertia, of which the spring's is the period.
-fn plant_at_load(planting: &mut Planting<'_>, drive: &str) -> Result<Size> {
+fn plant_two_ends(planting: &mut Planting<'_>, z: &str) -> Result<Size> {
     let state = planting.hypothesis.state;
     let rigid = planting.model.states[state].equation.clone();
-    let (load, driven) = ends(&rigid, drive);
+    let (load, driven) = ends(&rigid, z);
     let (stretch, slip) = (planting.model.free_name("stretch"), planting.model.free_name("slip"));
     let own = |name: &str| Expression::variable(name.to_string());
+    let driven = match planting.model.state_index(z) {
+        Some(_) => driven.substitute(z, &own(z).plus(own(&stretch))),
+        None => driven,
+    };
     let symbols = [("x", own(&stretch)), ("v", own(&slip)), ("load", load), ("driven", driven)];
     let rate = planting.written("2*load + x/c^2 + 0.2*v/c", "c", &symbols)?;
     let unwinds = planting.written("2*driven - 2*load - 2*x/c^2 - 0.4*v/c", "c", &symbols)?;

@@ -44,8 +44,10 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let range = |index: usize| writer.excursion(index).map_or(1.0, Excursion::range);
     let travel = range(0).min(range(1));
+    // A shaft turns many times while it is twisted by a hundredth of a turn.
+    let twist = writer.range_between(0, 1).unwrap_or(travel).clamp(1e-6 * travel, travel);
     let unit = writer.unit_of(0);
-    let c = writer.add("c", 0.0, 0.01 * travel, (0.0, travel), &unit);
+    let c = writer.add("c", 0.0, (0.01 * travel).min(0.5 * twist), (0.0, travel), &unit);
     let [p, q] = [writer.variable(0)?, writer.variable(1)?];
     let gap = [p.clone().minus(q.clone()), q.minus(p)];
     let loose = |gap: &Expression| Expression::Call(Function::DeadZone, vec![gap.clone(), c.clone()]);
@@ -68,10 +70,11 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
             _ => part,
         });
     }
-    let sizes = [0.002, 0.005, 0.015, 0.04, 0.1, 0.25].map(|part| part * travel);
+    let smallest = (0.002 * travel).min(0.05 * twist);
+    let sizes = std::iter::successors(Some(smallest), |size| Some(2.7 * size)).take_while(|size| *size < 0.3 * travel);
     Ok(match damper {
-        Some(_) => sizes.iter().flat_map(|&c| [keep(&[c, 0.0]), keep(&[c, 1.0])]).collect(),
-        None => sizes.map(|c| keep(&[c])).into(),
+        Some(_) => sizes.flat_map(|c| [keep(&[c, 0.0]), keep(&[c, 1.0])]).collect(),
+        None => sizes.map(|c| keep(&[c])).collect(),
     })
 }
 

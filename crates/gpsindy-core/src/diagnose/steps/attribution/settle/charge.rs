@@ -3,8 +3,8 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
-use crate::diagnose::fit::moved::{Moved, is_strained, moved};
-use crate::diagnose::limits::{Budget, CONVINCING, MATERIAL, TOLERABLE};
+use crate::diagnose::fit::moved::clearly_moved;
+use crate::diagnose::limits::Budget;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
 
@@ -23,7 +23,7 @@ pub(crate) fn charge_tolerated(
     nominal: &Contestant,
     best: &Contestant,
 ) -> Result<Option<Charged>> {
-    let charged = charged(best);
+    let charged = clearly_moved(best);
     if charged.is_empty() {
         return Ok(None);
     }
@@ -47,20 +47,4 @@ pub(crate) fn charge_tolerated(
 
 fn is_error_of(hypothesis: &Hypothesis, parameter: &str) -> bool {
     hypothesis.frees() == Some(parameter)
-}
-
-/// The parameters that are moved, or that are at the end of their tolerance.
-fn charged(best: &Contestant) -> Vec<usize> {
-    let count = best.evidence.count().max(2) as f64;
-    let convincing = |moved: &Moved| {
-        let material = if moved.is_believed { TOLERABLE } else { MATERIAL };
-        let noise = best.evidence.misfit().min(1.0);
-        moved.squared > 2.0 * CONVINCING + count.ln() && moved.squared > material * count * noise
-    };
-    let mut charged: Vec<usize> = moved(best).into_iter().filter(convincing).map(|m| m.parameter).collect();
-    let strained = (0..best.free.len()).filter(|&place| is_strained(best, place));
-    charged.extend(strained.map(|place| best.free[place].parameter));
-    charged.sort_unstable();
-    charged.dedup();
-    charged
 }
