@@ -69,6 +69,13 @@ pub enum Note {
     Lengthened,
     /// No state moves in the held-out logs.
     StillHoldout,
+    /// Where no gap was found, what is left of this column is several times the noise that samples show beside each other.
+    SlowErrors {
+        /// The column.
+        column: String,
+        /// How many times.
+        times: f64,
+    },
     /// A parameter with a tolerance is a cause.
     ChargedParameter {
         /// The parameter.
@@ -200,6 +207,10 @@ impl std::fmt::Display for Note {
             Self::Pinned => f.write_str("the tolerated parameters together would take the gap up, though none of them alone; causes were looked for with each of them at its nominal value"),
             Self::Interpolated => f.write_str(
                 "the control looks interpolated between samples, not held, so no delay below one sample is claimed",
+            ),
+            Self::SlowErrors { column, times } => write!(
+                f,
+                "what is left of {column} is {times:.1} times the noise that its samples show beside each other, and is taken for a slow error of its sensor, because no suspect and no function explains it"
             ),
             Self::HoldoutRestarted { length } => write!(
                 f,

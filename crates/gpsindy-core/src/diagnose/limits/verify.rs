@@ -23,6 +23,10 @@ pub(crate) const QUIET: f64 = 0.1;
 /// a variance to a twentieth. Argument.
 pub(crate) const NO_GAP: f64 = 0.05;
 
+/// Times the noise that samples show beside each other from which a sensor's slow error is remarked on where no gap is found: an autoregression with
+/// a coefficient of 0.87 has as much. Convention.
+pub(crate) const SEVERAL: f64 = 2.0;
+
 /// Squared error of a column beyond its floor's, as a share of it, that the noise still allows a right model: its
 /// parameters and starts are fitted, and the floor is estimated. Set on development seeds 0 to 400 and 5000 to 5040. Data: as said.
 pub(crate) const ALLOWED: f64 = 0.25;

@@ -17,7 +17,7 @@ impl Cells {
     pub(crate) fn new(rows: impl Iterator<Item = (bool, bool)>) -> Option<Self> {
         let (mut cells, mut any) = (Self::default(), false);
         for (there, repeats) in rows {
-            if there && !(repeats && !cells.counts.is_empty()) {
+            if there && (!repeats || cells.counts.is_empty()) {
                 cells.counts.push(0.0);
             }
             any |= there && repeats;

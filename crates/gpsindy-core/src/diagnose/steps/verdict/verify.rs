@@ -6,7 +6,7 @@ use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::outputs;
 use crate::diagnose::limits::verify::{
-    ALLOWED, BLOCKS, DRAWS, GROWN, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY,
+    ALLOWED, BLOCKS, DRAWS, GROWN, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY, SEVERAL,
 };
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
@@ -101,6 +101,9 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let system = &nominal.system;
     let Heldout { experiment, moving, cut, floor, floor_source } = predictable(best, held_out(best, holdout)?);
     let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
+    let is_noise = !judged.detected.gap && floor_source == floor::SENSORS;
+    let (floor, slow) = if is_noise { with_slow_errors(best, &experiment, floor) } else { (floor, Vec::new()) };
+    notes.extend(slow);
     let resting: Vec<usize> =
         (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
     if !resting.is_empty() {
@@ -195,6 +198,16 @@ fn predictable(best: &Contestant, mut heldout: Heldout) -> Heldout {
         heldout = Heldout { cut: Some(experiment.longest_window()), experiment, floor, ..heldout };
     }
     heldout
+}
+
+/// The floor where no gap was found: all that the fit leaves of a column was taken for noise then, a slow error of its sensor, too, and no
+/// rollout misses by less. And what is to be said of columns where that is several times the noise that samples show beside each other.
+fn with_slow_errors(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> (Vec<f64>, Vec<Note>) {
+    let states = &best.system.model().states;
+    let left = |c: usize| best.evidence.colours[c].variance().sqrt() * best.experiment.noise[c] / experiment.noise[c];
+    let note = |c: usize| Note::SlowErrors { column: states[experiment.columns[c]].name.clone(), times: left(c) };
+    let notes = (0..floor.len()).filter(|&c| left(c) > SEVERAL).map(note).collect();
+    (floor.iter().enumerate().map(|(c, floor)| floor.max(left(c))).collect(), notes)
 }
 
 /// The floor in units of the noise, as everything here.

@@ -152,3 +152,25 @@ fn noise_that_remembers_a_sample_or_two_is_no_miss_of_the_right_cause() {
     let floor = diagnosis.closure.by_state[0].floor.unwrap();
     assert!((floor / 0.02 - 1.0).abs() < 0.15, "{floor}");
 }
+
+#[test]
+fn a_slow_error_of_a_sensor_is_said_and_no_rollout_misses_by_more() {
+    let (model, clean) = drive(None, |x| x, 1e-6, (4, 400));
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut runs = clean.runs().to_vec();
+    for run in &mut runs {
+        let mut slow = 0.0;
+        for i in 0..run.n_samples() {
+            slow = 0.92 * slow + 0.01 * normal(&mut random);
+            run.values[(i, 0)] += slow;
+        }
+    }
+    let data = Dataset::new(clean.channels().to_vec(), runs).unwrap();
+    let (train, holdout) = hold_out(&data).unwrap();
+    let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap();
+    let closure = &found.diagnosis.closure;
+    assert_eq!(found.diagnosis.verdict, Verdict::NoGap, "{:?}", found.diagnosis.causes);
+    let several = |note: &Note| matches!(note, Note::SlowErrors { column, times } if column == "x" && *times > SEVERAL);
+    assert!(found.notes.iter().any(several), "{:?}", found.notes);
+    assert!(closure.before.unwrap() < 1.3 * closure.floor.unwrap(), "{closure:?}");
+}
