@@ -46,7 +46,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let state = writer.hypothesis.state;
     let (slowest, fastest) = swings(writer);
     let m = writer.add("m", 0.0, 1.0, (0.0, 10.0), "");
-    let [omega, zeta] = spring(writer);
+    let spring = spring(writer);
     // A rigid model has the inertia of both, or of the drive alone. The rate of a simulator that steps is its own.
     let is_equation = writer.hypothesis.site.is_none() && !writer.model.calls_simulator();
     let both = is_equation.then(|| writer.add("l", 0.0, 1.0, (0.0, 1.0), ""));
@@ -54,11 +54,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         let rate = writer.model.states[state].equation.clone();
         writer.model.states[state].equation = rate.times(Expression::Number(1.0).plus(l.clone().times(m.clone())));
     }
-    let name = writer.model.states[state].name.clone();
-    let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
-    let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
-    let symbols = [("s", twist.clone()), ("r", unwinding.clone()), ("omega", omega), ("zeta", zeta)];
-    let pull = writer.form("omega^2*s + 2*zeta*omega*r", &symbols)?;
+    let Twist { twist, unwinding, pull } = Twist::of(writer, spring)?;
     writer.add_term(m.times(pull.clone()));
     let whole = writer.model.states[state].equation.clone();
     writer.set_rate(&twist, unwinding.clone());
@@ -87,15 +83,11 @@ fn write_two_ends(writer: &mut Writer<'_>, z: &str) -> Result<Vec<Start>> {
     let is_place = writer.model.state_index(z).is_some();
     // An end without inertia is at no place of its own.
     let m = writer.add("m", 1.0, 1.0, (if is_place { 0.05 } else { 0.0 }, 20.0), "");
-    let [omega, zeta] = spring(writer);
+    let spring = spring(writer);
     let rigid = writer.model.states[state].equation.clone();
     let (own, other) = ends(&rigid, z);
     let both = Expression::Number(1.0).plus(m.clone());
-    let name = writer.model.states[state].name.clone();
-    let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
-    let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
-    let symbols = [("s", twist.clone()), ("r", unwinding.clone()), ("omega", omega), ("zeta", zeta)];
-    let pull = writer.form("omega^2*s + 2*zeta*omega*r", &symbols)?;
+    let Twist { twist, unwinding, pull } = Twist::of(writer, spring)?;
     let other = match is_place {
         true => other.substitute(z, &Expression::variable(z).plus(twist.clone().over(m.clone()))),
         false => other,
@@ -126,6 +118,25 @@ fn spring(writer: &mut Writer<'_>) -> [Expression; 2] {
     let slowest = swings(writer).0;
     let omega = writer.add_scale("omega", slowest, slowest, (slowest, PI / writer.scene.period), "rad/s");
     [omega, writer.add("zeta", 0.05, 0.05, (1e-3, 1.0), "")]
+}
+
+/// The hidden twist of a spring, its rate, and the pull that comes of both.
+struct Twist {
+    twist: Expression,
+    unwinding: Expression,
+    pull: Expression,
+}
+
+impl Twist {
+    /// Both as states of the model, at rest where a log begins.
+    fn of(writer: &mut Writer<'_>, [omega, zeta]: [Expression; 2]) -> Result<Self> {
+        let name = writer.model.states[writer.hypothesis.state].name.clone();
+        let twist = writer.add_state(&format!("{name}_twist"), Some(0.0));
+        let unwinding = writer.add_state(&format!("{name}_twist_rate"), Some(0.0));
+        let symbols = [("s", twist.clone()), ("r", unwinding.clone()), ("omega", omega), ("zeta", zeta)];
+        let pull = writer.form("omega^2*s + 2*zeta*omega*r", &symbols)?;
+        Ok(Self { twist, unwinding, pull })
+    }
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
