@@ -37,7 +37,10 @@ pub(crate) fn screen(
 ) -> Result<Survey> {
     let at = base.linearised()?;
     let scene = contest.scene_of(base);
-    let scene = Scene { peaks: peaks(base), holds: samplings(&contest.hypotheses, &at, &scene), ..scene };
+    // Holds that have no turn in this round need not be looked for.
+    let asked =
+        only.clone().map_or(Some(&contest.hypotheses[..]), |only| contest.hypotheses.get(only)).unwrap_or_default();
+    let scene = Scene { peaks: peaks(base), holds: samplings(asked, &at, &scene), ..scene };
     let alone = (0..contest.hypotheses.len()).map(|h| vec![h]);
     let suspects: Vec<Vec<usize>> = alone.chain(contest.joint.iter().cloned()).collect();
     // Where there are innovations, all suspects have their turn with them, too.
