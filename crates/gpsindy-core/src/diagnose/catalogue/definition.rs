@@ -30,8 +30,8 @@ pub(crate) struct Traits {
     pub(crate) is_a_limit: bool,
     /// Is a suspect only where it is asked for by its id: it costs more false names or time than it is worth unasked.
     pub(crate) only_if_asked: bool,
-    /// Is itself what makes a place unlike others, as a stop at the end of a rail: where no rate depends on the place it is a suspect once
-    /// nothing else explains the logs.
+    /// Is itself what makes a place unlike others, as a stop at the end of a rail or the magnets along it: where no rate depends on the
+    /// place it is a suspect once nothing else explains the logs.
     pub(crate) marks_a_place: bool,
     /// Effects that imitate it; where one of them leads in the same equation, this one is a suspect there, asked for or not.
     pub(crate) behind: &'static [Effect],

@@ -28,7 +28,7 @@ pub(super) static DEFINITION: Definition = Definition {
     places: &[Place::Position],
     sense: &[Sense::Placed(0)],
     twins: &[(Effect::PeriodicDisturbance, "the same motion at two speeds")],
-    traits: Traits::PLAIN,
+    traits: Traits { marks_a_place: true, ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
