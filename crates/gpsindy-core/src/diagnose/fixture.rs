@@ -54,7 +54,7 @@ pub(crate) fn slider(
             for _ in 0..FINE {
                 let middle = v + 0.5 * h * rate(x, v, u);
                 v += h * rate(x + 0.5 * h * v, middle, u);
-                x += h * v;
+                x += h * middle;
             }
         }
         Run { name: format!("{run}"), time, values }

@@ -3,6 +3,7 @@
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::joint;
+use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::by_run::differing;
@@ -66,9 +67,11 @@ impl<'a> Contest<'a> {
         self.behind.contains(hypothesis)
     }
 
-    /// Lets those of the `called` wait again that are none of the leaders: every later round is the shorter for it. Says which stay.
+    /// Lets those of the `called` wait again that are none of the leaders: every later round is the shorter for it. Says which stay. The few that
+    /// mark a place stay, for they may only show beside a leader.
     pub(crate) fn dismisses(&mut self, called: Range<usize>, leaders: &[Contestant]) -> Vec<usize> {
-        let leads = |h: &Hypothesis| leaders.iter().any(|leader| leader.hypotheses.contains(h));
+        let marks = |h: &Hypothesis| h.effect().is_some_and(Effect::marks_a_place);
+        let leads = |h: &Hypothesis| marks(h) || leaders.iter().any(|leader| leader.hypotheses.contains(h));
         let stay: Vec<usize> = called.clone().filter(|&h| leads(&self.hypotheses[h])).collect();
         for (number, hypothesis) in called.clone().zip(self.hypotheses.split_off(called.start)) {
             let kept = if stay.contains(&number) { &mut self.hypotheses } else { &mut self.behind };
