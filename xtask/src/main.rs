@@ -51,7 +51,7 @@ fn main() -> ExitCode {
     let done = match task.as_str() {
         "test" => test(),
         "rust" => rust(),
-        "python" => python::test(),
+        "python" => python::environment(&[]).and_then(|python| python::test(&python)),
         "lint" => lint(),
         "package" => package::check(),
         "wheel" => wheel::check(),
@@ -100,23 +100,39 @@ fn format(how: &[&str]) -> Result<(), String> {
     shell::run("rustfmt", edition.chain(how.iter().copied()).chain(effects.iter().map(String::as_str)), &[])
 }
 
-/// Both parts. What the second one needs from the package index comes while the first one compiles.
+/// Both parts. What the second one needs from the package index comes while the first one compiles, and its wheel is built while the tests of
+/// the first one run.
 fn test() -> Result<(), String> {
     let fetching = std::thread::spawn(python::fetch);
-    rust()?;
-    fetching.join().unwrap_or_else(|_| Err("the thread that installs Python packages ended early".into()))?;
-    python::test()
+    format(&["--check"])?;
+    shell::run("cargo", ["test", "--no-run"].into_iter().chain(TESTS.split(' ')), &[])?;
+    joined(fetching, "installs Python packages")?;
+    let building = std::thread::spawn(|| {
+        // Both ask for the same lock. Cargo has nothing left to build for the tests, and lets go of it within a second.
+        std::thread::sleep(std::time::Duration::from_secs(5));
+        python::environment(&[])
+    });
+    tests()?;
+    python::test(&joined(building, "builds the wheel")?)
 }
 
-/// Formatting, and tests with documentation tests: one profile, so that dependencies are built once.
+/// What a thread came to.
+fn joined<T>(thread: std::thread::JoinHandle<Result<T, String>>, what: &str) -> Result<T, String> {
+    thread.join().unwrap_or_else(|_| Err(format!("the thread that {what} ended early")))
+}
+
+/// Formatting and tests.
 fn rust() -> Result<(), String> {
     format(&["--check"])?;
-    // With the extension module, which has no test of its own here: the wheel then shares what is built for the tests. Without the
-    // examples, which `lint` compiles: to link each of them takes a minute in all.
-    skipped::counted(|environment| {
-        let tests = "test --release --workspace --exclude gpsindy-benches --features xtask/data --tests";
-        shell::run("cargo", tests.split(' '), environment)
-    })?;
+    tests()
+}
+
+/// All tests of Rust but those of the documentation. The examples, which `lint` compiles, are left out: to link each of them takes a minute in all.
+const TESTS: &str = "--release --workspace --exclude gpsindy-benches --features xtask/data --tests";
+
+/// Tests with documentation tests: one profile, so that dependencies are built once.
+fn tests() -> Result<(), String> {
+    skipped::counted(|environment| shell::run("cargo", ["test"].into_iter().chain(TESTS.split(' ')), environment))?;
     let documentation = "test --release --workspace --exclude gpsindy-benches --features xtask/data --doc";
     shell::run("cargo", documentation.split(' '), &[])
 }

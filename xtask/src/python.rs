@@ -1,26 +1,32 @@
 //! The Python part of the check: a virtual environment of its own, the wheel, pytest, the stubs.
 
 use crate::shell::{root, run};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const MATURIN: &str = "maturin>=1.9,<2";
 
 /// Packages are compiled to bytecode as they are imported: most of their modules never are.
 const PIP: [&str; 6] = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile"];
 
-/// Builds the wheel with maturin, installs it with its test requirements, runs pytest and compares the stubs with the module.
-pub(crate) fn test() -> Result<(), String> {
-    let python = environment(&[])?;
+/// Runs pytest with the wheel that `python` has, and meanwhile checks its types and compares its stubs with the module.
+pub(crate) fn test(python: &Path) -> Result<(), String> {
+    let checking = {
+        let python = python.to_path_buf();
+        std::thread::spawn(move || types(&python))
+    };
     // Side by side on all cores: most tests wait for a program or a simulator of their own.
     let pytest = ["-m", "pytest", "-q", "-rs", "-n", "auto", "--dist", "worksteal"];
-    for tests in ["crates/gpsindy-py", "experiments"] {
-        run(&python, pytest.iter().chain(&[tests]), &[])?;
-    }
-    // The package carries its types; the compiled part has a stub by hand, which is compared with the module itself.
+    let tested = run(python, pytest.iter().chain(&["crates/gpsindy-py", "experiments"]), &[]);
+    let checked = checking.join().unwrap_or_else(|_| Err("the thread that checks types ended early".into()));
+    tested.and(checked)
+}
+
+/// The package carries its types; the compiled part has a stub by hand, which is compared with the module itself.
+fn types(python: &Path) -> Result<(), String> {
     let package = "crates/gpsindy-py";
     let configuration = format!("{package}/pyproject.toml");
-    run(&python, ["-m", "mypy", "--config-file", &configuration, &format!("{package}/python/gpsindy")], &[])?;
-    run(&python, ["-m", "mypy.stubtest", "gpsindy._gpsindy"], &[])
+    run(python, ["-m", "mypy", "--config-file", &configuration, &format!("{package}/python/gpsindy")], &[])?;
+    run(python, ["-m", "mypy.stubtest", "gpsindy._gpsindy"], &[])
 }
 
 /// Installs what the wheel's build and tests require, which needs the network and no compiled crate: it can be done beside the Rust part.

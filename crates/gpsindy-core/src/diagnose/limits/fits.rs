@@ -86,6 +86,10 @@ pub(crate) const POOR: f64 = 2.0;
 /// double the mean of a hundred squares. Argument.
 pub(crate) const DOUBTED: f64 = 2.0;
 
+/// Fits in a row in which starts come from the windows before them, and the share of the squares from which one more is worth it. Convention.
+pub(crate) const CHAINED: usize = 5;
+pub(crate) const CHAIN_GAIN: f64 = 0.05;
+
 /// Standard deviations of a tolerance beyond which a value is no longer tolerated: it is an error, and must win as one.
 ///
 /// Three is the usual end of what a belief covers. The belief's tails would not hold it: thousands of residuals that are

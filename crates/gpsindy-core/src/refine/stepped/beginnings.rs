@@ -9,7 +9,7 @@ use crate::model::System;
 use crate::random::normal;
 use crate::refine::stepped::slopes::Scene;
 use crate::refine::tally::Purpose;
-use crate::refine::{Experiment, Job, Point, Refine, Window, guess_initial};
+use crate::refine::{Experiment, Job, Point, Refine, Window, guess_initial, roll_together};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 
@@ -64,6 +64,47 @@ pub(crate) fn nearer_starts(
     let [of_one, of_other] = [one, other].map(|starts| squares(system, experiment, parameters, starts));
     let nearer = |w: usize| if of_other[w] < of_one[w] { other[w].clone() } else { one[w].clone() };
     (0..one.len()).map(nearer).collect()
+}
+
+/// Of every window the nearer of its start and of where the window before it in its log arrives from its own: windows that follow each other are
+/// one motion, and what a whole window determines is nearer to the truth than a reading is. Events that a start would have to be moved over
+/// lie behind one that comes along the motion. The windows of `experiment` may be the beginnings of `windows`.
+pub(crate) fn chained_starts(
+    system: &System,
+    (experiment, windows): (&Experiment, &[Window]),
+    parameters: &[f64],
+    starts: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let before = |w: usize| {
+        let of = |p: &usize| {
+            let (before, window) = (windows[*p], windows[w]);
+            before.log == window.log && before.first < window.first && before.last + 1 >= window.first
+        };
+        (0..windows.len()).filter(of).max_by_key(|&p| windows[p].first)
+    };
+    let links: Vec<(usize, usize)> = (0..windows.len()).filter_map(|w| Some((before(w)?, w))).collect();
+    let until = |&(p, w): &(usize, usize)| Window { last: windows[w].first, ..windows[p] };
+    let leading = Experiment { windows: links.iter().map(until).collect(), ..experiment.clone() };
+    let job = |(window, &(p, _)): (usize, &(usize, usize))| Job {
+        window,
+        parameters: parameters.to_vec(),
+        initial: starts[p].clone(),
+    };
+    let jobs: Vec<Job> = links.iter().enumerate().map(job).collect();
+    experiment.tally.pass(Purpose::Trials, leading.windows.iter().map(|w| w.last - w.first + 1).sum());
+    let mut chained = starts.to_vec();
+    roll_together(system, &leading, &jobs, None, &mut |job, sample, state, value| {
+        let (_, w) = links[job];
+        if sample == windows[w].first {
+            chained[w][state] = value;
+        }
+    });
+    for (own, start) in starts.iter().zip(&mut chained) {
+        if !start.iter().all(|value| value.is_finite()) {
+            start.clone_from(own);
+        }
+    }
+    nearer_starts(system, experiment, parameters, [starts, &chained])
 }
 
 /// Initial states of some `windows`, each the best of several that differ from the readings by as much as the noise does. Rollouts choose
@@ -186,6 +227,15 @@ mod tests {
         let at_once = per_value(&guess_initial(&system, &experiment));
         assert!(followed < 1.4, "{followed}");
         assert!(at_once > 2.0 * followed, "{at_once}, {followed}");
+        // Along the motion, too: each fit hands its starts on to the next window.
+        let mut starts = guess_initial(&system, &experiment);
+        for _ in 0..4 {
+            starts = chained_starts(&system, (&experiment, &experiment.windows), &[inertia], &starts);
+            let fit = Refine::default().fit(&system, &experiment, &[inertia], &[], Some(&starts));
+            starts = fit.unwrap().initial;
+        }
+        let chained = per_value(&starts);
+        assert!(chained < 0.75 * at_once, "{at_once}, {chained}");
         let all: Vec<usize> = (0..experiment.windows.len()).collect();
         let drawn = per_value(&drawn_starts(&system, &experiment, &[inertia], &all).unwrap());
         assert!(drawn < 1.4, "{drawn}");

@@ -10,7 +10,7 @@ mod beginnings;
 mod slopes;
 mod trial;
 
-pub(crate) use beginnings::{drawn_starts, first_starts, guess_starts, nearer_starts};
+pub(crate) use beginnings::{chained_starts, drawn_starts, first_starts, guess_starts, nearer_starts};
 
 use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, prior_cost};

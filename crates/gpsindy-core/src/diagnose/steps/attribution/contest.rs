@@ -86,7 +86,7 @@ impl<'a> Contest<'a> {
     }
 
     /// Log prior odds: families alike but for those of time, members alike within their family.
-    fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
+    pub(crate) fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
         let mut families: BTreeMap<_, usize> = BTreeMap::new();
         for h in &self.hypotheses {
             *families.entry(h.family()).or_default() += 1;

@@ -4,22 +4,19 @@
 //! promise most take a step each, the better ones a few more, and those that may still win are fitted to the end: successive halving,
 //! Jamieson and Talwalkar 2016, AISTATS, "Non-stochastic best arm identification and hyperparameter optimization".
 
+mod choice;
 pub(crate) mod scatter;
 
-use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Start};
-use crate::diagnose::fit::colours::noise::Noise;
+use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
-use crate::diagnose::fit::linear::gains::Gain;
 use crate::diagnose::handed::{Handed, Member};
-use crate::diagnose::limits::{
-    Budget, CONVINCING, FINALISTS, HELD_BACK, IN_SIGHT, MATERIAL, MOST_PER_EQUATION, OF_FAMILY, OF_PLACE, PROMISING,
-    RACED, SHORTLIST, STARTS, SUBSTITUTE, SWAPPED, TOGETHER,
-};
+use crate::diagnose::limits::{Budget, FINALISTS, HELD_BACK, IN_SIGHT, RACED, SUBSTITUTE};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::gross::gross;
-use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
+use crate::diagnose::steps::attribution::survey::Survey;
 use crate::error::{Result, unless_refused};
+use choice::{chosen, has_room, is_worth_a_fit};
 use scatter::with_scattered;
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
@@ -52,7 +49,7 @@ pub(crate) fn moves(
         let (members, values, promised) = (vec![gross.hypothesis], vec![vec![gross.value]], gross.gain);
         Some(Move { members, out: Vec::new(), applied: Some(applied), values, promised })
     }));
-    moves.retain(|m| has_room(contest, base, &m.members, &m.out));
+    moves.retain(|m| has_room(contest, base, &m.members, &m.out) && is_worth_a_fit(contest, base, m));
     let promises: Vec<(Vec<&Hypothesis>, f64)> =
         moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();
     let stage = contest.run.stage(stage, moves.len())?;
@@ -186,7 +183,7 @@ fn raced(
 ) -> Result<Vec<Contestant>> {
     let fitter = contest.fitter;
     let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
-        true => fitter.carried_on(fit, Budget::Rough),
+        true => fitter.chained(fit, Budget::Rough),
         false => Ok(fit),
     };
     let held_back = held_back(base, &fits, promises);
@@ -238,12 +235,14 @@ fn with_simpler(
         let without = |place| contest.again_with(nominal, &leader, &leader.entrants_without(&[place]));
         simpler.extend(base.each(new, without)?.into_iter().flatten());
     }
-    let is_new = |simple: &Contestant| !fits.iter().any(|fit| fit.has_effects_of(simple));
-    let simpler: Vec<Contestant> = simpler.into_iter().filter(is_new).collect();
+    let is_known = |simple: &Contestant| {
+        fits.iter().any(|fit| fit.has_effects_of(simple) && contest.score(fit) >= contest.score(simple))
+    };
+    let simpler: Vec<Contestant> = simpler.into_iter().filter(|simple| !is_known(simple)).collect();
     // From where the leader came to rest, by as many steps: else they would lose to it for want of those.
     fits.extend(base.each(simpler, |fit| at_rest(contest, fit))?);
     contest.sort(&mut fits);
-    Ok(fits)
+    Ok(keep_first_of_each(fits))
 }
 
 /// The fit carried on to the end, and once more from the starts that the logs show: others go on from it.
@@ -272,124 +271,4 @@ fn leading(
     let mut leaders = first(by_score, &|f| -contest.score(f));
     leaders.extend(first(by_squares, &|f| f.evidence.squares()));
     fits.into_iter().enumerate().map(|(place, fit)| (fit, leaders.contains(&place))).collect()
-}
-
-/// Whether a straight-line gain is large enough for one more effect to be convincing and material.
-fn is_promising(base: &Contestant, gain: f64) -> bool {
-    let evidence = &base.evidence;
-    // What tolerated parameters have taken up may be this effect's.
-    let hidden = evidence.strain > MATERIAL;
-    let needed = PROMISING * MATERIAL * evidence.count() as f64 * evidence.misfit().min(1.0);
-    gain > CONVINCING && (hidden || gain > needed)
-}
-
-/// Whether the equations of the members take that many more effects.
-fn has_room(contest: &Contest<'_>, base: &Contestant, members: &[usize], out: &[usize]) -> bool {
-    let kept = || base.hypotheses.iter().enumerate().filter(|(place, _)| !out.contains(place)).map(|(_, h)| h);
-    if kept().count() + members.len() > contest.most {
-        return false;
-    }
-    members.iter().all(|&m| {
-        let state = contest.hypotheses[m].state;
-        let more = members.iter().filter(|&&h| contest.hypotheses[h].state == state).count();
-        let room = kept().filter(|h| h.state == state).count() + more <= MOST_PER_EQUATION;
-        // Frictions that only show together are one law of that equation.
-        room || (members.len() > 1 && kept().next().is_none())
-    })
-}
-
-/// What is fitted, by each noise model: the best of all and of every family beside the effects that are there, what promises together
-/// what none promises alone, and the best in the place of each effect and of each two.
-fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a Survey) -> Vec<Move<'a>> {
-    let Survey { suspects, looked, .. } = survey;
-    let Some(telling) = suspects.iter().flatten().map(Screened::telling).next() else { return Vec::new() };
-    let views = |noise: Noise| looked.of(noise).map_or(&[][..], Vec::as_slice);
-    let (first, mut wanted) = (telling[0], Vec::new());
-    let promise = |s: &Screened| Noise::ALL.iter().map(|&noise| s.best(noise)).fold(0.0, f64::max);
-    if suspects.iter().flatten().any(|s| is_promising(base, promise(s))) {
-        telling.iter().for_each(|&noise| wanted.extend(more(contest, suspects, noise).into_iter().map(|h| (h, 0))));
-    }
-    for &noise in telling {
-        wanted.extend(instead(suspects, views(noise), noise));
-    }
-    wanted.sort_unstable();
-    wanted.dedup();
-    let starts = |(h, view): (usize, usize)| {
-        let of = |screened: &'a Screened| {
-            let all = screened.applied.starts.iter().zip(&screened.gains);
-            let mut order: Vec<(&Start, &Gain)> =
-                all.filter_map(|(values, gains)| Some((values, gains.of(first)?.get(view)?))).collect();
-            order.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-            let job = |(from, gain): (&Start, &Gain)| Move {
-                members: screened.members.clone(),
-                out: views(first)[view].places.clone(),
-                applied: Some(&screened.applied),
-                values: from.shortened(&gain.values),
-                promised: gain.gain - views(first)[view].loss,
-            };
-            // In the place of another effect one start says enough; beside them it is all that there is.
-            order.into_iter().take(if view == 0 { STARTS } else { 1 }).map(job).collect::<Vec<_>>()
-        };
-        suspects[h].as_ref().map(of).unwrap_or_default()
-    };
-    let pair = |pair: &'a Pair| {
-        let Pair { members, places, values, gain } = pair;
-        let loss = views(first).iter().find(|looked| looked.places == *places).map_or(0.0, |looked| looked.loss);
-        let (members, out, values) = (members.to_vec(), places.clone(), vec![values.clone()]);
-        Move { members, out, applied: None, values, promised: gain - loss }
-    };
-    // Two beside all that is there must promise as much as one.
-    let is_worth = |pair: &&Pair| !pair.places.is_empty() || is_promising(base, pair.gain);
-    wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().filter(is_worth).map(pair)).collect()
-}
-
-/// The suspects, and the views, that promise most in the place of one or two effects, by one noise model.
-fn instead(suspects: &[Option<Screened>], looked: &[Looked], noise: Noise) -> Vec<(usize, usize)> {
-    let mut all: Vec<(usize, usize, f64)> = Vec::new();
-    for (view, looked) in looked.iter().enumerate().skip(1) {
-        // What takes the place of one may be several that only show together; of two, one.
-        let is_fit = |members: usize| looked.places.len() == 1 || members == 1;
-        let of = |(h, s): (usize, &Option<Screened>)| {
-            let gain = s.as_ref().filter(|s| is_fit(s.members.len()))?.best_in(noise, view);
-            let promises = gain - looked.loss > -2.0 * IN_SIGHT || gain > SUBSTITUTE * looked.loss;
-            promises.then_some((h, view, gain - looked.loss))
-        };
-        all.extend(suspects.iter().enumerate().filter_map(of));
-    }
-    all.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let mut chosen: Vec<(usize, usize)> = all.iter().take(SWAPPED).map(|a| (a.0, a.1)).collect();
-    // Of every place the best two, whatever the others promise.
-    for (view, _) in looked.iter().enumerate().skip(1).filter(|(_, looked)| looked.places.len() == 1) {
-        chosen.extend(all.iter().filter(|a| a.1 == view).take(OF_PLACE).map(|a| (a.0, a.1)));
-    }
-    chosen
-}
-
-/// The suspects that promise most beside the effects that are there, by one noise model.
-fn more(contest: &Contest<'_>, suspects: &[Option<Screened>], noise: Noise) -> Vec<usize> {
-    let (alone, joint) = suspects.split_at(contest.hypotheses.len());
-    let best = |h: usize| suspects[h].as_ref().map_or(0.0, |s| s.best(noise));
-    let mut together: Vec<(usize, f64)> = Vec::new();
-    for (place, suspect) in joint.iter().enumerate() {
-        let Some(suspect) = suspect else { continue };
-        let members = suspect.members.iter().map(|&h| best(h)).fold(0.0, f64::max);
-        if suspect.best(noise) > members + CONVINCING {
-            together.push((alone.len() + place, suspect.best(noise)));
-        }
-    }
-    together.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut chosen: Vec<usize> = together.iter().take(TOGETHER).map(|t| t.0).collect();
-    let mut order: Vec<(usize, f64)> =
-        alone.iter().enumerate().filter_map(|(h, s)| Some((h, s.as_ref()?.best(noise)))).collect();
-    order.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let largest = order.first().map_or(0.0, |o| o.1);
-    chosen.extend(order.iter().take(SHORTLIST).filter(|o| o.1 > 0.0).map(|o| o.0));
-    let mut families = Vec::new();
-    for (h, gain) in order {
-        if gain > OF_FAMILY * largest && !families.contains(&contest.hypotheses[h].family()) {
-            families.push(contest.hypotheses[h].family());
-            chosen.push(h);
-        }
-    }
-    chosen
 }

@@ -13,7 +13,7 @@ use crate::diagnose::limits::start::{
     START_STEPS, UNTOLD,
 };
 use crate::model::System;
-use crate::refine::{Experiment, Jacobian, Log, Point, Window, guess_initial, guess_starts};
+use crate::refine::{Experiment, Jacobian, Log, Point, Window, chained_starts, guess_initial, guess_starts};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// What the first samples say of one window's start.
@@ -50,6 +50,11 @@ pub(crate) fn starts(
     let from = followed.map(|guess| with_lagging(system, &beginning, guess, nominal_states));
     let free = settings.fit(system, &beginning, parameters, &[], Some(from.as_ref().unwrap_or(&believed)));
     let mut initial = free.map_or_else(|_| believed.clone(), |fit| fit.initial);
+    if system.engine().is_some() {
+        // Where the rollout before arrives may lie beyond a saturation.
+        initial = chained_starts(system, (&beginning, &experiment.windows), parameters, &initial);
+        initial = settings.fit(system, &beginning, parameters, &[], Some(&initial)).map_or(initial, |fit| fit.initial);
+    }
     for _ in 0..START_ROUNDS {
         initial = rested(system, &beginning, parameters, &initial);
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);

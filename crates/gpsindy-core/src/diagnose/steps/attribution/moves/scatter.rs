@@ -21,6 +21,10 @@ pub(crate) fn with_scattered(
     base: &Contestant,
     mut fits: Vec<Contestant>,
 ) -> Result<Vec<Contestant>> {
+    // Where one size for all runs leaves only noise none differs.
+    if fits.first().is_some_and(|best| !best.evidence.leaves_a_rest()) {
+        return Ok(fits);
+    }
     let own = base.hypotheses.len();
     let leaders = |is_wanted: &dyn Fn(usize) -> bool| {
         let of = fits.iter().enumerate().filter(|(_, fit)| is_wanted(fit.hypotheses.len()));
