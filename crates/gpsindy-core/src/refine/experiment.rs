@@ -29,6 +29,8 @@ pub struct Log {
     pub measured: Vec<Vec<f64>>,
     /// Parameters that have a value of their own in this run: which, and by how much it is more than that of all runs.
     pub own: Vec<(usize, f64)>,
+    /// Controls that a limited rate has not brought to their first value as the run begins: which, and by how much it is more there.
+    pub begun: Vec<(usize, f64)>,
 }
 
 impl Log {
@@ -253,6 +255,7 @@ fn log(run: &Run, channels: &[usize], controls: &[usize], model: &crate::model::
         controls: filled,
         measured: channels.iter().map(|&c| run.column(c).to_vec()).collect(),
         own: Vec::new(),
+        begun: Vec::new(),
     })
 }
 

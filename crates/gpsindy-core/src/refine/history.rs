@@ -51,6 +51,8 @@ struct History<'a, const L: usize> {
     /// What a rate-limited signal follows at each sample, and how fast it may, one a lane; empty for other inputs.
     followed: Vec<[f64; L]>,
     rate: [f64; L],
+    /// By how much it is more than that as the log begins.
+    begun: f64,
     /// What the signal does between samples: what follows a held signal at a limited rate does not hold.
     hold: Hold,
 }
@@ -161,6 +163,8 @@ impl<'a, const L: usize> History<'a, L> {
         };
         let (values, integral, followed) = (Vec::new(), Vec::new(), Vec::new());
         let rate = amount.map(f64::abs);
+        let of_log = log.begun.iter().find(|(control, _)| input.tape.reads(*control));
+        let begun = of_log.filter(|_| input.kind == InputKind::Slew).map_or(0.0, |(_, more)| *more);
         Self {
             input,
             registers,
@@ -172,6 +176,7 @@ impl<'a, const L: usize> History<'a, L> {
             held,
             followed,
             rate,
+            begun,
             hold,
         }
     }
@@ -215,7 +220,7 @@ impl<'a, const L: usize> History<'a, L> {
                 InputKind::Slew => {
                     self.followed.push(signal);
                     match k {
-                        0 => signal,
+                        0 => signal.map(|value| value + self.begun),
                         _ => std::array::from_fn(|lane| self.slewed_at(time, k - 1, lane, time[k])),
                     }
                 }

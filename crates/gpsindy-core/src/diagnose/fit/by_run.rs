@@ -36,10 +36,11 @@ fn part_of(number: usize, count: usize) -> usize {
     if count <= MOST_PARTS { number } else { number * MOST_PARTS / count }
 }
 
-/// How many sizes more than one for all runs there are.
+/// How many sizes more than one for all runs there are, and places of controls on their way as a run begins.
 pub(crate) fn sizes_of_their_own(experiment: &Experiment) -> usize {
+    let begun: usize = experiment.logs.iter().map(|log| log.begun.len()).sum();
     let parts = parts_of_recordings(&experiment.logs).into_iter().collect::<BTreeSet<usize>>().len();
-    differing(experiment).len() * parts.saturating_sub(1)
+    begun + differing(experiment).len() * parts.saturating_sub(1)
 }
 
 /// Parameters that have a value of their own in every run.

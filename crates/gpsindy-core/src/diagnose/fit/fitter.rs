@@ -1,6 +1,9 @@
 //! Makes contestants: fits a model with hypotheses to the training logs.
 
+pub(crate) mod begun;
 mod starts;
+
+pub(crate) use starts::standing_out;
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied};
 use crate::diagnose::fit::breakaway::rested;
@@ -112,6 +115,9 @@ impl Fitter {
         if budget != Budget::Glance || system.engine().is_some() {
             tried::settle(base, (&system, &experiment), (&applied.fitted, &free), (&mut point, budget))?;
         }
+        if budget != Budget::Glance {
+            experiment = begun::settle(&system, experiment, &point)?;
+        }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
         let refine =
@@ -170,7 +176,7 @@ impl Fitter {
 
     /// The same contestant, its fit carried on.
     pub(crate) fn carried_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        let experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
+        let mut experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
         let Contestant { system, free, added, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
         let mut point = Point { parameters: parameters.clone(), initial: initial.clone() };
         if system.engine().is_some() {
@@ -180,6 +186,7 @@ impl Fitter {
         // What was left out at the first step.
         if budget == Budget::Rough && system.engine().is_none() {
             tried::settle(&contestant, (system, &experiment), (&added.concat(), free), (&mut point, budget))?;
+            experiment = begun::settle(system, experiment, &point)?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());

@@ -86,6 +86,12 @@ pub(crate) const POOR: f64 = 2.0;
 /// double the mean of a hundred squares. Argument.
 pub(crate) const DOUBTED: f64 = 2.0;
 
+/// First rollouts of a log that say where a limited control stood as it began; places that are tried over its range, and rounds, each between the
+/// neighbours of the best: a thousandth of the range at last. Convention.
+pub(crate) const BEGINNINGS: usize = 4;
+pub(crate) const BEGUN_PLACES: usize = 12;
+pub(crate) const BEGUN_ROUNDS: usize = 3;
+
 /// Fits in a row in which starts come from the windows before them, and the share of the squares from which one more is worth it. Convention.
 pub(crate) const CHAINED: usize = 5;
 pub(crate) const CHAIN_GAIN: f64 = 0.05;

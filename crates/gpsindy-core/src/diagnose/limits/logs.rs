@@ -11,6 +11,9 @@ pub(crate) const DENSE_SPREAD: f64 = 0.01;
 /// Stretches of long logs that are looked at, at least, so that every part of them is seen. Convention.
 pub(crate) const STRETCHES: f64 = 40.0;
 
+/// The same of a simulator that steps: only the first start of each is read, the others come along it. Convention.
+pub(crate) const STEPPED_STRETCHES: f64 = 8.0;
+
 /// A spike this many robust standard deviations above its neighbours is taken out: none of 1e15 normal values is. Argument.
 pub(crate) const OUTLIER: f64 = 8.0;
 
@@ -60,8 +63,7 @@ pub(crate) const MOST_STIFF: usize = 512;
 pub(crate) const MOST_SAMPLES: usize = 12_000;
 
 /// Passes through the logs that a diagnosis of a simulator that steps takes, for each state: Jacobians take one for each. Nulls of six joints
-/// took 550 passes, those with an effect up to 2000, and the first round of a real arm that no effect explains 850. Data:
-/// `experiments/mujoco_arm.py`.
+/// took 550 passes, those with one or two effects 3000 to 4500. Data: `experiments/mujoco_arm.py`.
 pub(crate) const PASSES: f64 = 500.0;
 
 /// Passes at least: one joint of two states took 2000 with a dry friction, and a real one with several wrong numbers 2400 for two rounds. Data:

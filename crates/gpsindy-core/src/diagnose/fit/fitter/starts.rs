@@ -107,14 +107,19 @@ impl Fitter {
 
 /// Windows of a simulator that steps whose residuals stand out among all windows'.
 fn doubted(contestant: &Contestant) -> Vec<usize> {
-    if contestant.system.engine().is_none() {
-        return Vec::new();
+    match contestant.system.engine() {
+        Some(_) => standing_out(&contestant.refined.residuals),
+        None => Vec::new(),
     }
+}
+
+/// Windows whose mean squared residual is far above that of the middle one.
+pub(crate) fn standing_out(residuals: &[Vec<f64>]) -> Vec<usize> {
     let mean = |window: &Vec<f64>| {
         let values = || window.iter().filter(|e| e.is_finite());
         values().map(|e| e * e).sum::<f64>() / values().count().max(1) as f64
     };
-    let means: Vec<f64> = contestant.refined.residuals.iter().map(mean).collect();
+    let means: Vec<f64> = residuals.iter().map(mean).collect();
     let mut sorted = means.clone();
     sorted.sort_by(f64::total_cmp);
     let Some(middle) = sorted.get(sorted.len() / 2) else { return Vec::new() };

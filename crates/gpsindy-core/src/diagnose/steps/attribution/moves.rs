@@ -252,7 +252,7 @@ fn at_rest(contest: &Contest<'_>, fit: Contestant) -> Result<Contestant> {
     }
     let fitter = contest.fitter;
     let fit = if fit.refined.converged { fit } else { fitter.carried_on(fit, Budget::Thorough)? };
-    fitter.restarted(fit, Budget::Usual)
+    fitter.redrawn(fitter.restarted(fit, Budget::Usual)?, Budget::Usual)
 }
 
 /// Whether each is among the first so many by score, or by sum of squares: a fit that is not at rest leaves what no noise would,

@@ -4,7 +4,7 @@
 //! pass through the logs, and then even the nominal model's fit is late.
 
 use crate::data::Dataset;
-use crate::diagnose::limits::{FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, STRETCHES};
+use crate::diagnose::limits::{FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, STEPPED_STRETCHES};
 use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
 use crate::error::Result;
@@ -30,7 +30,7 @@ pub(crate) fn affordable(
     let of = |data: &Dataset, most: usize| -> Result<Excerpt> {
         let ends: Vec<usize> = data.runs().iter().map(crate::data::Run::n_samples).collect();
         let columns: Vec<usize> = (0..data.channels().len()).collect();
-        let window = (most as f64 / STRETCHES) as usize;
+        let window = (most as f64 / STEPPED_STRETCHES) as usize;
         excerpt(data, &columns, &ends, (window.max(FEWEST_AFFORDED / 4), most))
     };
     let share = most as f64 / total as f64;

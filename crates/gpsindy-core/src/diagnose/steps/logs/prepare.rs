@@ -237,6 +237,7 @@ fn decimated(experiment: &Experiment) -> Option<(Experiment, usize)> {
                 controls: log.controls.iter().map(mean).collect(),
                 measured: log.measured.iter().map(|c| c.iter().copied().step_by(stride).collect()).collect(),
                 own: log.own.clone(),
+                begun: log.begun.clone(),
             }
         })
         .collect();

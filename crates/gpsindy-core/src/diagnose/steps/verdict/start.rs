@@ -6,6 +6,7 @@
 
 use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::colours::colour::colours;
+use crate::diagnose::fit::fitter::standing_out;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::limits::Budget;
 use crate::diagnose::limits::start::{
@@ -13,7 +14,9 @@ use crate::diagnose::limits::start::{
     START_STEPS, UNTOLD,
 };
 use crate::model::System;
-use crate::refine::{Experiment, Jacobian, Log, Point, Window, chained_starts, guess_initial, guess_starts};
+use crate::refine::{
+    Experiment, Jacobian, Log, Point, Window, chained_starts, drawn_starts, guess_initial, guess_starts, nearer_starts,
+};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// What the first samples say of one window's start.
@@ -51,15 +54,36 @@ pub(crate) fn starts(
     let free = settings.fit(system, &beginning, parameters, &[], Some(from.as_ref().unwrap_or(&believed)));
     let mut initial = free.map_or_else(|_| believed.clone(), |fit| fit.initial);
     if system.engine().is_some() {
-        // Where the rollout before arrives may lie beyond a saturation.
-        initial = chained_starts(system, (&beginning, &experiment.windows), parameters, &initial);
-        initial = settings.fit(system, &beginning, parameters, &[], Some(&initial)).map_or(initial, |fit| fit.initial);
+        initial = beyond_events(system, (&beginning, &experiment.windows), parameters, initial);
     }
     for _ in 0..START_ROUNDS {
         initial = rested(system, &beginning, parameters, &initial);
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);
     }
     rested(system, &beginning, parameters, &initial)
+}
+
+/// Starts of a simulator that steps, which may lie beyond saturations and stops that no fit passes: where the rollouts before them arrive, and
+/// drawn ones where a window still stands out.
+fn beyond_events(
+    system: &System,
+    (beginning, windows): (&Experiment, &[Window]),
+    parameters: &[f64],
+    starts: Vec<Vec<f64>>,
+) -> Vec<Vec<f64>> {
+    let fitted = |starts: Vec<Vec<f64>>| {
+        let fit = Budget::Usual.refine().fit(system, beginning, parameters, &[], Some(&starts));
+        fit.map_or((starts, Vec::new()), |fit| (fit.initial, standing_out(&fit.residuals)))
+    };
+    let (mut starts, doubted) = fitted(chained_starts(system, (beginning, windows), parameters, &starts));
+    if doubted.is_empty() {
+        return starts;
+    }
+    let Ok(drawn) = drawn_starts(system, beginning, parameters, &doubted) else { return starts };
+    let mut other = starts.clone();
+    doubted.into_iter().zip(drawn).for_each(|(w, start)| other[w] = start);
+    starts = nearer_starts(system, beginning, parameters, [&starts, &other]);
+    fitted(chained_starts(system, (beginning, windows), parameters, &starts)).0
 }
 
 /// The windows' beginnings, on which their starts are refined.

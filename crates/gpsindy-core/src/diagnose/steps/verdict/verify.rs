@@ -4,6 +4,7 @@
 
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::begun;
 use crate::diagnose::fit::outputs::outputs;
 use crate::diagnose::limits::verify::{
     ALLOWED, BLOCKS, DRAWS, GROWN, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY, SEVERAL,
@@ -14,10 +15,10 @@ use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolution};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halved};
 use crate::diagnose::steps::verdict::spread::{self, Spread};
-use crate::diagnose::steps::verdict::start::starts;
+use crate::diagnose::steps::verdict::start::{beginnings, starts};
 use crate::diagnose::steps::verdict::{curves, floor, own_size};
 use crate::error::Result;
-use crate::refine::{Experiment, Log};
+use crate::refine::{Experiment, Log, Point};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 
@@ -226,8 +227,17 @@ pub(crate) fn moves(logs: &[Log], column: usize) -> bool {
 
 /// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
 fn rollouts(fitted: &Contestant, parameters: &[f64], experiment: &Experiment) -> Vec<Vec<f64>> {
-    let own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
-    let initial = starts(&fitted.system, &own, parameters, fitted.nominal_states());
+    let mut own = Experiment { scale: fitted.experiment.scale.clone(), ..experiment.clone() };
+    let mut initial = starts(&fitted.system, &own, parameters, fitted.nominal_states());
+    if !begun::limited(&fitted.system).is_empty() {
+        // Where an actuator stands as a log begins is a part of its start, and looked for where that is.
+        let beginning = Experiment { windows: beginnings(&own), ..own.clone() };
+        let point = Point { parameters: parameters.to_vec(), initial: initial.clone() };
+        if let Ok(found) = begun::settle(&fitted.system, beginning, &point) {
+            own.logs = found.logs;
+            initial = starts(&fitted.system, &own, parameters, fitted.nominal_states());
+        }
+    }
     let scaled = outputs(&fitted.system, &own, parameters, &initial);
     let n_columns = own.columns.len();
     let unscale = |window: Vec<f64>| window.iter().enumerate().map(|(i, v)| v * own.noise[i % n_columns]).collect();

@@ -1,0 +1,136 @@
+//! Where a control that follows at a limited rate stands as a log begins.
+//!
+//! An actuator that is on its way when a recording starts is a state that no sensor reads. Each log has a place of its own, found by trial on its
+//! first rollouts: the later ones have starts of their own.
+
+use crate::diagnose::limits::{BEGINNINGS, BEGUN_PLACES, BEGUN_ROUNDS, Budget, CONVINCING};
+use crate::error::{Result, unless_refused};
+use crate::model::{InputKind, System};
+use crate::refine::{Experiment, Log, Point, Window};
+use std::sync::Arc;
+
+/// Controls that a system of equations follows at a limited rate.
+pub(crate) fn limited(system: &System) -> Vec<usize> {
+    let is_limited =
+        |c: &usize| system.inputs().iter().any(|input| input.kind == InputKind::Slew && input.tape.reads(*c));
+    if system.engine().is_some() { Vec::new() } else { (0..system.n_controls()).filter(is_limited).collect() }
+}
+
+/// The experiment with the places of its limited controls at which the logs begin.
+pub(crate) fn settle(system: &System, experiment: Experiment, point: &Point) -> Result<Experiment> {
+    let mut experiment = experiment;
+    for control in limited(system) {
+        let values = || experiment.logs.iter().flat_map(|log| log.controls[control].iter().copied());
+        let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        if !(low < high) {
+            continue;
+        }
+        for log in 0..experiment.logs.len() {
+            experiment = of_log(system, experiment, point, (control, log), (low, high))?;
+        }
+    }
+    Ok(experiment)
+}
+
+/// The same for one control and one log, of the places from `low` to `high`.
+fn of_log(
+    system: &System,
+    experiment: Experiment,
+    point: &Point,
+    (control, log): (usize, usize),
+    (low, high): (f64, f64),
+) -> Result<Experiment> {
+    let is_early = |w: &usize| experiment.windows[*w].log == log;
+    let early: Vec<usize> = (0..experiment.windows.len()).filter(is_early).take(BEGINNINGS).collect();
+    // Where the log's beginning is left out nothing shows.
+    if early.first().is_none_or(|&w| experiment.windows[w].first > 0) {
+        return Ok(experiment);
+    }
+    let windows: Vec<Window> = early.iter().map(|&w| experiment.windows[w]).collect();
+    let part = Experiment { windows, ..experiment.clone() };
+    let initial: Vec<Vec<f64>> = early.iter().map(|&w| point.initial[w].clone()).collect();
+    let first = experiment.logs[log].controls[control][0];
+    let cost = |place: f64| -> Result<f64> {
+        let there = begun(&part, (control, log), place - first);
+        let fit = Budget::Rough.refine().fit_on(system, &there, (&point.parameters, &[]), &initial, None);
+        Ok(unless_refused(fit)?.map_or(f64::INFINITY, |fit| fit.cost))
+    };
+    let at_rest = cost(first)?;
+    let (mut best, mut least) = (first, at_rest);
+    let (mut center, mut reach) = (0.5 * (low + high), 0.5 * (high - low));
+    for _ in 0..BEGUN_ROUNDS {
+        let apart = 2.0 * reach / BEGUN_PLACES as f64;
+        for k in 0..=BEGUN_PLACES {
+            let place = center - reach + apart * k as f64;
+            let cost = cost(place)?;
+            if cost < least {
+                (best, least) = (place, cost);
+            }
+        }
+        (center, reach) = (best, apart);
+    }
+    let more = if at_rest - least > 2.0 * CONVINCING { best - first } else { 0.0 };
+    Ok(begun(&experiment, (control, log), more))
+}
+
+/// The experiment with a control that is by so much `more` than its first value as a log begins.
+fn begun(experiment: &Experiment, (control, log): (usize, usize), more: f64) -> Experiment {
+    let mut logs: Vec<Log> = experiment.logs.to_vec();
+    logs[log].begun.retain(|(known, _)| *known != control);
+    if more != 0.0 {
+        logs[log].begun.push((control, more));
+    }
+    Experiment { logs: Arc::new(logs), ..experiment.clone() }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::Diagnose;
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, State};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// A ship whose rudder stands midships as the log begins, while it is asked for something else from the first sample on; 0.09 rad/s.
+    fn ship(seed: u64) -> Run {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let (step, fine) = (0.1, 20);
+        let time: Vec<f64> = (0..400).map(|i| step * f64::from(i)).collect();
+        let asked = |i: usize| if (i / (60 + 10 * seed as usize)).is_multiple_of(2) { 0.35 } else { -0.3 };
+        let (mut rudder, mut turn, mut values) = (0.0_f64, 0.0, Mat::zeros(time.len(), 2));
+        for i in 0..time.len() {
+            values[(i, 0)] = turn + 0.0005 * normal(&mut random);
+            values[(i, 1)] = asked(i);
+            for _ in 0..fine {
+                let h = step / f64::from(fine);
+                let before = rudder;
+                rudder += (asked(i) - rudder).clamp(-0.09 * h, 0.09 * h);
+                let middle = 0.5 * (before + rudder);
+                let rate = |turn: f64| (0.12 * middle - turn) / 4.0;
+                turn += h * rate(turn + 0.5 * h * rate(turn));
+            }
+        }
+        Run { name: format!("{seed}"), time, values }
+    }
+
+    #[test]
+    fn a_rudder_on_its_way_as_the_log_begins_has_its_rate() {
+        let equation = Expression::parse("(0.12*u - r)/4").unwrap();
+        let model =
+            Model { states: vec![State::new("r", equation)], controls: vec![Control::new("u")], ..Model::default() };
+        let logs = |runs: std::ops::Range<u64>| {
+            Dataset::new(["r", "u"].map(Channel::new).into(), runs.map(ship).collect()).unwrap()
+        };
+        let (train, holdout) = (logs(0..3), logs(3..4));
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(named, ["input_rate_limit"], "{:?}", found.causes);
+        let rate = &found.causes[0].parameters[0];
+        assert!((rate.value - 0.09).abs() < 0.001, "{rate:?}");
+    }
+}
