@@ -14,9 +14,10 @@ pub(crate) fn test(python: &Path) -> Result<(), String> {
         let python = python.to_path_buf();
         std::thread::spawn(move || types(&python))
     };
-    // Side by side on all cores: most tests wait for a program or a simulator of their own.
+    // Side by side on all cores: most tests wait for a program or a simulator of their own. One after the other: modules of both have the same names.
     let pytest = ["-m", "pytest", "-q", "-rs", "-n", "auto", "--dist", "worksteal"];
-    let tested = run(python, pytest.iter().chain(&["crates/gpsindy-py", "experiments"]), &[]);
+    let tests = |folder: &str| run(python, pytest.iter().chain(&[folder]), &[]);
+    let tested = tests("crates/gpsindy-py").and_then(|()| tests("experiments"));
     let checked = checking.join().unwrap_or_else(|_| Err("the thread that checks types ended early".into()));
     tested.and(checked)
 }
