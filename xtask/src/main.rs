@@ -105,7 +105,7 @@ fn format(how: &[&str]) -> Result<(), String> {
 fn test() -> Result<(), String> {
     let fetching = std::thread::spawn(python::fetch);
     format(&["--check"])?;
-    shell::run("cargo", ["test", "--no-run"].into_iter().chain(TESTS.split(' ')), &[])?;
+    cargo_test(&["--tests", "--no-run"], &[])?;
     joined(fetching, "installs Python packages")?;
     let building = std::thread::spawn(|| {
         // Both ask for the same lock. Cargo has nothing left to build for the tests, and lets go of it within a second.
@@ -127,14 +127,18 @@ fn rust() -> Result<(), String> {
     tests()
 }
 
-/// All tests of Rust but those of the documentation. The examples, which `lint` compiles, are left out: to link each of them takes a minute in all.
-const TESTS: &str = "--release --workspace --exclude gpsindy-benches --features xtask/data --tests";
+/// What is tested: one profile, so that dependencies are built once.
+const TESTS: &str = "test --release --workspace --exclude gpsindy-benches --features xtask/data";
 
-/// Tests with documentation tests: one profile, so that dependencies are built once.
+/// Some of the tests of Rust, by the arguments that choose them.
+fn cargo_test(which: &[&str], environment: &[(&str, &str)]) -> Result<(), String> {
+    shell::run("cargo", TESTS.split(' ').chain(which.iter().copied()), environment)
+}
+
+/// Tests with documentation tests. The examples, which `lint` compiles, are left out: to link each of them takes a minute in all.
 fn tests() -> Result<(), String> {
-    skipped::counted(|environment| shell::run("cargo", ["test"].into_iter().chain(TESTS.split(' ')), environment))?;
-    let documentation = "test --release --workspace --exclude gpsindy-benches --features xtask/data --doc";
-    shell::run("cargo", documentation.split(' '), &[])
+    skipped::counted(|environment| cargo_test(&["--tests"], environment))?;
+    cargo_test(&["--doc"], &[])
 }
 
 /// Clippy and rustdoc, warnings as errors.

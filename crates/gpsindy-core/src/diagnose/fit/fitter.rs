@@ -114,8 +114,6 @@ impl Fitter {
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
             tried::settle(base, (&system, &experiment), (&applied.fitted, &free), (&mut point, budget))?;
-        }
-        if budget != Budget::Glance {
             experiment = begun::settle(&system, experiment, &point)?;
         }
         let Point { parameters, initial } = point;

@@ -28,13 +28,15 @@ impl Fitter {
     /// The same contestant, its fit carried on; of a simulator that steps for as long as that helps, since each fit hands what it found along
     /// the motion to one window more.
     pub(crate) fn chained(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        let times = if contestant.system.engine().is_some() { CHAINED } else { 1 };
+        if contestant.system.engine().is_none() {
+            return self.carried_on(contestant, budget);
+        }
         let mut best = contestant;
-        for _ in 0..times {
+        for _ in 0..CHAINED {
             let before = best.evidence.squares();
             let next = self.carried_on(best.clone(), budget)?;
             let is_little = !(next.evidence.squares() < before * (1.0 - CHAIN_GAIN));
-            if times == 1 || next.evidence.squares() < before {
+            if next.evidence.squares() < before {
                 best = next;
             }
             if is_little {
