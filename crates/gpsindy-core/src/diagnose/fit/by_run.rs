@@ -36,11 +36,10 @@ fn part_of(number: usize, count: usize) -> usize {
     if count <= MOST_PARTS { number } else { number * MOST_PARTS / count }
 }
 
-/// How many sizes more than one for all runs there are, and places of controls on their way as a run begins.
+/// How many sizes more than one for all runs there are.
 pub(crate) fn sizes_of_their_own(experiment: &Experiment) -> usize {
-    let begun: usize = experiment.logs.iter().map(|log| log.begun.len()).sum();
     let parts = parts_of_recordings(&experiment.logs).into_iter().collect::<BTreeSet<usize>>().len();
-    begun + differing(experiment).len() * parts.saturating_sub(1)
+    differing(experiment).len() * parts.saturating_sub(1)
 }
 
 /// Parameters that have a value of their own in every run.

@@ -114,7 +114,6 @@ impl Fitter {
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
             tried::settle(base, (&system, &experiment), (&applied.fitted, &free), (&mut point, budget))?;
-            experiment = begun::settle(&system, experiment, &point)?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -143,7 +142,7 @@ impl Fitter {
             rest = later;
         }
         self.judge(&mut with);
-        if budget.only_ranks() { Ok(with) } else { self.beyond(with, budget) }
+        self.completed(with, budget)
     }
 
     /// The same contestant with parameters beyond their lower ends, where that is better.
@@ -172,9 +171,18 @@ impl Fitter {
         Ok(best)
     }
 
+    /// A fit with what none walks to, where it is more than a rank.
+    fn completed(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        if budget.only_ranks() { Ok(contestant) } else { self.beyond(self.with_begun(contestant, budget)?, budget) }
+    }
+
     /// The same contestant, its fit carried on.
     pub(crate) fn carried_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        let mut experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
+        self.completed(self.stepped_on(contestant, budget)?, budget)
+    }
+
+    fn stepped_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
         let Contestant { system, free, added, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
         let mut point = Point { parameters: parameters.clone(), initial: initial.clone() };
         if system.engine().is_some() {
@@ -184,7 +192,6 @@ impl Fitter {
         // What was left out at the first step.
         if budget == Budget::Rough && system.engine().is_none() {
             tried::settle(&contestant, (system, &experiment), (&added.concat(), free), (&mut point, budget))?;
-            experiment = begun::settle(system, experiment, &point)?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());
@@ -193,7 +200,7 @@ impl Fitter {
         let Some(refined) = unless_refused(fit)? else { return Ok(contestant) };
         let mut carried = Contestant { refined, experiment, ..contestant };
         self.judge(&mut carried);
-        if budget.only_ranks() { Ok(carried) } else { self.beyond(carried, budget) }
+        Ok(carried)
     }
 
     /// The same contestant on other windows or with another hold, fitted again from where it is.
@@ -232,7 +239,8 @@ impl Fitter {
         let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
         let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
         let fitted = fitted.count();
-        let brought = (fitted + by_run::sizes_of_their_own(&contestant.experiment), contestant.added_starts());
+        let own = by_run::sizes_of_their_own(&contestant.experiment) + begun::places(contestant);
+        let brought = (fitted + own, contestant.added_starts());
         let Contestant { experiment, refined, free, .. } = &*contestant;
         contestant.evidence = Evidence::of(experiment, refined, free, brought, self.model_error);
     }
@@ -271,6 +279,7 @@ pub(crate) fn standing_at(base: &Contestant, other: &Contestant) -> Contestant {
         for (own, theirs) in moved.refined.initial.iter_mut().zip(&other.refined.initial) {
             own.copy_from_slice(&theirs[..n.min(theirs.len())]);
         }
+        moved.experiment = begun::as_in(&moved.experiment, &other.experiment);
         moved.evidence.clone_from(&other.evidence);
         moved.refined.cost = other.refined.cost;
         moved.beginnings.clone_from(&other.beginnings);

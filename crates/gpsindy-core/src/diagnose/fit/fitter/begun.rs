@@ -3,11 +3,66 @@
 //! An actuator that is on its way when a recording starts is a state that no sensor reads. Each log has a place of its own, found by trial on its
 //! first rollouts: the later ones have starts of their own.
 
+use super::Fitter;
+use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{BEGINNINGS, BEGUN_PLACES, BEGUN_ROUNDS, Budget, CONVINCING};
 use crate::error::{Result, unless_refused};
 use crate::model::{InputKind, System};
-use crate::refine::{Experiment, Log, Point, Window};
+use crate::refine::{Experiment, Log, Point, Refined, Window};
 use std::sync::Arc;
+
+impl Fitter {
+    /// The fit with its limited controls arrived as the logs begin, or where they stood then, if that is better by what these places cost. They
+    /// are looked for where the other fit came to rest: at a wrong rate a wrong place suits the logs.
+    pub(super) fn with_begun(self, fit: Contestant, budget: Budget) -> Result<Contestant> {
+        if limited(&fit.system).is_empty() {
+            return Ok(fit);
+        }
+        let arrived = match is_moving(&fit.experiment) {
+            true => self.stepped_on(Contestant { experiment: arrived(&fit.experiment), ..fit.clone() }, budget)?,
+            false => fit.clone(),
+        };
+        let Refined { parameters, initial, .. } = &arrived.refined;
+        let point = Point { parameters: parameters.clone(), initial: initial.clone() };
+        let experiment = settle(&arrived.system, arrived.experiment.clone(), &point)?;
+        let mut best = if arrived.evidence.score() > fit.evidence.score() { arrived.clone() } else { fit };
+        if is_moving(&experiment) {
+            let moving = self.stepped_on(Contestant { experiment, ..arrived }, budget)?;
+            if moving.evidence.score() > best.evidence.score() {
+                best = moving;
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// Whether a control is on its way as a log begins.
+fn is_moving(experiment: &Experiment) -> bool {
+    experiment.logs.iter().any(|log| !log.begun.is_empty())
+}
+
+/// The experiment in which every control has arrived as the logs begin.
+fn arrived(experiment: &Experiment) -> Experiment {
+    let logs: Vec<Log> = experiment.logs.iter().map(|log| Log { begun: Vec::new(), ..log.clone() }).collect();
+    Experiment { logs: Arc::new(logs), ..experiment.clone() }
+}
+
+/// The experiment with the places of another one of the same logs.
+pub(super) fn as_in(experiment: &Experiment, other: &Experiment) -> Experiment {
+    if !is_moving(experiment) && !is_moving(other) {
+        return experiment.clone();
+    }
+    let with = |(log, other): (&Log, &Log)| Log { begun: other.begun.clone(), ..log.clone() };
+    let logs: Vec<Log> = experiment.logs.iter().zip(other.logs.iter()).map(with).collect();
+    Experiment { logs: Arc::new(logs), ..experiment.clone() }
+}
+
+/// How many places were fitted; to a model without a limited control they are nothing.
+pub(super) fn places(contestant: &Contestant) -> usize {
+    let limited = limited(&contestant.system);
+    let is_limited = |(control, _): &&(usize, f64)| limited.contains(control);
+    contestant.experiment.logs.iter().flat_map(|log| log.begun.iter().filter(is_limited)).count()
+}
 
 /// Controls that a system of equations follows at a limited rate.
 pub(crate) fn limited(system: &System) -> Vec<usize> {
