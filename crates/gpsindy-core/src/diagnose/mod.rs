@@ -268,8 +268,9 @@ impl Diagnose {
         let suspected = detect(&contest, prepared.nominal.clone())?;
         let suspected = detect_behind(&mut contest, suspected)?;
         let suspected = begun(&contest, &prepared, suspected)?;
-        let judged = forced(&contest, attribute(&contest, suspected)?)?;
-        let judged = reconsider_hold(&contest, &prepared, judged)?;
+        let judged = attribute(&mut contest, suspected)?;
+        let judged = forced(&contest, judged)?;
+        let judged = reconsider_hold(&mut contest, &prepared, judged)?;
         let judged = forced(&contest, judged)?.with_structure();
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
         self.reported(contest, prepared, judged)

@@ -1,12 +1,13 @@
 //! Where an effect makes physical sense: by units, by the ranges in the logs, by the terms of the equation.
 
+pub(crate) mod scaled;
 pub(crate) mod slipping;
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;
-use crate::diagnose::limits::catalogue::{MOVES, PROBED, REVERSES};
-use crate::expression::{Expression, Tape};
+use crate::diagnose::limits::catalogue::{MOVES, REVERSES};
 use crate::model::Model;
+use scaled::is_scaled;
 
 /// A condition on a place. Where no units are given, a rule by units lets everything pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -171,31 +172,11 @@ fn has_place(model: &Model, state: usize) -> bool {
     model.integral_of(state).is_some() || is_speed(&model.states[state].unit)
 }
 
-/// Whether one of the parameters scales the whole equation: `p d(f)/dp` is the same multiple of `f` everywhere.
-fn is_scaled(equation: &Expression, model: &Model) -> bool {
-    let names: Vec<String> = model.names().map(str::to_string).collect();
-    model.parameters.iter().filter(|p| equation.contains(&p.name)).any(|parameter| {
-        let Ok(slope) = equation.derivative(&parameter.name) else { return false };
-        let Ok(tape) = Tape::new(&[equation.clone(), slope], &names) else { return false };
-        let ratio = |point: usize| {
-            // Points without a pattern; a parameter has its value.
-            let at = |(i, name): (usize, &String)| match model.parameter_index(name) {
-                Some(p) => model.parameters[p].value,
-                None => PROBED.0 + (PROBED.1 * i as f64 + PROBED.2 * point as f64).sin(),
-            };
-            let values: Vec<f64> = names.iter().enumerate().map(at).collect();
-            let found = tape.evaluate_once(&values, PROBED.3);
-            found[1] * parameter.value / found[0]
-        };
-        let first = ratio(0);
-        first.is_finite() && first.abs() > 1e-9 && (1..5).all(|point| (ratio(point) / first - 1.0).abs() < 1e-9)
-    })
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::expression::Expression;
     use crate::model::{Control, Parameter, State};
 
     /// What the logs excite where the states take these values.

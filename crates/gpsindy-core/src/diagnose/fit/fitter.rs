@@ -142,7 +142,7 @@ impl Fitter {
             rest = later;
         }
         self.judge(&mut with);
-        self.completed(with, budget)
+        if budget.only_ranks() { Ok(with) } else { self.beyond(with, budget) }
     }
 
     /// The same contestant with parameters beyond their lower ends, where that is better.
@@ -171,14 +171,10 @@ impl Fitter {
         Ok(best)
     }
 
-    /// A fit with what none walks to, where it is more than a rank.
-    fn completed(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        if budget.only_ranks() { Ok(contestant) } else { self.beyond(self.with_begun(contestant, budget)?, budget) }
-    }
-
     /// The same contestant, its fit carried on.
     pub(crate) fn carried_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        self.completed(self.stepped_on(contestant, budget)?, budget)
+        let carried = self.stepped_on(contestant, budget)?;
+        if budget.only_ranks() { Ok(carried) } else { self.beyond(carried, budget) }
     }
 
     fn stepped_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {

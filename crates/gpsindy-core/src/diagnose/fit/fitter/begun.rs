@@ -14,7 +14,7 @@ use std::sync::Arc;
 impl Fitter {
     /// The fit with its limited controls arrived as the logs begin, or where they stood then, if that is better by what these places cost. They
     /// are looked for where the other fit came to rest: at a wrong rate a wrong place suits the logs.
-    pub(super) fn with_begun(self, fit: Contestant, budget: Budget) -> Result<Contestant> {
+    pub(crate) fn with_begun(self, fit: Contestant, budget: Budget) -> Result<Contestant> {
         if limited(&fit.system).is_empty() {
             return Ok(fit);
         }

@@ -21,7 +21,7 @@ use crate::error::Result;
 ///
 /// Effects are added, and exchanged for others, while that convinces; then once more on the rollouts by which causes are distinguished, until
 /// no move is left. All places are looked at in every round, so the order of the effects does not count.
-pub(crate) fn attribute(contest: &Contest<'_>, suspected: Suspected) -> Result<Judged> {
+pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Result<Judged> {
     if !suspected.detected.gap {
         return Ok(suspected.without_gap());
     }

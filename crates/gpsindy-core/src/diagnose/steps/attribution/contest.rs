@@ -13,6 +13,7 @@ use crate::diagnose::fit::fitter::{Fitter, standing_at};
 use crate::diagnose::fit::own_sizes::inherited;
 use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, OWN_SIZES, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
+use crate::diagnose::steps::attribution::survey::Summary;
 use crate::diagnose::steps::attribution::suspects::Suspects;
 use crate::error::{Result, unless_refused};
 use std::collections::BTreeMap;
@@ -50,11 +51,29 @@ impl<'a> Contest<'a> {
         let leading = || leaders.iter().flat_map(|leader| &leader.hypotheses);
         let is_called =
             |h: &Hypothesis| (is_left && !h.begins_as_imitator()) || leading().any(|leading| h.stands_behind(leading));
+        self.call(&is_called)
+    }
+
+    /// Makes suspects of those that an effect of `best` imitates; their numbers.
+    pub(crate) fn calls_behind(&mut self, best: &Contestant) -> Range<usize> {
+        let is_called = |h: &Hypothesis| best.hypotheses.iter().any(|leading| h.stands_behind(leading));
+        self.call(&is_called)
+    }
+
+    fn call(&mut self, is_called: &dyn Fn(&Hypothesis) -> bool) -> Range<usize> {
         let (called, behind) = std::mem::take(&mut self.behind).into_iter().partition::<Vec<_>, _>(is_called);
         self.behind = behind;
         let first = self.hypotheses.len();
         self.hypotheses.extend(called);
         first..self.hypotheses.len()
+    }
+
+    /// What was `screened` before some suspects were called, with a place for each of these.
+    pub(crate) fn with_places(&self, screened: &mut Vec<Summary>) {
+        // Sets that apply together come behind all hypotheses.
+        let (wanted, place) = (self.hypotheses.len() + self.joint.len(), screened.len() - self.joint.len());
+        let missing = wanted - screened.len();
+        screened.splice(place..place, vec![Summary::default(); missing]);
     }
 
     /// The suspects, and those that wait.
@@ -168,7 +187,8 @@ impl<'a> Contest<'a> {
     ) -> Result<Option<Contestant>> {
         let entrants: Vec<Entrant<'_>> = effects.iter().map(|e| e.0).collect();
         let values: Vec<f64> = effects.iter().flat_map(|e| e.1.iter().copied()).collect();
-        self.with_values(base, best, &entrants, &[values], budget)
+        let again = self.with_values(base, best, &entrants, &[values], budget)?;
+        again.map(|fit| if budget.only_ranks() { Ok(fit) } else { self.fitter.with_begun(fit, budget) }).transpose()
     }
 
     /// The same from the best of several values of all effects together.

@@ -41,7 +41,7 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
 ///
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
-pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
+pub(crate) fn reconsider_hold(contest: &mut Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
     // Beside random forces alone the rollouts of one hold are nearer to the logs by chance.
     let is_random = found.forcing.is_some() && found.outcome.best.hypotheses.is_empty();
     if !is_open(contest, prepared) || !found.detected.gap || is_random {
@@ -50,31 +50,39 @@ pub(crate) fn reconsider_hold(contest: &Contest<'_>, prepared: &Prepared, found:
     if prepared.is_other_hold(&found) {
         return without_phantom(contest, prepared, found);
     }
-    let (held, start) = (found, &prepared.nominal);
-    let is_better = |fit: &Contestant| -> Result<bool> {
+    let mut held = found;
+    let other = other_hold(contest, &prepared.nominal, &held)?;
+    contest.with_places(&mut held.outcome.screened);
+    let is_right = |other: &Judged| !is_phantom(other, &held) && (!other.detected.gap || wins(contest, other, &held));
+    Ok(other.filter(is_right).unwrap_or(held))
+}
+
+/// The verdict under interpolated controls, where they look better with the causes in place, or leave no gap.
+fn other_hold(contest: &mut Contest<'_>, start: &Contestant, held: &Judged) -> Result<Option<Judged>> {
+    let is_better = |contest: &Contest<'_>, fit: &Contestant| -> Result<bool> {
         let other = unless_refused(interpolated(contest, fit))?;
         Ok(other.is_some_and(|other| contest.lead(&other, fit) > HOLD))
     };
-    let attempt = || -> Result<Option<Judged>> {
-        if is_better(&held.outcome.best)? {
-            return Ok(Some(attribute(contest, detect(contest, interpolated(contest, start)?)?)?));
-        }
-        if !is_better(start)? {
-            return Ok(None);
-        }
-        // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
+    if is_better(contest, &held.outcome.best)? {
         let suspected = detect(contest, interpolated(contest, start)?)?;
-        Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
-    };
-    let is_right = |other: &Judged| !is_phantom(other, &held) && (!other.detected.gap || wins(contest, other, &held));
-    let other = attempt()?.filter(is_right);
-    Ok(other.unwrap_or(held))
+        return Ok(Some(attribute(contest, suspected)?));
+    }
+    if !is_better(contest, start)? {
+        return Ok(None);
+    }
+    // Causes that take the control as it is held look no better when it is not: only that no gap is left would count.
+    let suspected = detect(contest, interpolated(contest, start)?)?;
+    Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
 }
 
-/// What was found under interpolated controls, unless it needs a delay that held ones do not.
-fn without_phantom(contest: &Contest<'_>, prepared: &Prepared, other: Judged) -> Result<Judged> {
-    if is_delayed(&other.outcome.best) && !contest.run.is_out_of_time() {
-        let held = attribute(contest, detect(contest, prepared.nominal.clone())?)?;
+/// What was found under interpolated controls, unless it needs a delay that held ones do not, or leaves a rest that shows them no better: beside
+/// a large gap they were chosen by what is left of it.
+fn without_phantom(contest: &mut Contest<'_>, prepared: &Prepared, mut other: Judged) -> Result<Judged> {
+    let is_doubted = is_delayed(&other.outcome.best) || other.outcome.best.evidence.leaves_a_rest();
+    if is_doubted && !contest.run.is_out_of_time() {
+        let suspected = detect(contest, prepared.nominal.clone())?;
+        let held = attribute(contest, suspected)?;
+        contest.with_places(&mut other.outcome.screened);
         if is_phantom(&other, &held) || !wins(contest, &other, &held) {
             return Ok(held);
         }

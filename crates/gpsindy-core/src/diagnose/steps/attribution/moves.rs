@@ -9,6 +9,7 @@ pub(crate) mod scatter;
 
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
+use crate::diagnose::fit::fitter::begun::limited;
 use crate::diagnose::handed::{Handed, Member};
 use crate::diagnose::limits::{Budget, FINALISTS, HELD_BACK, IN_SIGHT, RACED, SUBSTITUTE};
 use crate::diagnose::steps::attribution::contained::contained;
@@ -204,7 +205,10 @@ fn raced(
             return Ok(fit);
         }
         // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
-        fitter.carried_on(fitter.refollowed(fit, Budget::Rough)?, Budget::Usual)
+        let fit = fitter.carried_on(fitter.refollowed(fit, Budget::Rough)?, Budget::Usual)?;
+        // Beside what has a limited control already its place is known.
+        let is_new = limited(&fit.system) != limited(&base.system);
+        if is_new { fitter.with_begun(fit, Budget::Usual) } else { Ok(fit) }
     };
     let runners = leading(contest, fits, (FINALISTS, 1)).into_iter().enumerate().collect();
     let mut fits = base.each(runners, finish)?;
@@ -252,6 +256,7 @@ fn at_rest(contest: &Contest<'_>, fit: Contestant) -> Result<Contestant> {
     }
     let fitter = contest.fitter;
     let fit = if fit.refined.converged { fit } else { fitter.carried_on(fit, Budget::Thorough)? };
+    let fit = fitter.with_begun(fit, Budget::Usual)?;
     fitter.redrawn(fitter.restarted(fit, Budget::Usual)?, Budget::Usual)
 }
 

@@ -71,6 +71,34 @@ pub(crate) fn expand_further(
     Ok(all)
 }
 
+/// The round at `best` with what stands behind its effects: an imitator that leads only beside others hid it until then. `None` where nothing
+/// waits, or where there is nothing left that it could say.
+pub(crate) fn expand_behind(
+    contest: &mut Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+    round: &Expansion,
+) -> Result<Option<Expansion>> {
+    // Beside the nominal model they were called already.
+    let is_asked = best.hypotheses.len() < 2 && !best.evidence.leaves_a_rest();
+    if is_asked || contest.run.is_out_of_time() {
+        return Ok(None);
+    }
+    let new = contest.calls_behind(best);
+    if new.is_empty() {
+        return Ok(None);
+    }
+    let more = expand_by(contest, nominal, best, ("what stands behind", Some(new.clone())), contest.score(best))?;
+    let mut all = round.clone();
+    all.fits.extend(more.fits);
+    contest.sort(&mut all.fits);
+    all.fits = keep_first_of_each(all.fits);
+    all.searches = all.searches.and(more.searches);
+    contest.with_places(&mut all.screened);
+    all.screened[new.clone()].clone_from_slice(&more.screened[new]);
+    Ok(Some(all))
+}
+
 fn expand_by(
     contest: &Contest<'_>,
     nominal: &Contestant,

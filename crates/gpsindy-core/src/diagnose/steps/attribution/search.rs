@@ -5,7 +5,7 @@ use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::moves::scatter::with_scattered;
-use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_behind};
 use crate::diagnose::steps::attribution::simplify::is_superfluous;
 use crate::diagnose::steps::findings::counts;
 use crate::error::Result;
@@ -23,24 +23,23 @@ pub(crate) struct Found {
 }
 
 /// Moves from the nominal model to better sets of effects until none is left; `first` is the round at the nominal model.
-pub(crate) fn search(contest: &Contest<'_>, nominal: Contestant, first: Expansion) -> Result<Found> {
+pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expansion) -> Result<Found> {
     let (mut nominal, mut best, mut round, mut is_lengthened) = (nominal.clone(), nominal, first, false);
     round.fits = with_scattered(contest, &nominal, round.fits)?;
     let mut looked_at = nominal.evidence.misfit();
     for number in 1..=MOST_MOVES {
-        let Some(next) = better(contest, &best, &round.fits) else { break };
+        let Some(next) = next(contest, &nominal, &best, &round)? else {
+            let Some(more) = expand_behind(contest, &nominal, &best, &round)? else { break };
+            round = more;
+            continue;
+        };
         let is_richer = next.hypotheses.len() > best.hypotheses.len();
-        // What would be left out again at the end is not taken, for there may be no time for that.
-        let leaves_a_rest = || next.evidence.leaves_a_rest() && !counts(&nominal, next, &best, NAMED);
-        if is_richer && (leaves_a_rest() || is_superfluous(contest, &nominal, next, &best)?) {
-            break;
-        }
         // A round that was cut short has fitted neither its leaders nor what they stand beside to the end.
         if is_richer && !best.hypotheses.is_empty() && contest.run.is_out_of_time() {
             round.fits.clear();
             break;
         }
-        best = next.clone();
+        best = next;
         if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
             round.fits.clear();
             break;
@@ -56,6 +55,20 @@ pub(crate) fn search(contest: &Contest<'_>, nominal: Contestant, first: Expansio
         round = expand(contest, &nominal, &best, &format!("move {number}"))?;
     }
     Ok(Found { nominal, best, round, is_lengthened })
+}
+
+/// The best move, unless what it adds would be left out again at the end, for which there may be no time.
+fn next(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+    round: &Expansion,
+) -> Result<Option<Contestant>> {
+    let Some(next) = better(contest, best, &round.fits) else { return Ok(None) };
+    let is_richer = next.hypotheses.len() > best.hypotheses.len();
+    let leaves_a_rest = || next.evidence.leaves_a_rest() && !counts(nominal, next, best, NAMED);
+    let is_left_out = is_richer && (leaves_a_rest() || is_superfluous(contest, nominal, next, best)?);
+    Ok((!is_left_out).then(|| next.clone()))
 }
 
 /// The best move: one more effect that convinces or another one that explains more, else one in the place of two that convince no more.
@@ -78,4 +91,57 @@ pub(crate) fn richer<'f>(
     let own = leader.hypotheses.len();
     let is_richer = |fit: &&Contestant| fit.hypotheses.len() > own && contest.is_convincing(fit, leader);
     contest.best(fits.filter(is_richer))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::Diagnose;
+    use crate::diagnose::fixture::slider_model;
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// A gimbal whose motor follows its command in 20 ms, while the clock of its encoder is slow by half a percent.
+    fn gimbal(seed: u64) -> Run {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let (step, fine, count) = (0.01, 10, 400);
+        let h = step / f64::from(fine);
+        let command = |time: f64| {
+            let level = if ((time / 0.7 + 0.3 * seed as f64).floor() as i64) % 2 == 0 { 0.04 } else { -0.04 };
+            level + 0.03 * (7.0 * time + seed as f64).sin()
+        };
+        // Place and speed at every fine step, and before the log.
+        let (mut torque, mut state, mut path) = (command(0.0), (0.0_f64, 0.0_f64), vec![(0.0, 0.0)]);
+        for i in 0..count * fine {
+            torque += h / 0.02 * (command(step * f64::from(i / fine)) - torque);
+            let speed = state.1 + h * (torque - 0.012 * state.1) / 0.004;
+            state = (state.0 + 0.5 * h * (state.1 + speed), speed);
+            path.push(state);
+        }
+        let time: Vec<f64> = (0..count).map(|i| step * f64::from(i)).collect();
+        let mut values = Mat::zeros(time.len(), 3);
+        for (i, &at) in time.iter().enumerate() {
+            let (late, exact) = ((0.995 * at / h).floor() as usize, (at / h).round() as usize);
+            values[(i, 0)] = path[late].0 + 0.002 * normal(&mut random);
+            values[(i, 1)] = path[exact].1 + 0.02 * normal(&mut random);
+            values[(i, 2)] = command(at);
+        }
+        Run { name: format!("{seed}"), time, values }
+    }
+
+    #[test]
+    fn a_slow_clock_is_asked_behind_the_delay_that_leads_beside_a_lag() {
+        let logs = |seeds: std::ops::Range<u64>| {
+            Dataset::new(["x", "v", "u"].map(Channel::new).into(), seeds.map(gimbal).collect()).unwrap()
+        };
+        let model = slider_model("(u - 0.012*v)/0.004");
+        let found = Diagnose::default().run(&model, &logs(0..3), &logs(3..4), &Silent).unwrap().diagnosis;
+        let mut named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        named.sort_unstable();
+        assert_eq!(named, ["clock", "input_lag"], "{:?}", found.causes);
+    }
 }

@@ -7,6 +7,7 @@ use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
 use crate::diagnose::catalogue::planting::{Planting, Size};
 use crate::diagnose::catalogue::sense::Sense;
+use crate::diagnose::catalogue::sense::scaled::driven_through;
 use crate::diagnose::catalogue::writer::{FREE, Writer, amplitude, number};
 use crate::error::Result;
 use crate::expression::Expression;
@@ -41,7 +42,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
     ),
     in_mjcf: None,
-    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, less what stands against it where the parameter scales both, as the speed does in a winding whose current is no state; or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -49,14 +50,19 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let size = (1..writer.hypothesis.variables.len()).map(|heats| writer.size(heats)).fold(0.0, f64::max);
     let c = writer.add("c", 0.0, 1.0, FREE, "");
     let tau = writer.add_scale("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
-    let name = writer.hypothesis.variables[0].clone();
+    let [name, heats] = [0, 1].map(|index| writer.hypothesis.variables[index].clone());
+    let model = &writer.model;
+    let drives = match model.control_index(&heats) {
+        Some(_) => driven_through(&model.states[writer.hypothesis.state].equation, model, &name, &heats),
+        None => Expression::variable(heats),
+    };
     let warm = writer.add_state(&format!("{name}_warmth"), Some(0.0));
     let symbols = [("tau", tau), ("size", number(size)), ("T", warm.clone()), ("c", c)];
     let changed = writer.form("p*(1 + c*T)", &symbols)?;
     writer.replace(&name, &changed);
     // Of a parameter of several equations the losses add up.
     let also = writer.hypothesis.variables[2..].iter().cloned().map(Expression::variable);
-    let mut heat = writer.form("(u/size)^2", &symbols)?;
+    let mut heat = writer.form("(z/size)^2", &[("z", drives), ("size", number(size))])?;
     for other in also {
         heat = heat.plus(writer.form("(w/size)^2", &[("w", other), ("size", number(size))])?);
     }
