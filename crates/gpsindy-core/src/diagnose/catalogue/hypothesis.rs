@@ -122,6 +122,11 @@ impl Hypothesis {
         other.effect().is_some_and(|effect| imitators.contains(&effect)) && self.state == other.state && is_there
     }
 
+    /// Whether it is the same effect in another place.
+    pub(crate) fn is_elsewhere(&self, other: &Self) -> bool {
+        self.effect().is_some() && self.effect() == other.effect() && self != other
+    }
+
     /// How many states it adds to a model.
     pub(crate) fn added_states(&self) -> usize {
         self.effect().map_or(0, Effect::added_states)

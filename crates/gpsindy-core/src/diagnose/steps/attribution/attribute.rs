@@ -27,7 +27,7 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     }
     let Suspected { nominal, first, nameless, detected, is_pinned } = suspected;
     let singles = first.singles();
-    let Found { nominal, best: found, round, is_lengthened } = search(contest, nominal, first)?;
+    let Found { nominal, best: found, round, is_lengthened, is_quieter } = search(contest, nominal, first)?;
     let Settled { nominal, mut best, rests, left, mut notes, is_moved } = settle(contest, nominal, &found)?;
     if is_lengthened && !notes.contains(&Note::Lengthened) {
         notes.push(Note::Lengthened);
@@ -66,8 +66,9 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     }
     let left = if known.len() > 1 { self::nameless(contest, &best)? } else { left };
     let left = left_over(contest, &best, &left, &round);
-    let nameless =
-        nameless.filter(|_| !is_moved && !is_lengthened).map_or_else(|| self::nameless(contest, &nominal), Ok)?;
+    let nameless = nameless
+        .filter(|_| !is_moved && !is_lengthened && !is_quieter)
+        .map_or_else(|| self::nameless(contest, &nominal), Ok)?;
     let seat = |(hypothesis, place): (&Hypothesis, Place)| Seat {
         hypothesis: hypothesis.clone(),
         alternatives: place.fits,

@@ -54,9 +54,13 @@ impl<'a> Contest<'a> {
         self.call(&is_called)
     }
 
-    /// Makes suspects of those that an effect of `best` imitates; their numbers.
-    pub(crate) fn calls_behind(&mut self, best: &Contestant) -> Range<usize> {
-        let is_called = |h: &Hypothesis| best.hypotheses.iter().any(|leading| h.stands_behind(leading));
+    /// Makes suspects of those that come into question beside `best`; their numbers.
+    pub(crate) fn calls_beside(&mut self, best: &Contestant) -> Range<usize> {
+        // Beside the nominal model the others were called already.
+        let is_news = best.hypotheses.len() > 1 || best.evidence.leaves_a_rest();
+        let is_called = |h: &Hypothesis| {
+            best.hypotheses.iter().any(|leading| h.is_elsewhere(leading) || (is_news && h.stands_behind(leading)))
+        };
         self.call(&is_called)
     }
 

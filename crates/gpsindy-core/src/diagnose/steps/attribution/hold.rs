@@ -75,10 +75,14 @@ fn other_hold(contest: &mut Contest<'_>, start: &Contestant, held: &Judged) -> R
     Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
 }
 
-/// What was found under interpolated controls, unless it needs a delay that held ones do not, or leaves a rest that shows them no better: beside
+/// What was found under interpolated controls, unless it needs a delay that held ones do not, a column that is read late or early, or
+/// leaves a rest: beside
 /// a large gap they were chosen by what is left of it.
 fn without_phantom(contest: &mut Contest<'_>, prepared: &Prepared, mut other: Judged) -> Result<Judged> {
-    let is_doubted = is_delayed(&other.outcome.best) || other.outcome.best.evidence.leaves_a_rest();
+    let best = &other.outcome.best;
+    // What a column reads late or early may be half a sample of the control.
+    let is_late = best.hypotheses.iter().any(|h| h.reads_the_past());
+    let is_doubted = is_late || is_delayed(best) || best.evidence.leaves_a_rest();
     if is_doubted && !contest.run.is_out_of_time() {
         let suspected = detect(contest, prepared.nominal.clone())?;
         let held = attribute(contest, suspected)?;

@@ -50,6 +50,15 @@ pub(crate) fn moves(
         let (members, values, promised) = (vec![gross.hypothesis], vec![vec![gross.value]], gross.gain);
         Some(Move { members, out: Vec::new(), applied: Some(applied), values, promised })
     }));
+    if survey.is_partial && !base.hypotheses.is_empty() {
+        // They were asked for because of an effect that is there.
+        let is_for = |m: &Move<'_>, place: &usize| {
+            let leading = &base.hypotheses[*place];
+            let mut suspects = m.members.iter().map(|&h| &contest.hypotheses[h]);
+            suspects.any(|h| h.stands_behind(leading) || h.is_elsewhere(leading))
+        };
+        moves.retain(|m| m.out.iter().any(|place| is_for(m, place)));
+    }
     moves.retain(|m| has_room(contest, base, &m.members, &m.out) && is_worth_a_fit(contest, base, m));
     let promises: Vec<(Vec<&Hypothesis>, f64)> =
         moves.iter().map(|m| (members(contest, base, m), m.promised)).collect();

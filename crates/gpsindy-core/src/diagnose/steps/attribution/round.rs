@@ -71,20 +71,18 @@ pub(crate) fn expand_further(
     Ok(all)
 }
 
-/// The round at `best` with what stands behind its effects: an imitator that leads only beside others hid it until then. `None` where nothing
-/// waits, or where there is nothing left that it could say.
+/// The round at `best` with what stands behind its effects, for an imitator that leads only beside others hid it until then; and with the same
+/// effects in other places, for one of a few had called them there. `None` where nothing waits.
 pub(crate) fn expand_behind(
     contest: &mut Contest<'_>,
     nominal: &Contestant,
     best: &Contestant,
     round: &Expansion,
 ) -> Result<Option<Expansion>> {
-    // Beside the nominal model they were called already.
-    let is_asked = best.hypotheses.len() < 2 && !best.evidence.leaves_a_rest();
-    if is_asked || contest.run.is_out_of_time() {
+    if contest.run.is_out_of_time() {
         return Ok(None);
     }
-    let new = contest.calls_behind(best);
+    let new = contest.calls_beside(best);
     if new.is_empty() {
         return Ok(None);
     }

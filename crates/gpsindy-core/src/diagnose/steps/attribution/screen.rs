@@ -138,7 +138,7 @@ impl Screening<'_> {
                 }
             }
         }
-        Ok(Survey { suspects, looked, pairs: found, kept: None })
+        Ok(Survey { suspects, looked, pairs: found, kept: None, is_partial: self.only.is_some() })
     }
 
     fn one(

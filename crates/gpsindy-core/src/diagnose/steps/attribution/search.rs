@@ -1,14 +1,16 @@
 //! Search: from one set of effects to a better one, a move at a time, on rollouts that grow as the model gets better.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
+use crate::diagnose::limits::{Budget, MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::moves::scatter::with_scattered;
 use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_behind};
 use crate::diagnose::steps::attribution::simplify::is_superfluous;
 use crate::diagnose::steps::findings::counts;
-use crate::error::Result;
+use crate::diagnose::steps::logs::prepare::quieter;
+use crate::error::{Result, unless_refused};
+use crate::refine::Experiment;
 
 /// What a search ends with.
 pub(crate) struct Found {
@@ -20,11 +22,14 @@ pub(crate) struct Found {
     pub(crate) round: Expansion,
     /// Whether the rollouts are longer than those of the first round.
     pub(crate) is_lengthened: bool,
+    /// Whether a column has less noise than in the first round.
+    pub(crate) is_quieter: bool,
 }
 
 /// Moves from the nominal model to better sets of effects until none is left; `first` is the round at the nominal model.
 pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expansion) -> Result<Found> {
-    let (mut nominal, mut best, mut round, mut is_lengthened) = (nominal.clone(), nominal, first, false);
+    let (mut nominal, mut best, mut round) = (nominal.clone(), nominal, first);
+    let (mut is_lengthened, mut is_quieter) = (false, false);
     round.fits = with_scattered(contest, &nominal, round.fits)?;
     let mut looked_at = nominal.evidence.misfit();
     for number in 1..=MOST_MOVES {
@@ -40,6 +45,11 @@ pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expa
             break;
         }
         best = next;
+        if let Some(quieter) = with_less_noise(contest, &nominal, &best)? {
+            (nominal, best) = quieter;
+            looked_at = nominal.evidence.misfit();
+            is_quieter = true;
+        }
         if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
             round.fits.clear();
             break;
@@ -54,7 +64,20 @@ pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expa
         }
         round = expand(contest, &nominal, &best, &format!("move {number}"))?;
     }
-    Ok(Found { nominal, best, round, is_lengthened })
+    Ok(Found { nominal, best, round, is_lengthened, is_quieter })
+}
+
+/// Both on the noise that the better one leaves, where it was overstated: beside a gap the nominal model did not undercut it. Windows that a
+/// fit has not passed through, and effects in the columns that this noise is of, show by it. `None` where it was overstated nowhere.
+fn with_less_noise(
+    contest: &Contest<'_>,
+    nominal: &Contestant,
+    best: &Contestant,
+) -> Result<Option<(Contestant, Contestant)>> {
+    let Some(noise) = quieter(best).filter(|_| !contest.run.is_out_of_time()) else { return Ok(None) };
+    let experiment = Experiment { noise, ..best.experiment.clone() };
+    let on = |one: &Contestant| unless_refused(contest.fitter.on(one, &experiment, Budget::Usual));
+    Ok(on(nominal)?.zip(on(best)?))
 }
 
 /// The best move, unless what it adds would be left out again at the end, for which there may be no time.
@@ -96,9 +119,12 @@ pub(crate) fn richer<'f>(
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::*;
     use crate::data::{Channel, Dataset, Run};
     use crate::diagnose::Diagnose;
-    use crate::diagnose::fixture::slider_model;
+    use crate::diagnose::fixture::{drive, fitted, slider_model};
+    use crate::diagnose::run::Run as Progress;
+    use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
     use crate::progress::Silent;
     use crate::random::normal;
     use faer::Mat;
@@ -131,6 +157,26 @@ mod tests {
             values[(i, 2)] = command(at);
         }
         Run { name: format!("{seed}"), time, values }
+    }
+
+    #[test]
+    fn noise_that_a_gap_hid_is_lowered_to_what_the_winner_leaves() {
+        let found = |noise: f64| {
+            let (model, data) = drive(None, |x| x + 0.8 * x * x.abs(), 0.002, (2, 300));
+            let (fitter, nominal) = fitted(&model, &data, noise);
+            let run = Progress::new(&Silent, None);
+            let suspects = suspects(&nominal, &Choice::default()).unwrap().0;
+            let mut contest = Contest::new(&run, fitter, suspects, 6);
+            let first = expand(&contest, &nominal, &nominal, "suspects").unwrap();
+            search(&mut contest, nominal, first).unwrap()
+        };
+        let right = found(0.002);
+        assert!(!right.is_quieter && right.best.experiment.noise == [0.002]);
+        let overstated = found(0.02);
+        let noise = overstated.best.experiment.noise[0];
+        assert!(overstated.is_quieter && (noise / 0.002 - 1.0).abs() < 0.1, "{noise}");
+        assert_eq!(overstated.nominal.experiment.noise[0], noise);
+        assert_eq!(overstated.best.hypotheses[0].id(), "quadratic_drag");
     }
 
     #[test]

@@ -41,6 +41,8 @@ pub(crate) struct Survey {
     pub(crate) pairs: Vec<Pair>,
     /// Derivatives at the contestant, for first steps from it; none of a simulator that steps, whose fits hand on their own.
     pub(crate) kept: Option<Arc<Kept>>,
+    /// Whether some of the suspects alone were looked at.
+    pub(crate) is_partial: bool,
 }
 
 impl Screened {

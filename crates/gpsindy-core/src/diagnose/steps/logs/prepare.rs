@@ -95,7 +95,7 @@ fn with_less_noise(fitter: Fitter, mut nominal: Contestant, budget: Budget) -> R
 
 /// The noise of the columns where differences of samples overstate it, as they do where the motion is faster than the samples: a fit cannot
 /// leave less than noise. `None` where they do nowhere.
-fn quieter(nominal: &Contestant) -> Option<Vec<f64>> {
+pub(crate) fn quieter(nominal: &Contestant) -> Option<Vec<f64>> {
     let Contestant { experiment, refined, .. } = nominal;
     let columns = experiment.noise.len();
     let mean = |column: usize| {

@@ -42,7 +42,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
     ),
     in_mjcf: None,
-    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, less what stands against it where the parameter scales both, as the speed does in a winding whose current is no state; or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, less what stands against it where the parameter scales both, as the speed does in a winding whose current is no state; or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects or one of the causes found, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
