@@ -52,18 +52,13 @@ impl Scope<'_> {
             return Ok(None);
         }
         let equations = member.as_ref().map_or(&done.regressed.equations, |member| &member.trial.equations);
-        notes.push(self.grown_note(equations));
+        notes.push(grown_note(equations, &self.logs.frame.library));
         Ok(Some(Searched { settings, done, member, notes }))
-    }
-
-    /// The remark on equations of a larger library.
-    fn grown_note(&self, equations: &Equations) -> Note {
-        Note::Grown { terms: beyond(equations, &self.logs.frame.library) }
     }
 
     /// Whether what another library led to predicts whole runs better than `base`; or as well, and leaves nothing, and explains the logs
     /// better by odds that leave no doubt.
-    fn is_surpassed(
+    pub(crate) fn is_surpassed(
         &self,
         (regressed, base): (&Regressed, Option<&Member>),
         other: &Scope<'_>,
@@ -85,6 +80,11 @@ impl Scope<'_> {
                 Ordering::Greater => true,
             })
     }
+}
+
+/// The remark on equations of a larger library than `asked`.
+pub(crate) fn grown_note(equations: &Equations, asked: &Library) -> Note {
+    Note::Grown { terms: beyond(equations, asked) }
 }
 
 /// Names of the terms in `own` that `library` lacks.

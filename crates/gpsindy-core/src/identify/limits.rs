@@ -231,6 +231,26 @@ pub(crate) mod outlook {
     pub(crate) const EXCHANGEABLE: f64 = 6.0;
 }
 
+/// Limits of the terms that saturate.
+pub(crate) mod saturating {
+    /// Ratio of the spread of its variable to the half-saturation up to which that is looked for: below a tenth of the range a rate is at its end
+    /// nearly everywhere. Convention.
+    pub(crate) const SEEN: f64 = 10.0;
+    /// Ratio of the half-saturation to the largest value of its variable up to which it is looked for: at twice that value a rate loses a third
+    /// over its range. Where it loses less, squares and cubes are as good. Convention.
+    pub(crate) const REACHED: f64 = 2.0;
+    /// Values between which the best one of the regression is refined: a factor of about three apart. Convention.
+    pub(crate) const SCANNED: usize = 6;
+    /// States and controls at most: with more, a regression for each value takes longer than all the rest. Convention.
+    pub(crate) const MOST_VARIABLES: usize = 4;
+    /// Terms of an equation from which one that saturates may stand for some of them: three of them and its number. Convention.
+    pub(crate) const LONG: usize = 5;
+    /// Sets of terms that are searched in full, those of the best regressions. Convention.
+    pub(crate) const KEPT: usize = 2;
+    /// Smallest mean squared residual of a regression, in units of the noise, that counts: less is rounding. Argument.
+    pub(crate) const LEAST: f64 = 1e-12;
+}
+
 /// Limits of the search for free numbers.
 pub(crate) mod numbers {
     /// Sets of values that the search for one free number begins at; twice as many for each further one. Convention.

@@ -18,6 +18,7 @@ mod outlook;
 mod prepare;
 mod report;
 mod result;
+mod saturating;
 mod searched;
 mod settings;
 mod starting;
@@ -90,11 +91,10 @@ impl Identify {
         }
         let scope = Scope::new(self, &done, progress);
         let member = scope.equations(&done.regressed, &mut notes)?;
-        if !self.grow || !member.as_ref().map_or(Ok(true), |found| scope.leaves_structure(found))? {
-            return Ok(Searched { settings: self.clone(), done, member, notes });
-        }
-        let grown = scope.grown((&done.regressed, member.as_ref()))?;
-        Ok(grown.unwrap_or_else(|| Searched { settings: self.clone(), done, member, notes }))
+        let leaves = self.grow && member.as_ref().map_or(Ok(true), |found| scope.leaves_structure(found))?;
+        let grown = if leaves { scope.grown((&done.regressed, member.as_ref()))? } else { None };
+        let found = grown.unwrap_or_else(|| Searched { settings: self.clone(), done, member, notes });
+        if self.grow && (leaves || found.is_long()) { found.saturating(self, progress) } else { Ok(found) }
     }
 }
 

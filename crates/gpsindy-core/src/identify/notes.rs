@@ -190,7 +190,7 @@ impl fmt::Display for Note {
             Self::NotRefined { reason } => write!(f, "no refinement by simulation: {reason}"),
             Self::Grown { terms } => write!(
                 f,
-                "polynomials leave more than the noise; a larger library explains the logs better, with {}",
+                "a larger library explains the logs better than the terms asked for, with {}",
                 if terms.is_empty() { "fewer terms".into() } else { terms.join(", ") }
             ),
             Self::Restless => f.write_str("the refinement stopped before it converged"),

@@ -100,7 +100,8 @@ pub struct Identify {
     /// Candidate terms.
     pub library: LibrarySettings,
     /// Whether a larger library is tried where these terms leave more than the noise: sines and cosines of every variable and their
-    /// products, `sign(v)` and `v*abs(v)` of one that changes its sign, the logarithm, the root and the reciprocal of one that stays positive.
+    /// products, `sign(v)` and `v*abs(v)` of one that changes its sign, the logarithm, the root and the reciprocal of one that stays positive;
+    /// rates that saturate, `x/(h + x)` and `x^2/(h^2 + x^2)`, with h a free number.
     /// Its equations are taken where the evidence leaves no doubt. Without effect where `refine` is off.
     pub grow: bool,
     /// What is known beforehand.

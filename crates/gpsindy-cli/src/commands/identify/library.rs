@@ -48,7 +48,7 @@ pub(crate) struct LibraryOptions {
 /// Which candidate terms there are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LibraryChoice {
-    /// Also sine, cosine, sign, v*abs(v), log, sqrt and 1/v, where the evidence for them leaves no doubt
+    /// Also sine, cosine, sign, v*abs(v), log, sqrt, 1/v and x/(h + x), where the evidence for them leaves no doubt
     Auto,
     /// Only the terms that the other options name
     Given,

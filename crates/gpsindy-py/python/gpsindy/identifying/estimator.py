@@ -43,7 +43,8 @@ class GPSINDy(Settings):
         Highest degree of the polynomials of the library, 0 to 9.
     library : {"auto", "given"}, optional
         "auto": where the terms named here leave more than the noise, more are tried: sines and cosines and their products,
-        ``sign(v)`` and ``v*abs(v)`` of what changes its sign, logarithm, root and reciprocal of what stays positive. "given": no other terms.
+        ``sign(v)`` and ``v*abs(v)`` of what changes its sign, logarithm, root and reciprocal of what stays positive,
+        and rates that saturate, ``x/(h + x)`` and ``x^2/(h^2 + x^2)``, with h estimated (``numbers_``). "given": no other terms.
         Default: "auto", unless ``trig``, ``products`` or ``terms`` names terms.
     trig : bool
         Sine and cosine of every variable.
