@@ -239,7 +239,7 @@ pub(crate) mod saturating {
     /// Ratio of the half-saturation to the largest value of its variable up to which it is looked for: at twice that value a rate loses a third
     /// over its range. Where it loses less, squares and cubes are as good. Convention.
     pub(crate) const REACHED: f64 = 2.0;
-    /// Values between which the best one of the regression is refined: a factor of about three apart. Convention.
+    /// Values between which the best one of the regression is refined: a factor of about two apart. Convention.
     pub(crate) const SCANNED: usize = 6;
     /// States and controls at most: with more, a regression for each value takes longer than all the rest. Convention.
     pub(crate) const MOST_VARIABLES: usize = 4;

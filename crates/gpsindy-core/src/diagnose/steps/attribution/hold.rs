@@ -75,9 +75,8 @@ fn other_hold(contest: &mut Contest<'_>, start: &Contestant, held: &Judged) -> R
     Ok((!suspected.detected.gap).then(|| suspected.without_gap()))
 }
 
-/// What was found under interpolated controls, unless it needs a delay that held ones do not, a column that is read late or early, or
-/// leaves a rest: beside
-/// a large gap they were chosen by what is left of it.
+/// What was found under interpolated controls, unless held ones, which are tried where there is a doubt, account for the logs as well: where it has
+/// a delay or a column that is read late or early, and where it leaves a rest, for beside a large gap the hold was chosen by what was left of it.
 fn without_phantom(contest: &mut Contest<'_>, prepared: &Prepared, mut other: Judged) -> Result<Judged> {
     let best = &other.outcome.best;
     // What a column reads late or early may be half a sample of the control.
