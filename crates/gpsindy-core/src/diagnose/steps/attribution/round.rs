@@ -32,6 +32,13 @@ impl Expansion {
         self.fits.iter().filter(|f| f.hypotheses.len() == 1).cloned().collect()
     }
 
+    /// The same with what a further search at its contestant found.
+    fn with(mut self, contest: &Contest<'_>, fits: Vec<Contestant>, searches: Searches) -> Self {
+        self.fits.extend(fits);
+        contest.sort(&mut self.fits);
+        Self { fits: keep_first_of_each(self.fits), searches: self.searches.and(searches), ..self }
+    }
+
     /// Chance that noise and negligible structure give as large a gain somewhere in the search.
     pub(crate) fn p_value(&self, at: &Contestant) -> f64 {
         let (count, spent) = (at.evidence.count(), at.evidence.spent());
@@ -59,11 +66,7 @@ pub(crate) fn expand_further(
 ) -> Result<Expansion> {
     let known = first.fits.iter().map(|fit| contest.score(fit)).fold(f64::NEG_INFINITY, f64::max);
     let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())), known)?;
-    let mut all = first;
-    all.fits.extend(more.fits);
-    contest.sort(&mut all.fits);
-    all.fits = keep_first_of_each(all.fits);
-    all.searches = all.searches.and(more.searches);
+    let mut all = first.with(contest, more.fits, more.searches);
     let stay = contest.dismisses(new.clone(), all.leaders());
     all.fits.retain(|fit| !fit.hypotheses.iter().any(|h| contest.is_waiting(h)));
     // Sets that apply together come behind all hypotheses.
@@ -87,11 +90,7 @@ pub(crate) fn expand_behind(
         return Ok(None);
     }
     let more = expand_by(contest, nominal, best, ("what stands behind", Some(new.clone())), contest.score(best))?;
-    let mut all = round.clone();
-    all.fits.extend(more.fits);
-    contest.sort(&mut all.fits);
-    all.fits = keep_first_of_each(all.fits);
-    all.searches = all.searches.and(more.searches);
+    let mut all = round.clone().with(contest, more.fits, more.searches);
     contest.with_places(&mut all.screened);
     all.screened[new.clone()].clone_from_slice(&more.screened[new]);
     Ok(Some(all))
