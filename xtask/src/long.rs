@@ -2,6 +2,7 @@
 
 mod design;
 mod faults;
+mod levels;
 mod mjlab;
 
 /// A task by its name, and whether it is one of all; the others run only where they are named.
@@ -10,6 +11,7 @@ type Task = (&'static str, bool, fn() -> Result<(), String>);
 const TASKS: &[Task] = &[
     ("design", true, design::run),
     ("faults", true, faults::run),
+    ("levels", true, levels::run),
     ("features", true, crate::tools::features),
     ("mjlab", false, mjlab::run),
     ("package", true, crate::package::check),

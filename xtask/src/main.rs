@@ -34,9 +34,10 @@ cargo xtask semver [REV]  the public interface against a tag or commit; without 
 cargo xtask msrv          everything compiles with the oldest Rust that Cargo.toml promises, and for 32 bits
 cargo xtask fmt           format everything, also the files of effects, which a macro names
 cargo xtask long [TASK]   what takes too long for every change, all of it or one task: design (of 24 drawn pairs, how many one designed
-                          run distinguishes; kept in tests/records), faults (kills, a full disk, two runs in one folder), features (the
-                          readers of logs with each format alone and with none, warnings as errors), package, wheel, site; and only by
-                          its name mjlab (more than 6 GB from the package index: the generated events in the real mjlab)
+                          run distinguishes; kept in tests/records), faults (kills, a full disk, two runs in one folder), levels (the tests
+                          of rates of alarm and of intervals with all of their draws), features (the readers of logs with each format
+                          alone and with none, warnings as errors), package, wheel, site; and only by its name mjlab (more
+                          than 6 GB from the package index: the generated events in the real mjlab)
 cargo xtask data          write the generated logs of data/ again (same seed, same files)
 cargo xtask picture       draw docs/hare_lynx.svg and docs/pendulum.svg again
 cargo xtask effects       write docs/effects again from the catalogue, pages and pictures
@@ -100,20 +101,23 @@ fn format(how: &[&str]) -> Result<(), String> {
     shell::run("rustfmt", edition.chain(how.iter().copied()).chain(effects.iter().map(String::as_str)), &[])
 }
 
-/// Both parts. What the second one needs from the package index comes while the first one compiles, and its wheel is built while the tests of
-/// the first one run.
+/// Both parts. What the second one needs from the package index comes while the first one compiles; its wheel is built and its tests run beside
+/// the tests of the first one.
 fn test() -> Result<(), String> {
     let fetching = std::thread::spawn(python::fetch);
     format(&["--check"])?;
     cargo_test(&["--tests", "--no-run"], &[])?;
     joined(fetching, "installs Python packages")?;
-    let building = std::thread::spawn(|| {
+    let python = std::thread::spawn(|| {
         // Both ask for the same lock. Cargo has nothing left to build for the tests, and lets go of it within a second.
         std::thread::sleep(std::time::Duration::from_secs(5));
-        python::environment(&[])
+        python::test(&python::environment(&[])?)
     });
-    tests()?;
-    python::test(&joined(building, "builds the wheel")?)
+    // Side by side to their ends: neither alone keeps all cores busy, and who mends one wants to know of the other.
+    match (tests(), joined(python, "tests the Python package")) {
+        (Err(one), Err(other)) => Err(format!("{one}\n{other}")),
+        (one, other) => one.and(other),
+    }
 }
 
 /// What a thread came to.

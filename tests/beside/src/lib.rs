@@ -13,6 +13,21 @@ use std::process::{Command, Stdio};
 /// Names the file that collects the skipped tests of a run, one a line.
 pub const SKIPPED: &str = "GPSINDY_SKIPPED";
 
+/// Asks the tests of a level for all of their draws; `cargo xtask long levels` sets it.
+pub const LEVELS: &str = "GPSINDY_LEVELS";
+
+/// How many seeds a test of a level draws: `few`, or `all` where [`LEVELS`] is set.
+pub fn draws(few: u64, all: u64) -> u64 {
+    if std::env::var_os(LEVELS).is_some() { all } else { few }
+}
+
+/// Most of `count` draws in which what has a chance of `rate` may happen: the mean and two and a half deviations, beyond which one test in a
+/// hundred is by chance.
+pub fn at_most(rate: f64, count: u64) -> usize {
+    let mean = rate * count as f64;
+    (mean + 2.5 * (mean * (1.0 - rate)).sqrt()) as usize
+}
+
 /// A file or folder of the data next to the repository (`../shared`), by its path there.
 ///
 /// `None` where it is not there: the test is then skipped, and this says so.

@@ -140,8 +140,8 @@ pub fn answer(case: &Case, id: &str) -> Answer {
             parameters: Some(e.act.numbers().into_iter().map(|(n, v)| (n.to_string(), v)).collect()),
         })
         .collect();
-    let names = |effect: &str, row: usize, variables: Vec<Variable>, of: usize| {
-        let full = Effect { id: "", state: row, variables, act: Act::Constant { c: 0.0 } };
+    let names = |effect: &'static str, row: usize, variables: Vec<Variable>, of: usize| {
+        let full = Effect { id: effect, state: row, variables, act: Act::Constant { c: 0.0 } };
         Named { effect: effect.into(), state: state(row), variables: full.names(plant), of: Some(of), parameters: None }
     };
     let mut accepted = Vec::new();

@@ -172,7 +172,8 @@ fn ablated(contest: &Contest<'_>, judged: &Judged, diagnosis: &Diagnosis) -> Res
     let best = &judged.outcome.best;
     let place = |cause: &report::Cause| {
         let is_it = |h: &catalogue::hypothesis::Hypothesis| {
-            h.id() == cause.effect && h.variables == cause.variables && h.place() == cause.place
+            let names = (h.id(), h.stated(), h.place(), h.form());
+            names == (&cause.effect, &cause.variables[..], cause.place.clone(), cause.form.clone())
         };
         let on_row = |h: &catalogue::hypothesis::Hypothesis| best.system.model().states[h.moves()].name == cause.state;
         best.hypotheses.iter().position(|h| is_it(h) && on_row(h))

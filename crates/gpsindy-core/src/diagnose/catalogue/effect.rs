@@ -112,9 +112,22 @@ impl Effect {
         self.acts_at(Place::Sensor)
     }
 
-    /// Whether the effect acts wherever a parameter appears.
+    /// Whether a report names it by the parameter that it changes.
     pub fn acts_on_parameter(self) -> bool {
-        [Place::Parameter, Place::Rate, Place::Contact, Place::Heated].into_iter().any(|place| self.acts_at(place))
+        self.acts_at(Place::Parameter) || self.acts_at(Place::Heated)
+    }
+
+    /// Those of a hypothesis' variables that a report lists: what a rate or a force saturates with, not the parameter of its term, and the
+    /// parameter that warms up, not what heats it. The form names the others.
+    pub(crate) fn stated(self, variables: &[String]) -> &[String] {
+        let first = variables.len().min(1);
+        if self.acts_at(Place::Rate) || self.acts_at(Place::Contact) {
+            &variables[first..]
+        } else if self.acts_at(Place::Heated) {
+            &variables[..first]
+        } else {
+            variables
+        }
     }
 
     pub(crate) fn acts_at(self, place: Place) -> bool {
@@ -230,5 +243,16 @@ mod tests {
         assert_eq!(form(Effect::InputLag, &["u_1"]), "u_1 becomes a state that follows u_1 with time constant tau");
         assert_eq!(form(Effect::ProductCoupling, &["w", "z"]), "c*w*z");
         assert!(form(Effect::StribeckFriction, &["v"]).contains("(v/w)^2"));
+    }
+
+    #[test]
+    fn a_report_lists_what_a_term_saturates_with_and_the_parameter_that_warms_up() {
+        let names = |all: &[&str]| all.iter().map(ToString::to_string).collect::<Vec<_>>();
+        assert_eq!(Effect::SaturatingRate.stated(&names(&["mu", "S"])), ["S"]);
+        assert_eq!(Effect::Slip.stated(&names(&["C", "v", "w"])), ["v", "w"]);
+        assert_eq!(Effect::Thermal.stated(&names(&["R", "u"])), ["R"]);
+        assert_eq!(Effect::MotorLimit.stated(&names(&["u", "w"])), ["u", "w"]);
+        assert_eq!(Effect::ParameterError.stated(&names(&["m"])), ["m"]);
+        assert!(Effect::Bias.stated(&[]).is_empty());
     }
 }

@@ -47,10 +47,14 @@ impl Scene {
         let states: Vec<Excursion> = (0..n)
             .map(|j| {
                 // A logged state is described by its log, which a bad nominal model can't spoil.
-                let logged = experiment
-                    .column_of(j)
-                    .map(|c| experiment.logs.iter().flat_map(|l| l.measured[c].iter().copied()).collect::<Vec<_>>());
-                Excursion::of(&logged.unwrap_or_else(|| paths.iter().flat_map(|p| p[j].iter().copied()).collect()))
+                let logged = |c: usize| -> Vec<f64> {
+                    experiment.logs.iter().flat_map(|l| l.measured[c].iter().copied()).collect()
+                };
+                let of_path = || paths.iter().flat_map(|p| p[j].iter().copied()).collect::<Vec<f64>>();
+                match experiment.column_of(j) {
+                    Some(c) => Excursion::of(&logged(c)).with_noise(experiment.noise[c]),
+                    None => Excursion::of(&of_path()),
+                }
             })
             .collect();
         let place = |j: usize| system.model().integral_of(j).and_then(|i| experiment.column_of(i));

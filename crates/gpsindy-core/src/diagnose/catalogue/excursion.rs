@@ -1,6 +1,6 @@
 //! How far a variable moves, which way, and whether it shows the time.
 
-use crate::diagnose::limits::catalogue::{SHOWS_TIME, TURNED};
+use crate::diagnose::limits::catalogue::{REVERSES, SHOWS_TIME, STRAYS, TURNED};
 
 /// How a variable moves over all training logs.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,6 +11,8 @@ pub(crate) struct Excursion {
     pub(crate) spread: f64,
     /// Root mean square.
     pub(crate) rms: f64,
+    /// Standard deviation of the noise in the values; zero where they have none.
+    pub(crate) noise: f64,
     /// Absolute values, sorted, thinned to a few hundred.
     sizes: Vec<f64>,
 }
@@ -29,8 +31,19 @@ impl Excursion {
             high: finite.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             spread: (square - mean * mean).max(0.0).sqrt(),
             rms: square.sqrt(),
+            noise: 0.0,
             sizes: sizes.into_iter().step_by(stride).collect(),
         }
+    }
+
+    /// The same of values that are measured with `noise`.
+    pub(crate) fn with_noise(self, noise: f64) -> Self {
+        Self { noise, ..self }
+    }
+
+    /// Whether no value is below zero but by what noise, or the error of a start, takes there.
+    pub(crate) fn is_never_negative(&self) -> bool {
+        self.low >= -(REVERSES * self.size()).max(STRAYS * self.noise)
     }
 
     /// Size below which a share `part` of the samples stays.

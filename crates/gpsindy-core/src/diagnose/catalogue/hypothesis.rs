@@ -122,6 +122,11 @@ impl Hypothesis {
         other.effect().is_some_and(|effect| imitators.contains(&effect)) && self.state == other.state && is_there
     }
 
+    /// Whether it is what makes a place unlike others.
+    pub(crate) fn marks_a_place(&self) -> bool {
+        self.effect().is_some_and(Effect::marks_a_place)
+    }
+
     /// Whether it is the same effect in another place.
     pub(crate) fn is_elsewhere(&self, other: &Self) -> bool {
         self.effect().is_some() && self.effect() == other.effect() && self != other
@@ -145,6 +150,11 @@ impl Hypothesis {
     /// What must hold at its place and does not.
     pub(crate) fn broken_sense(&self, model: &Model, scene: &Scene) -> Option<Sense> {
         self.effect()?.definition().sense.iter().copied().find(|s| !s.holds(self.state, &self.variables, model, scene))
+    }
+
+    /// What it depends on, as a report lists it.
+    pub(crate) fn stated(&self) -> &[String] {
+        self.effect().map_or(&self.variables, |effect| effect.stated(&self.variables))
     }
 
     /// Its form with the names of the variables in it.

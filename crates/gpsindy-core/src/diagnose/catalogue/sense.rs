@@ -68,8 +68,7 @@ impl Sense {
         match self {
             Self::Speed => may_be_speed(model, state),
             Self::Balance => !has_place(model, state),
-            // Noise takes an amount that is used up below zero.
-            Self::NotNegative(index) => excursion(index).is_none_or(|e| e.low >= -REVERSES * e.size()),
+            Self::NotNegative(index) => excursion(index).is_none_or(Excursion::is_never_negative),
             Self::EitherSign(index) => {
                 // What the logs say of its place: the start of a rollout may go the other way.
                 let state = one(index).and_then(|name| model.state_index(name));
@@ -208,6 +207,8 @@ mod tests {
         };
         assert!(holds(&[1.6, 0.8, 0.3, -0.01]));
         assert!(!holds(&[1.6, 0.8, -0.3, -0.9]));
+        let used_up = Excursion::of(&[1.6, 0.8, 0.1, -0.15]);
+        assert!(!used_up.is_never_negative() && used_up.with_noise(0.05).is_never_negative());
     }
 
     #[test]

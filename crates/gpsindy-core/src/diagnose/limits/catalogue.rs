@@ -20,6 +20,9 @@ pub(crate) const INSIDE_AND_ENDS: [f64; 5] = [0.0, 0.2, 0.5, 0.8, 1.0];
 /// Share of its size by which a force must leave a straight line to be another load than the position: less is no other friction. Convention.
 pub(crate) const STRAIGHT_FORCE: f64 = 0.02;
 
+/// Deviations of the noise by which a value strays in logs of any length: normal values do so by five in 3 10^6. Argument.
+pub(crate) const STRAYS: f64 = 5.0;
+
 /// From what part of its value a parameter goes, to as much above it. Convention.
 pub(crate) const FROM: f64 = 0.75;
 

@@ -163,7 +163,7 @@ impl Table<'_> {
         PowerEffect {
             effect: hypothesis.id().into(),
             state: self.system.model().states[hypothesis.state].name.clone(),
-            variables: hypothesis.variables.clone(),
+            variables: hypothesis.stated().to_vec(),
             parameter: planted.symbol().into(),
             unit: planted.unit().into(),
             detected_from: None,
@@ -228,7 +228,7 @@ impl Table<'_> {
             let (effect, state) = ("none".into(), String::new());
             return Verdict::Confused(PowerRival { effect, state, variables: Vec::new(), draws: 1 });
         };
-        let is_it = cause.effect == hypothesis.id() && cause.state == *state && cause.variables == hypothesis.variables;
+        let is_it = cause.effect == hypothesis.id() && cause.state == *state && cause.variables == hypothesis.stated();
         if is_it {
             return Verdict::Named(cause.equivalent.clone());
         }

@@ -14,7 +14,8 @@ pub struct Cause {
     /// The port or control at which it acts, where it does not act in the state's equation alone.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
-    /// What it depends on: states, controls, or the name of the parameter that is wrong.
+    /// What it depends on: states, controls, or the name of the parameter that is wrong or warms up. The parameter whose term saturates is
+    /// in the form.
     pub variables: Vec<String>,
     /// It is part of the augmented model.
     pub included: bool,
@@ -59,7 +60,8 @@ pub struct Twin {
     /// The port or control at which it acts, where it does not act in the state's equation alone.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
-    /// What it depends on: states, controls, or the name of the parameter that is wrong.
+    /// What it depends on: states, controls, or the name of the parameter that is wrong or warms up. The parameter whose term saturates is
+    /// in the form.
     pub variables: Vec<String>,
     /// Fitted sizes.
     pub parameters: Vec<Parameter>,

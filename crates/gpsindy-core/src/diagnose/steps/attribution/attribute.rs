@@ -9,7 +9,7 @@ use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
 use crate::diagnose::steps::attribution::moves::scatter::resettled;
 use crate::diagnose::steps::attribution::places::{self, Place};
-use crate::diagnose::steps::attribution::round::{Expansion, expand};
+use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_behind};
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::attribution::search::{Found, richer, search};
 use crate::diagnose::steps::attribution::settle::{Settled, settle};
@@ -39,8 +39,13 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
-    let again = |best: &Contestant| expand(contest, &nominal, best, "alternatives");
-    let mut round = if is_known { round } else { again(&best)? };
+    let again = |contest: &Contest<'_>, best: &Contestant| expand(contest, &nominal, best, "alternatives");
+    let mut round = round;
+    if !is_known {
+        round = again(contest, &best)?;
+        // What longer rollouts leave, shorter ones did not ask for.
+        round = expand_behind(contest, &nominal, &best, &round)?.unwrap_or(round);
+    }
     let mut places = places::places(contest, &nominal, &best, &round.fits, rests)?;
     let mut known: Vec<Contestant> = Vec::new();
     for _ in 0..MOST_MOVES {
@@ -57,7 +62,7 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
         if is_same {
             round.fits.push(last);
         } else {
-            round = again(&best)?;
+            round = again(contest, &best)?;
         }
         places = places::places(contest, &nominal, &best, &round.fits, None)?;
         if is_again || is_same {

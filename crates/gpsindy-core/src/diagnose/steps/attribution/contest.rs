@@ -3,7 +3,6 @@
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::joint;
-use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::fit::by_run::differing;
@@ -54,12 +53,14 @@ impl<'a> Contest<'a> {
         self.call(&is_called)
     }
 
-    /// Makes suspects of those that come into question beside `best`; their numbers.
+    /// Makes suspects of those that come into question beside `best`, and of those that mark a place where more than noise is left; their
+    /// numbers.
     pub(crate) fn calls_beside(&mut self, best: &Contestant) -> Range<usize> {
         // Beside the nominal model the others were called already.
         let is_news = best.hypotheses.len() > 1 || best.evidence.leaves_a_rest();
         let is_called = |h: &Hypothesis| {
-            best.hypotheses.iter().any(|leading| h.is_elsewhere(leading) || (is_news && h.stands_behind(leading)))
+            let comes = |leading| h.is_elsewhere(leading) || (is_news && h.stands_behind(leading));
+            best.hypotheses.iter().any(comes) || (best.evidence.leaves_a_rest() && h.marks_a_place())
         };
         self.call(&is_called)
     }
@@ -93,8 +94,7 @@ impl<'a> Contest<'a> {
     /// Lets those of the `called` wait again that are none of the leaders: every later round is the shorter for it. Says which stay. The few that
     /// mark a place stay, for they may only show beside a leader.
     pub(crate) fn dismisses(&mut self, called: Range<usize>, leaders: &[Contestant]) -> Vec<usize> {
-        let marks = |h: &Hypothesis| h.effect().is_some_and(Effect::marks_a_place);
-        let leads = |h: &Hypothesis| marks(h) || leaders.iter().any(|leader| leader.hypotheses.contains(h));
+        let leads = |h: &Hypothesis| h.marks_a_place() || leaders.iter().any(|leader| leader.hypotheses.contains(h));
         let stay: Vec<usize> = called.clone().filter(|&h| leads(&self.hypotheses[h])).collect();
         for (number, hypothesis) in called.clone().zip(self.hypotheses.split_off(called.start)) {
             let kept = if stay.contains(&number) { &mut self.hypotheses } else { &mut self.behind };
@@ -253,9 +253,11 @@ pub(crate) fn keep_first_of_each(fits: Vec<Contestant>) -> Vec<Contestant> {
 mod tests {
     use super::*;
     use crate::diagnose::fit::fitter::unsearched;
-    use crate::diagnose::fixture::{drive, fitted};
+    use crate::diagnose::fixture::{drive, fitted, slider, slider_model};
     use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
+    use crate::model::System;
     use crate::progress::Silent;
+    use crate::refine::Experiment;
 
     #[test]
     fn effects_that_can_not_be_written_together_are_no_set_and_no_error() {
@@ -271,6 +273,29 @@ mod tests {
         for one in &both {
             assert!(contest.again_with(&nominal, &nominal, std::slice::from_ref(one)).unwrap().is_some());
         }
+    }
+
+    #[test]
+    fn what_marks_a_place_is_called_where_more_than_noise_is_left() {
+        let called = |ripple: f64| {
+            let rate = |x: f64, v: f64, u: f64| u - 3.0 * v - ripple * (25.0 * x).sin();
+            let input = |time: f64, run: f64| 8.0 * (0.9 * time + run).sin();
+            let data = slider(1, rate, input, [0.003, 0.01], 100);
+            let mut model = slider_model("u - 3*v");
+            model.states[0].unit = "m".into();
+            model.states[1].unit = "m/s".into();
+            let system = System::new(&model).unwrap();
+            let experiment = Experiment::new(&system, &data, Some(&[0.003, 0.01])).unwrap();
+            let fitter = Fitter::default();
+            let nominal = fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap();
+            let run = Run::new(&Silent, None);
+            let mut contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
+            let new = contest.calls_beside(&nominal);
+            contest.hypotheses[new].iter().map(|h| h.id().to_string()).collect::<Vec<_>>()
+        };
+        assert!(called(0.0).is_empty());
+        let called = called(4.0);
+        assert!(["cogging", "end_stop"].iter().all(|id| called.iter().any(|found| found == id)), "{called:?}");
     }
 
     #[test]

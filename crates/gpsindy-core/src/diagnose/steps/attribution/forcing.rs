@@ -151,7 +151,7 @@ fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Res
         }
         p_value = best.functions(contest)?;
     }
-    Ok(is_random(p_value).then_some((best, p_value)))
+    Ok((is_random(p_value) && best.is_seen(contest)).then_some((best, p_value)))
 }
 
 #[cfg(test)]

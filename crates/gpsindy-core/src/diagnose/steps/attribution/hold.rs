@@ -5,7 +5,7 @@ use crate::diagnose::limits::{Budget, FINALISTS, HOLD};
 use crate::diagnose::steps::attribution::attribute::attribute;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, detect};
-use crate::diagnose::steps::findings::Judged;
+use crate::diagnose::steps::findings::{Forcing, Judged};
 use crate::diagnose::steps::logs::prepare::Prepared;
 use crate::error::{Result, unless_refused};
 use crate::refine::{Experiment, Hold};
@@ -42,8 +42,9 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
 /// Decided with the causes in place: a gap of any kind can make one hold look better than the other, and
 /// interpolation with a delay of half a sample is nearly a held control.
 pub(crate) fn reconsider_hold(contest: &mut Contest<'_>, prepared: &Prepared, found: Judged) -> Result<Judged> {
-    // Beside random forces alone the rollouts of one hold are nearer to the logs by chance.
-    let is_random = found.forcing.is_some() && found.outcome.best.hypotheses.is_empty();
+    // Under random forces the rollouts of one hold are nearer to the logs by chance.
+    let is_pushed = |forcing: &Forcing| !forcing.forces.is_empty() || found.outcome.best.hypotheses.is_empty();
+    let is_random = found.forcing.as_ref().is_some_and(is_pushed);
     if !is_open(contest, prepared) || !found.detected.gap || is_random {
         return Ok(found);
     }

@@ -51,13 +51,14 @@ pub(crate) fn moves(
         Some(Move { members, out: Vec::new(), applied: Some(applied), values, promised })
     }));
     if survey.is_partial && !base.hypotheses.is_empty() {
-        // They were asked for because of an effect that is there.
+        // They were asked for because of an effect that is there; what marks a place, because of what is left.
         let is_for = |m: &Move<'_>, place: &usize| {
             let leading = &base.hypotheses[*place];
             let mut suspects = m.members.iter().map(|&h| &contest.hypotheses[h]);
             suspects.any(|h| h.stands_behind(leading) || h.is_elsewhere(leading))
         };
-        moves.retain(|m| m.out.iter().any(|place| is_for(m, place)));
+        let marks = |m: &Move<'_>| m.members.iter().any(|&h| contest.hypotheses[h].marks_a_place());
+        moves.retain(|m| marks(m) || m.out.iter().any(|place| is_for(m, place)));
     }
     moves.retain(|m| has_room(contest, base, &m.members, &m.out) && is_worth_a_fit(contest, base, m));
     let promises: Vec<(Vec<&Hypothesis>, f64)> =

@@ -85,10 +85,9 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     let known = nominal.system.simulator().is_none();
     let places = if known && !choice.places && !choice.senseless { invariance::places(model) } else { Vec::new() };
     let mut ruled_out: BTreeMap<Rule, BTreeSet<String>> = BTreeMap::new();
-    let marks = |h: &Hypothesis| h.effect().is_some_and(Effect::marks_a_place);
     let mut hypotheses = Vec::new();
     for hypothesis in all {
-        let place = invariance::broken(&hypothesis, &places).filter(|_| !marks(&hypothesis));
+        let place = invariance::broken(&hypothesis, &places).filter(|_| !hypothesis.marks_a_place());
         let place = place.map(|place| Rule::Place(place.to_string()));
         let sense = || hypothesis.broken_sense(model, &scene).filter(|_| !choice.senseless);
         match place.or_else(|| sense().map(|sense| Rule::Sense(sense.words()))) {

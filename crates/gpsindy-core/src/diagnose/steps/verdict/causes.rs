@@ -181,7 +181,7 @@ fn cause(
         effect: hypothesis.id().into(),
         state: model.states[hypothesis.moves()].name.clone(),
         place: hypothesis.place(),
-        variables: hypothesis.variables.clone(),
+        variables: hypothesis.stated().to_vec(),
         included,
         probability: probability.clamp(0.0, 1.0),
         form: hypothesis.form(),

@@ -135,6 +135,12 @@ impl Account {
         self.processes.iter().any(|process| process.row().is_some())
     }
 
+    /// Whether all of its forces were seen to be random: one whose correlation time grows to the longest may be any function of the motion.
+    pub(super) fn is_seen(&self, contest: &Contest<'_>) -> bool {
+        let ends = |p: &Process| p.row().is_some() && range(contest, &self.fit, p.acts).ends_at(p);
+        !self.processes.iter().any(ends)
+    }
+
     /// The same with one more random process, about where it is at its best.
     fn sketched(&self, contest: &Contest<'_>, acts: Acts) -> Result<Option<Sketch>> {
         let places: Vec<Acts> = self.processes.iter().map(|p| p.acts).chain([acts]).collect();

@@ -2,7 +2,7 @@
 
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::{Acts, Linear, Process};
-use crate::diagnose::limits::forcing::{CLIMB_STEPS, DURATIONS, LAST_STEP, LEVELS, LONGEST, SLOPED, UNSEEN};
+use crate::diagnose::limits::forcing::{CLIMB_STEPS, CURVED, DURATIONS, LAST_STEP, LEVELS, LONGEST, SLOPED, UNSEEN};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::optimise::Optimiser;
 
@@ -24,6 +24,11 @@ impl Range {
             deviation: between(self.tried[0], k % LEVELS, LEVELS),
             time: between(self.tried[1], k / LEVELS, DURATIONS),
         })
+    }
+
+    /// Whether the correlation time is at its longest, closer than a step of a curvature.
+    pub(super) fn ends_at(&self, process: &Process) -> bool {
+        process.time.ln() > self.bounds[1].1.ln() - CURVED
     }
 
     fn holds(&self, process: &Process) -> bool {
@@ -123,5 +128,28 @@ impl Climb {
             time: pair[1].exp(),
         };
         self.ranges.iter().zip(logarithms.chunks_exact(2)).map(one).collect()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::fixture::{drive, fitted};
+    use crate::diagnose::run::Run;
+    use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
+    use crate::progress::Silent;
+
+    #[test]
+    fn a_force_that_changed_five_times_in_all_logs_is_at_the_end_of_what_is_looked_for() {
+        let (model, data) = drive(None, |x| 1.3 * x, 0.002, (2, 200));
+        let (fitter, nominal) = fitted(&model, &data, 0.002);
+        let together: f64 = data.runs().iter().map(|run| run.time[run.n_samples() - 1] - run.time[0]).sum();
+        let run = Run::new(&Silent, None);
+        let contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
+        let range = range(&contest, &nominal, Acts::Row(0));
+        let lasting = |time: f64| Process { acts: Acts::Row(0), deviation: 1.0, time };
+        assert!(range.ends_at(&lasting(together / 5.0)));
+        assert!(!range.ends_at(&lasting(together / 6.0)));
     }
 }

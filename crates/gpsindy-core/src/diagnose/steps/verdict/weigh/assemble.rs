@@ -103,19 +103,18 @@ fn excluded(contest: &Contest<'_>, outcome: &Outcome, verdict: Verdict) -> Vec<E
         let may_be = !is_whole && outcome.may_carry(hypothesis);
         if is_quiet && !may_be && deviation.is_finite() && *deviation > 0.0 && has_size {
             let state = model.states[hypothesis.moves()].name.clone();
-            let (variables, place) = (hypothesis.variables.clone(), hypothesis.place());
-            let is_listed = |e: &Excluded| {
+            let (variables, place) = (hypothesis.stated().to_vec(), hypothesis.place());
+            let is_listed = |e: &&mut Excluded| {
                 (e.effect.as_str(), &e.state, &e.variables, &e.place) == (hypothesis.id(), &state, &variables, &place)
             };
-            if !all.iter().any(is_listed) {
-                all.push(Excluded {
-                    effect: hypothesis.id().into(),
-                    state,
-                    variables,
-                    place,
-                    above: SHOWN * deviation,
-                    unit: unit.clone(),
-                });
+            let above = SHOWN * deviation;
+            match all.iter_mut().find(is_listed) {
+                // Of several terms or sources of heat under one name, what holds for each.
+                Some(listed) => listed.above = listed.above.max(above),
+                None => {
+                    let (effect, unit) = (hypothesis.id().into(), unit.clone());
+                    all.push(Excluded { effect, state, variables, place, above, unit });
+                }
             }
         }
     }
