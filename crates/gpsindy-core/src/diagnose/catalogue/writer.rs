@@ -16,8 +16,8 @@ use crate::expression::Expression;
 use crate::model::{Model, Parameter, State};
 use std::f64::consts::PI;
 
-/// Fewest repetitions within the logs before something may be called periodic: less than one is any smooth curve.
-pub(crate) const RIPPLES: f64 = 1.0;
+/// Fewest repetitions within the logs before something may be called periodic: less is any smooth curve.
+pub(crate) const RIPPLES: f64 = 1.25;
 
 /// Bounds of a parameter of either sign.
 pub(crate) const FREE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);

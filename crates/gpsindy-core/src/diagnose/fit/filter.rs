@@ -55,6 +55,7 @@ impl Process {
 }
 
 /// A model with random processes in some rows and on some columns.
+#[derive(Clone)]
 pub(crate) struct Filter {
     system: System,
     /// Number of the machine's own states; one a process follows.

@@ -19,6 +19,7 @@ use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probability_of_random};
 use crate::error::Result;
 use account::Account;
+use std::cell::OnceCell;
 
 /// The verdict with random forces, where they are a better account of the training logs than what was found without them.
 ///
@@ -41,17 +42,22 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     if !is_asked {
         return Ok(judged);
     }
-    let stage = contest.run.stage("random forces", 3)?;
-    // Where gusts drown every effect, one of them may still convince beside the gusts.
-    let near = if best.hypotheses.is_empty() { &near[..] } else { &[] };
+    let stage = contest.run.stage("random forces", 4)?;
+    let has_effects = !best.hypotheses.is_empty();
     let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
-    let nominal = &judged.nominal;
-    let mut found = account_of(contest, nominal, (best, near))?;
+    let alone = Alone { nominal: &judged.nominal, account: OnceCell::new() };
+    let mut found = account_of(contest, Account::forced(contest, best)?, &alone)?;
     stage.advance()?;
-    // Effects that imitate a gust leave a law of their own making.
-    if found.is_none() && !best.hypotheses.is_empty() && !contest.run.is_out_of_time() {
-        // A sensor's slow error alone would pass for any gap.
-        found = account_of(contest, nominal, (nominal, &[]))?.filter(|(found, _)| found.is_forced());
+    // Effects that imitate a gust leave a law of their own making. A sensor's slow error alone would pass for any gap.
+    if found.is_none() && has_effects && !contest.run.is_out_of_time() {
+        found = account_of(contest, alone.account(contest)?, &alone)?.filter(|(found, _)| found.is_forced());
+    }
+    stage.advance()?;
+    // Where gusts drown every effect, or are drowned by those that imitate them, one alone may still convince beside the gusts.
+    if found.is_none() && !contest.run.is_out_of_time() {
+        let near = if has_effects { &judged.outcome.singles } else { near };
+        let one = Account::of_one_near(contest, alone.nominal, near)?;
+        found = account_of(contest, one, &alone)?.filter(|(found, _)| found.is_forced() || !has_effects);
     }
     stage.advance()?;
     let Some((found, p_value)) = found else { return Ok(judged) };
@@ -74,16 +80,27 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     Ok(replaced(contest, judged, found, forcing, chance))
 }
 
-/// A fit, or one of those `near` it, beside random processes with which no law is left, and the chance of the best function besides.
-fn account_of(
-    contest: &Contest<'_>,
-    nominal: &Contestant,
-    (fit, near): (&Contestant, &[Contestant]),
-) -> Result<Option<(Account, f64)>> {
-    let found = Account::forced(contest, fit, near)?;
+/// The nominal model beside random forces without any effect, which is looked for at most once.
+struct Alone<'a> {
+    nominal: &'a Contestant,
+    account: OnceCell<Option<Account>>,
+}
+
+impl Alone<'_> {
+    fn account(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
+        if let Some(known) = self.account.get() {
+            return Ok(known.clone());
+        }
+        let found = Account::forced(contest, self.nominal)?;
+        Ok(self.account.get_or_init(|| found).clone())
+    }
+}
+
+/// What was found where no law is left beside its random processes, and the chance of the best function besides.
+fn account_of(contest: &Contest<'_>, found: Option<Account>, alone: &Alone<'_>) -> Result<Option<(Account, f64)>> {
     // Neither a process nor an effect that one might replace.
     let found = found.filter(|found| !found.processes.is_empty() || !found.fit.hypotheses.is_empty());
-    found.map_or(Ok(None), |found| beside(contest, nominal, found))
+    found.map_or(Ok(None), |found| beside(contest, alone, found))
 }
 
 /// The winner with coloured noise alone.
@@ -128,18 +145,17 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
 
 /// An account without those of its effects that do not convince beside random forces, and the chance of as large a function besides it;
 /// nothing where what is left follows a law.
-fn beside(contest: &Contest<'_>, nominal: &Contestant, mut best: Account) -> Result<Option<(Account, f64)>> {
+fn beside(contest: &Contest<'_>, alone: &Alone<'_>, mut best: Account) -> Result<Option<(Account, f64)>> {
     let is_random = |p_value: f64| probability_of_random(p_value) >= LIKELY;
     // Forces of their own may do what the effects do: asked first, because without them there is less to fit.
     if !best.fit.hypotheses.is_empty() && !contest.run.is_out_of_time() {
-        let alone = Account::forced(contest, nominal, &[])?;
-        best = alone.filter(|alone| alone.score > best.score - CONVINCING).unwrap_or(best);
+        best = alone.account(contest)?.filter(|alone| alone.score > best.score - CONVINCING).unwrap_or(best);
     }
     let mut p_value = best.functions(contest)?;
     // With fewer effects more of a law is left.
     while is_random(p_value) && best.fit.hypotheses.len() > 1 && !contest.run.is_out_of_time() {
         let mut simpler: Option<Account> = None;
-        for fit in contest.without_each(nominal, &best.fit, Budget::Usual)?.into_iter().flatten() {
+        for fit in contest.without_each(alone.nominal, &best.fit, Budget::Usual)?.into_iter().flatten() {
             let Some(account) = best.beside(contest, &fit) else { continue };
             if simpler.as_ref().is_none_or(|known| account.score > known.score) {
                 simpler = Some(account);

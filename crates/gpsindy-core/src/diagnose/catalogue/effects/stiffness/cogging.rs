@@ -52,7 +52,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     writer.add_term(c.times(angle.plus(phase).apply(Function::Sin)));
     let small = writer.small();
     // Up to sixty ripples over the range, in steps of half a ripple, so that no line is missed.
-    let over_range = (2..120).map(|k| PI * f64::from(k) / range);
+    let over_range = (3..120).map(|k| PI * f64::from(k) / range);
     // What turns repeats with its turns, of which a log may hold many: a whole number of ripples a turn.
     let by_turn = unit::turn(&writer.unit_of(0)).map(|turn| TAU / turn);
     let of_turns = by_turn.into_iter().flat_map(|one| (1..=MOST_OF_TURN).map(move |k| one * f64::from(k)));

@@ -19,6 +19,7 @@ use crate::refine::{Window, prior_cost};
 use nalgebra::Matrix2;
 
 /// A contestant beside random processes, and how well the logs speak of both.
+#[derive(Clone)]
 pub(super) struct Account {
     pub(super) fit: Contestant,
     filter: Filter,
@@ -51,21 +52,12 @@ impl Account {
         Self::of(contest, fit, &[])?.map(|bare| bare.grown(contest, &columns(fit))).transpose()
     }
 
-    /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes
-    /// it.
-    ///
-    /// Where a part of the logs shows already that what they leave follows a law, the one of the fits `near` it of which those
-    /// readings speak best; nothing where a law is left beside that, too.
-    pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant, near: &[Contestant]) -> Result<Option<Self>> {
-        let Some(mut part) = Self::in_part(contest, fit)? else { return Ok(None) };
+    /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes it, nor where
+    /// a part of the logs shows already that what they leave follows a law.
+    pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+        let Some(part) = Self::in_part(contest, fit)? else { return Ok(None) };
         if part.functions(contest)? < LAWFUL {
-            let better = part.best_of(contest, near).filter(|better| better.score > part.score + CONVINCING);
-            let Some(better) = better else { return Ok(None) };
-            let Some(own) = Self::in_part(contest, &better.fit)? else { return Ok(None) };
-            if own.functions(contest)? < LAWFUL {
-                return Ok(None);
-            }
-            part = own;
+            return Ok(None);
         }
         let (fit, places) = (part.fit.clone(), places(&part.fit));
         let whole = Self { most: whole_stretches(&fit), ..part };
@@ -79,6 +71,14 @@ impl Account {
             _ => whole.charged_anew(contest),
         };
         whole.map(|whole| whole.grown(contest, &places)).transpose()
+    }
+
+    /// The one of some fits near `fit` of which a part of the readings speaks best beside the random processes of that, as [`Self::forced`]; nothing
+    /// where none convinces there.
+    pub(super) fn of_one_near(contest: &Contest<'_>, fit: &Contestant, near: &[Contestant]) -> Result<Option<Self>> {
+        let Some(part) = Self::in_part(contest, fit)? else { return Ok(None) };
+        let better = part.best_of(contest, near).filter(|better| better.score > part.score + CONVINCING);
+        better.map_or(Ok(None), |better| Self::forced(contest, &better.fit))
     }
 
     /// `fit` with random processes where they convince on a part of the readings.
