@@ -27,7 +27,7 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     }
     let Suspected { nominal, first, nameless, detected, is_pinned } = suspected;
     let singles = first.singles();
-    let Found { nominal, best: found, round, is_lengthened, is_quieter } = search(contest, nominal, first)?;
+    let Found { nominal, best: found, mut round, is_lengthened, is_quieter } = search(contest, nominal, first)?;
     let Settled { nominal, mut best, rests, left, mut notes, is_moved } = settle(contest, nominal, &found)?;
     if is_lengthened && !notes.contains(&Note::Lengthened) {
         notes.push(Note::Lengthened);
@@ -40,7 +40,6 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
     let again = |contest: &Contest<'_>, best: &Contestant| expand(contest, &nominal, best, "alternatives");
-    let mut round = round;
     if !is_known {
         round = again(contest, &best)?;
         // What longer rollouts leave, shorter ones did not ask for.

@@ -138,7 +138,7 @@ fn handed(base: &Contestant, fit: &Contestant, promises: &[(Vec<&Hypothesis>, f6
     let member = |h: &Hypothesis| Member {
         effect: h.id().into(),
         state: states[h.moves()].name.clone(),
-        variables: h.variables.clone(),
+        variables: h.stated().to_vec(),
     };
     Some(Handed {
         members: fit.hypotheses.iter().map(member).collect(),
