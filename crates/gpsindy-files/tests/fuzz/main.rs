@@ -19,7 +19,7 @@ use std::time::Instant;
 use wholes::{Format, Whole, formats};
 
 /// Files of each format in the ordinary run, and in the long one.
-const ROUNDS: usize = 1_000;
+const ROUNDS: usize = 400;
 const LONG_ROUNDS: usize = 100_000;
 
 /// Large files, of so many times the short one's length, in both runs.
