@@ -371,13 +371,13 @@ impl Effect {
     /// The names of the variables in the model of `plant`, as an answer lists them: what a term saturates with, not its parameter, and the
     /// parameter that warms up, not what heats it.
     pub fn names(&self, plant: &Plant) -> Vec<String> {
-        let (skipped, listed) = match self.id {
-            "saturating_rate" | "slip" => (1, usize::MAX),
-            "thermal" => (0, 1),
-            _ => (0, usize::MAX),
+        let listed = match self.id {
+            "saturating_rate" | "slip" => self.variables.get(1..).unwrap_or_default(),
+            "thermal" => self.variables.get(..1).unwrap_or_default(),
+            _ => &self.variables,
         };
-        let listed = self.variables.iter().skip(skipped).take(listed);
         listed
+            .iter()
             .map(|v| match *v {
                 Variable::State(i) => plant.states[i].name.clone(),
                 Variable::Control(j) => plant.controls[j].name.clone(),

@@ -72,7 +72,7 @@ fn wear_is_dated_under_changing_load_and_temperature() {
         assert!((change.to - change.from - 0.2).abs() < 0.06, "{change:?}");
         dated += u64::from((change.since - 180.0).abs() <= 30.0);
     }
-    assert!(dated + 1 >= count, "{dated} of {count}");
+    assert!(20 * dated >= 19 * count, "{dated} of {count}");
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn a_warm_up_is_not_called_wear_and_wear_under_it_is_dated() {
         assert!((change.to - change.from - 0.2).abs() < 0.08, "{change:?}");
         dated += u64::from((change.since - WORN).abs() <= 30.0);
     }
-    assert!(dated + 1 >= count, "{dated} of {count}");
+    assert!(20 * dated >= 19 * count, "{dated} of {count}");
 }
 
 #[test]
@@ -109,9 +109,10 @@ fn a_curve_is_named_where_there_is_one_and_a_line_stays_a_line() {
         assert!((warm[0].effect(hours) - drawn).abs() < 0.03, "{hours}: {warm:?}");
     }
     assert!(warm[1].curve.is_none(), "{warm:?}");
-    let bent = (0..draws(8, 20)).flat_map(|seed| slopes(year(seed, 30, no_wear))).filter(|slope| slope.curve.is_some());
+    let count = draws(8, 20);
+    let bent = (0..count).flat_map(|seed| slopes(year(seed, 30, no_wear))).filter(|slope| slope.curve.is_some());
     // At a gain above the logarithm of the curves tried and half that of the periods, fewer than one in twenty is expected.
-    assert!(bent.count() <= 1);
+    assert!(bent.count() as u64 <= count / 20);
 }
 
 #[test]

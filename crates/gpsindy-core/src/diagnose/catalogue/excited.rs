@@ -47,13 +47,12 @@ impl Scene {
         let states: Vec<Excursion> = (0..n)
             .map(|j| {
                 // A logged state is described by its log, which a bad nominal model can't spoil.
-                let logged = |c: usize| -> Vec<f64> {
-                    experiment.logs.iter().flat_map(|l| l.measured[c].iter().copied()).collect()
-                };
-                let of_path = || paths.iter().flat_map(|p| p[j].iter().copied()).collect::<Vec<f64>>();
                 match experiment.column_of(j) {
-                    Some(c) => Excursion::of(&logged(c)).with_noise(experiment.noise[c]),
-                    None => Excursion::of(&of_path()),
+                    Some(c) => {
+                        let logged = experiment.logs.iter().flat_map(|l| l.measured[c].iter().copied());
+                        Excursion::of(&logged.collect::<Vec<f64>>()).with_noise(experiment.noise[c])
+                    }
+                    None => Excursion::of(&paths.iter().flat_map(|p| p[j].iter().copied()).collect::<Vec<f64>>()),
                 }
             })
             .collect();

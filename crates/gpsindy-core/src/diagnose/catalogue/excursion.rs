@@ -12,7 +12,7 @@ pub(crate) struct Excursion {
     /// Root mean square.
     pub(crate) rms: f64,
     /// Standard deviation of the noise in the values; zero where they have none.
-    pub(crate) noise: f64,
+    noise: f64,
     /// Absolute values, sorted, thinned to a few hundred.
     sizes: Vec<f64>,
 }

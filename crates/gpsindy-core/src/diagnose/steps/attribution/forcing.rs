@@ -45,7 +45,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     let stage = contest.run.stage("random forces", 4)?;
     let has_effects = !best.hypotheses.is_empty();
     let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
-    let alone = Alone { nominal: &judged.nominal, account: OnceCell::new() };
+    let alone = Alone { nominal: &judged.nominal, part: OnceCell::new(), account: OnceCell::new() };
     let mut found = account_of(contest, Account::forced(contest, best)?, &alone)?;
     stage.advance()?;
     // Effects that imitate a gust leave a law of their own making. A sensor's slow error alone would pass for any gap.
@@ -56,7 +56,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     // Where gusts drown every effect, or are drowned by those that imitate them, one alone may still convince beside the gusts.
     if found.is_none() && !contest.run.is_out_of_time() {
         let near = if has_effects { &judged.outcome.singles } else { near };
-        let one = Account::of_one_near(contest, alone.nominal, near)?;
+        let one = alone.part(contest)?.map_or(Ok(None), |part| part.of_one_near(contest, near))?;
         found = account_of(contest, one, &alone)?.filter(|(found, _)| found.is_forced() || !has_effects);
     }
     stage.advance()?;
@@ -80,20 +80,30 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     Ok(replaced(contest, judged, found, forcing, chance))
 }
 
-/// The nominal model beside random forces without any effect, which is looked for at most once.
+/// The nominal model beside random forces without any effect, which is looked for at most once: on a part of the readings, and on all.
 struct Alone<'a> {
     nominal: &'a Contestant,
+    part: OnceCell<Option<Account>>,
     account: OnceCell<Option<Account>>,
 }
 
 impl Alone<'_> {
-    fn account(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
-        if let Some(known) = self.account.get() {
-            return Ok(known.clone());
-        }
-        let found = Account::forced(contest, self.nominal)?;
-        Ok(self.account.get_or_init(|| found).clone())
+    fn part(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
+        once(&self.part, || Account::in_part(contest, self.nominal))
     }
+
+    fn account(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
+        once(&self.account, || self.part(contest)?.map_or(Ok(None), |part| part.on_all(contest)))
+    }
+}
+
+/// What the cell holds, made where it is empty.
+fn once<T: Clone>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<T> {
+    if let Some(known) = cell.get() {
+        return Ok(known.clone());
+    }
+    let made = make()?;
+    Ok(cell.get_or_init(|| made).clone())
 }
 
 /// What was found where no law is left beside its random processes, and the chance of the best function besides.

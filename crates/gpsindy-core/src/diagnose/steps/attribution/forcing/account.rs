@@ -55,12 +55,16 @@ impl Account {
     /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes it, nor where
     /// a part of the logs shows already that what they leave follows a law.
     pub(super) fn forced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
-        let Some(part) = Self::in_part(contest, fit)? else { return Ok(None) };
-        if part.functions(contest)? < LAWFUL {
+        Self::in_part(contest, fit)?.map_or(Ok(None), |part| part.on_all(contest))
+    }
+
+    /// What was found on a part of the readings, on all of them; nothing where a law shows on the part.
+    pub(super) fn on_all(self, contest: &Contest<'_>) -> Result<Option<Self>> {
+        if self.functions(contest)? < LAWFUL {
             return Ok(None);
         }
-        let (fit, places) = (part.fit.clone(), places(&part.fit));
-        let whole = Self { most: whole_stretches(&fit), ..part };
+        let (fit, places) = (self.fit.clone(), places(&self.fit));
+        let whole = Self { most: whole_stretches(&fit), ..self };
         let whole = match whole.linear(&whole.processes) {
             Some(linear) if !whole.processes.is_empty() => {
                 let ranges = whole.processes.iter().map(|p| range(contest, &fit, p.acts)).collect();
@@ -73,16 +77,14 @@ impl Account {
         whole.map(|whole| whole.grown(contest, &places)).transpose()
     }
 
-    /// The one of some fits near `fit` of which a part of the readings speaks best beside the random processes of that, as [`Self::forced`]; nothing
-    /// where none convinces there.
-    pub(super) fn of_one_near(contest: &Contest<'_>, fit: &Contestant, near: &[Contestant]) -> Result<Option<Self>> {
-        let Some(part) = Self::in_part(contest, fit)? else { return Ok(None) };
-        let better = part.best_of(contest, near).filter(|better| better.score > part.score + CONVINCING);
+    /// As [`Self::forced`], the one of some other fits of which the same readings speak best beside the same processes; nothing where none convinces.
+    pub(super) fn of_one_near(&self, contest: &Contest<'_>, near: &[Contestant]) -> Result<Option<Self>> {
+        let better = self.best_of(contest, near).filter(|better| better.score > self.score + CONVINCING);
         better.map_or(Ok(None), |better| Self::forced(contest, &better.fit))
     }
 
     /// `fit` with random processes where they convince on a part of the readings.
-    fn in_part(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
+    pub(super) fn in_part(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
         let Some(whole) = Self::of(contest, &fit.believed(), &[])? else { return Ok(None) };
         let part = Self { most: most(fit, SKETCHED_READINGS), ..whole };
         part.charged_anew(contest).map(|part| part.grown(contest, &places(fit))).transpose()
