@@ -244,10 +244,10 @@ def test_real_runs_of_a_car_give_the_same_in_every_format(tmp_path):
         pytest.skip("../shared/data/jetracer is not there")
     splits = [jetracer(log, 4.0) for log in logs]
     table_ = read(csv, tmp_path / "csv", splits)
-    coefficients, diagnosis = answers(gpsindy.Model.from_toml(MODEL), table_, ["viscous_friction", "input_gain"])
+    model, suspects = gpsindy.Model.from_toml(MODEL), ["viscous_friction", "input_gain"]
+    # No equations: to find those of a log that no polynomial describes takes many seconds, and every format again.
+    diagnosis = gpsindy.diagnose(model, table_, effects=suspects)
     for form, writer in FORMATS.items():
         data = read(writer, tmp_path / form, splits)
         same_data(data, table_)
-        found, again = answers(gpsindy.Model.from_toml(MODEL), data, ["viscous_friction", "input_gain"])
-        assert found.tobytes() == coefficients.tobytes(), form
-        assert stated(again) == stated(diagnosis), form
+        assert stated(gpsindy.diagnose(model, data, effects=suspects)) == stated(diagnosis), form
