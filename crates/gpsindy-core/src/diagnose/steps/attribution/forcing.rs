@@ -14,7 +14,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::verify::LEFT;
 use crate::diagnose::limits::weigh::LIKELY;
-use crate::diagnose::limits::{Budget, CHANCE, CONVINCING};
+use crate::diagnose::limits::{Budget, CHANCE, CONVINCING, IN_SIGHT};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probability_of_random};
 use crate::error::Result;
@@ -44,9 +44,13 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     }
     let stage = contest.run.stage("random forces", 4)?;
     let has_effects = !best.hypotheses.is_empty();
-    let best = if Filter::takes(&best.system) { best } else { &judged.nominal };
-    let alone = Alone { nominal: &judged.nominal, part: OnceCell::new(), account: OnceCell::new() };
-    let mut found = account_of(contest, Account::forced(contest, best)?, &alone)?;
+    let alone = Alone::of(&judged.nominal);
+    let has_account = has_effects && Filter::takes(&best.system);
+    let part = if has_account { Account::in_part(contest, best)? } else { alone.part(contest)? };
+    let alone = Alone { rival: part.as_ref().map_or(f64::NEG_INFINITY, |part| part.score), ..alone };
+    let account =
+        if has_account { part.map_or(Ok(None), |part| part.on_all(contest))? } else { alone.account(contest)? };
+    let mut found = account_of(contest, account, &alone)?;
     stage.advance()?;
     // Effects that imitate a gust leave a law of their own making. A sensor's slow error alone would pass for any gap.
     if found.is_none() && has_effects && !contest.run.is_out_of_time() {
@@ -56,7 +60,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     // Where gusts drown every effect, or are drowned by those that imitate them, one alone may still convince beside the gusts.
     if found.is_none() && !contest.run.is_out_of_time() {
         let near = if has_effects { &judged.outcome.singles } else { near };
-        let one = alone.part(contest)?.map_or(Ok(None), |part| part.of_one_near(contest, near))?;
+        let one = alone.part(contest)?.map_or(Ok(None), |part| part.of_one_near(contest, near, alone.rival))?;
         found = account_of(contest, one, &alone)?.filter(|(found, _)| found.is_forced() || !has_effects);
     }
     stage.advance()?;
@@ -85,15 +89,24 @@ struct Alone<'a> {
     nominal: &'a Contestant,
     part: OnceCell<Option<Account>>,
     account: OnceCell<Option<Account>>,
+    /// Score of what was found without forces, beside forces of its own on the same part.
+    rival: f64,
 }
 
-impl Alone<'_> {
+impl<'a> Alone<'a> {
+    fn of(nominal: &'a Contestant) -> Self {
+        Self { nominal, part: OnceCell::new(), account: OnceCell::new(), rival: f64::NEG_INFINITY }
+    }
+
     fn part(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
         once(&self.part, || Account::in_part(contest, self.nominal))
     }
 
+    /// None where the part speaks against it already.
     fn account(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
-        once(&self.account, || self.part(contest)?.map_or(Ok(None), |part| part.on_all(contest)))
+        let in_sight = |part: &Account| part.score > self.rival - IN_SIGHT;
+        let whole = || self.part(contest)?.filter(in_sight).map_or(Ok(None), |part| part.on_all(contest));
+        once(&self.account, whole)
     }
 }
 

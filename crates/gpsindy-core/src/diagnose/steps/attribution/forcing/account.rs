@@ -5,11 +5,11 @@ use crate::diagnose::fit::contestant::{Contestant, Searches};
 use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace, Process};
 use crate::diagnose::fit::linear::functions::courses;
-use crate::diagnose::limits::CONVINCING;
 use crate::diagnose::limits::forcing::{
     CLIMBED, CURVED, LAWFUL, MOST_PATHS, MOST_READINGS, SETTLED, SKETCHED_READINGS,
 };
 use crate::diagnose::limits::weigh::TWINS;
+use crate::diagnose::limits::{CONVINCING, IN_SIGHT};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
 use crate::diagnose::steps::findings::{Forcing, StatedProcess};
@@ -77,9 +77,11 @@ impl Account {
         whole.map(|whole| whole.grown(contest, &places)).transpose()
     }
 
-    /// As [`Self::forced`], the one of some other fits of which the same readings speak best beside the same processes; nothing where none convinces.
-    pub(super) fn of_one_near(&self, contest: &Contest<'_>, near: &[Contestant]) -> Result<Option<Self>> {
-        let better = self.best_of(contest, near).filter(|better| better.score > self.score + CONVINCING);
+    /// As [`Self::forced`], the one of some other fits of which the same readings speak best beside the same processes; nothing where none convinces,
+    /// nor where they speak far better of a `rival`, which leaves a law.
+    pub(super) fn of_one_near(&self, contest: &Contest<'_>, near: &[Contestant], rival: f64) -> Result<Option<Self>> {
+        let is_open = |better: &Self| better.score > self.score + CONVINCING && better.score > rival - IN_SIGHT;
+        let better = self.best_of(contest, near).filter(is_open);
         better.map_or(Ok(None), |better| Self::forced(contest, &better.fit))
     }
 
