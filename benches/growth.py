@@ -1,10 +1,10 @@
-"""How the time of a diagnosis grows with the samples and with the states, and with them the suspects.
+"""How the time of a diagnosis grows with the samples, with the states, and with the suspects.
 
     cargo build --release
     python benches/growth.py target/release/gpsindy
 
 A chain of driven masses on springs, whose first one has a dry friction that the simulator lacks, is logged four times. The whole catalogue is
-tried. Prints the median of three runs: wall time, processor time, and what the diagnosis counts: samples that rollouts passed, and columns.
+tried, or a part of it. Prints the median of three runs: wall time, processor time, and what the diagnosis counts: samples that rollouts passed, and columns.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ FINE = 20
 LOGS = 4
 NOISE = 0.002
 CORNER = 0.01  # speed within which the friction is smoothed, m/s
+FRICTIONS = ["coulomb_friction", "viscous_friction", "quadratic_drag"]
+MORE = ["bias", "parameter_error", "linear_stiffness", "cubic_stiffness", "input_gain", "input_delay", "input_lag"]
+SENSORS = ["sensor_bias", "sensor_scale", "sensor_delay", "sensor_filter", "backlash", "hysteresis", "drift"]
 
 
 def rates(y: list[float], u: float, friction: float) -> list[float]:
@@ -81,10 +84,12 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3)
     options = parser.parse_args()
     program = str(options.program.resolve())
-    cases = [(1, 250), (1, 500), (1, 1000), (1, 2000), (1, 4000), (2, 500), (3, 500), (4, 500)]
-    print("| states | samples | wall | processor | samples passed | columns | verdict |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
-    for masses, samples in cases:
+    sizes = [(1, 250), (1, 500), (1, 1000), (1, 2000), (1, 4000), (2, 500), (3, 500), (4, 500)]
+    parts = [FRICTIONS, FRICTIONS + MORE, FRICTIONS + MORE + SENSORS]
+    cases = [(*size, []) for size in sizes] + [(2, 500, effects) for effects in parts]
+    print("| states | samples | effects | wall | processor | samples passed | columns | verdict |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for masses, samples, effects in cases:
         with tempfile.TemporaryDirectory() as folder:
             place = pathlib.Path(folder)
             model(place / "model.toml", masses)
@@ -92,6 +97,7 @@ def main() -> None:
             for i, name in enumerate(logs):
                 log(place / name, masses, samples, i)
             args = [program, "diagnose", "model.toml", *logs, "--threads", options.threads, "--out", "out", "--force"]
+            args += ["--effects", ",".join(effects)] if effects else []
             took = [command.run(args, folder) for _ in range(options.runs)]
             report = json.loads((place / "out" / "report.json").read_text())
         passed = sum(stage[kind] for stage in report["work"] for kind in ("derivatives", "trials", "responses"))
@@ -99,7 +105,7 @@ def main() -> None:
         causes = ", ".join(cause["effect"] for cause in report["causes"] if cause["included"])
         wall, busy = (statistics.median(getattr(t, kind) for t in took) for kind in ("seconds", "busy"))
         print(
-            f"| {2 * masses} | {LOGS} x {samples} | {wall:.1f} s | {busy:.1f} s | {passed / 1e6:.1f} M | {columns} "
+            f"| {2 * masses} | {LOGS} x {samples} | {len(effects) or 'all'} | {wall:.1f} s | {busy:.1f} s | {passed / 1e6:.1f} M | {columns} "
             f"| {report['verdict']}: {causes} |",
             flush=True,
         )
