@@ -89,16 +89,26 @@ pub(crate) fn enumerate(model: &Model, scene: &Scene, n_nominal: usize) -> Vec<R
     all
 }
 
-/// Ripples of each row along its own position: finer than any other function, they are asked before a force is called random.
+/// Ripples of each row along its own position, alone and with each control that the row reads, as a motor's torque ripples with its current: finer
+/// than any other function, they are asked before a force is called random.
 pub(crate) fn along_positions(model: &Model, scene: &Scene) -> Vec<Rival> {
     let rows = (0..model.states.len()).filter_map(|j| Some((j, model.integral_of(j)?)));
     let moving = rows.filter(|&(_, i)| scene.states.get(i).is_some_and(|place| place.range() > 0.0));
-    let one = |(j, i): (usize, usize)| {
+    let of = |(j, i): (usize, usize)| {
         let place = &model.states[i];
         let basis = ripples(&Expression::variable(place.name.clone()), scene.states[i].range(), &place.unit);
-        Rival { state: j, variables: vec![place.name.clone()], basis }
+        let read = model.states[j].equation.variables();
+        let controls = model.controls.iter().map(|control| &control.name).filter(|name| read.contains(name));
+        let driven: Vec<Rival> = controls
+            .map(|control| Rival {
+                state: j,
+                variables: vec![place.name.clone(), control.clone()],
+                basis: products(&basis, &[Expression::variable(control.clone())]),
+            })
+            .collect();
+        std::iter::once(Rival { state: j, variables: vec![place.name.clone()], basis }).chain(driven)
     };
-    moving.map(one).collect()
+    moving.flat_map(of).collect()
 }
 
 /// Functions of each logged state, and of time, on what its column reads.
@@ -206,5 +216,16 @@ mod tests {
         assert_eq!(named(&Diagnose { allow_place: true, ..Diagnose::default() }), cogging);
         let unnamed = run(&Diagnose { without: cogging, ..Diagnose::default() });
         assert_eq!(unnamed.verdict, Verdict::Unexplained, "{:?}", unnamed.causes);
+    }
+
+    #[test]
+    fn ripples_that_grow_with_the_control_are_no_random_force() {
+        let rate = |x: f64, v: f64, u: f64| u * (1.0 + 0.4 * (14.0 * x).sin()) - 3.0 * v;
+        let input = |time: f64, run: f64| 8.0 * (0.9 * time + run).sin() + 6.0 * (2.3 * time + 2.0 * run).sin();
+        let motor = |seed| slider(seed, rate, input, [0.003, 0.01], 300);
+        let effects = ["process_noise", "coulomb_friction", "input_gain"].map(String::from);
+        let diagnose = Diagnose { effects: effects.into(), ..Diagnose::default() };
+        let found = diagnose.run(&slider_model("u - 3*v"), &motor(1), &motor(2), &Silent).unwrap().diagnosis;
+        assert_eq!(found.verdict, Verdict::Unexplained, "{:?}", found.causes);
     }
 }
