@@ -117,7 +117,7 @@ def main():
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", RAYON_NUM_THREADS="1")
     systems = [s for s in json.loads(asked.data.read_text(encoding="utf-8")) if not asked.systems or s["id"] in asked.systems]
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    print(table(odebench.lines_at("snr", systems, asked, job, {"equations": None, "nmse": None})))
+    print(table(odebench.lines_at([{"snr": snr} for snr in asked.snr], systems, asked, job, {"equations": None, "nmse": None})))
 
 
 if __name__ == "__main__":

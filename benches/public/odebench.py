@@ -1,11 +1,12 @@
 """ODEBench: 63 small ODEs, each known from one noisy trajectory, judged on that trajectory and on another start.
 
-    python benches/public/odebench.py --data strogatz_extended.json [--noise 0 0.05] [--methods ...] [--systems 1 2 ...]
+    python benches/public/odebench.py --data strogatz_extended.json [--noise 0 0.05] [--kept 1] [--methods ...]
 
 `strogatz_extended.json` is the benchmark's own file (github.com/sdascoli/odeformer, folder odeformer/odebench, MIT). It is read from
 your copy and not shipped. d'Ascoli et al., "ODEFormer: Symbolic Regression of Dynamical Systems with Transformers", arXiv 2310.05573.
 
-Every method sees the first trajectory: 512 samples over 10 s, each multiplied by 1 + noise * N(0, 1). Its equations are integrated from
+Every method sees the first trajectory: 512 samples over 10 s, each multiplied by 1 + noise * N(0, 1); of these the share `--kept`,
+drawn at random, so that the times of half of them are uneven. Its equations are integrated from
 the true first state (reconstruction) and from the benchmark's second start, which it never saw (generalisation). A system counts
 where R2 against the true trajectory, weighted by variance over the states, is above 0.9. A method that fails, diverges or exceeds
 `--time-limit` counts as wrong. `noted` says whether the method said anything of its result: a note, or that it is poor.
@@ -29,6 +30,7 @@ from pathlib import Path
 from jobs import carried_on
 
 METHODS = ("gpsindy", "gpsindy-trig", "pysindy", "pysindy-trig")
+SAMPLES = 512
 EMPTY = {"equations": None, "reconstruction": None, "generalisation": None}
 
 
@@ -84,7 +86,7 @@ def pysindy_model(x, t, trig):
     return fit(min((0.01, 0.03, 0.1, 0.3, 1.0), key=error), x, t)
 
 
-def job(system, noise, method, results):
+def job(system, noise, kept, method, results):
     """Learns one system by one method, in a process of its own."""
     import numpy as np
 
@@ -94,10 +96,11 @@ def job(system, noise, method, results):
     t, true = seen
     generator = np.random.default_rng([system["id"], round(1000 * noise)])
     x = true * (1 + noise * generator.standard_normal(true.shape))
+    rows = np.sort(generator.permutation(len(t))[: round(kept * len(t))])
     learn = learn_gpsindy if method.startswith("gpsindy") else learn_pysindy
     line = dict(EMPTY)
     try:
-        line["equations"], simulate, line["noted"] = learn(x, t, method.endswith("trig"))
+        line["equations"], simulate, line["noted"] = learn(x[rows], t[rows], method.endswith("trig"))
         for name, (times, truth) in (("reconstruction", seen), ("generalisation", unseen)):
             try:
                 line[name] = r2(simulate(truth[0], times), truth)
@@ -128,30 +131,32 @@ def within(limit, job, empty, *arguments):
 
 
 def table(lines):
-    """Markdown: the share of systems above 0.9, by noise and method."""
-    rows = ["| noise | method | systems | reconstruction | generalisation | median time, s |", "| --- | --- | --- | --- | --- | --- |"]
-    for noise in sorted({line["noise"] for line in lines}):
+    """Markdown: the share of systems above 0.9, by noise, samples and method."""
+    rows = ["| noise | samples | method | systems | reconstruction | generalisation | median time, s |"]
+    rows.append("| --- | --- | --- | --- | --- | --- | --- |")
+    for noise, kept in sorted({(line["noise"], line["kept"]) for line in lines}, key=lambda level: (level[0], -level[1])):
         for method in METHODS:
-            of = [line for line in lines if line["noise"] == noise and line["method"] == method]
+            of = [line for line in lines if (line["noise"], line["kept"], line["method"]) == (noise, kept, method)]
             if not of:
                 continue
             share = [sum((line[key] or 0) > 0.9 for line in of) / len(of) for key in ("reconstruction", "generalisation")]
             seconds = sorted(line["seconds"] for line in of)[len(of) // 2]
-            rows.append(f"| {noise:g} | {method} | {len(of)} | {share[0]:.3f} | {share[1]:.3f} | {seconds:.1f} |")
+            samples = round(kept * SAMPLES)
+            rows.append(f"| {noise:g} | {samples} | {method} | {len(of)} | {share[0]:.3f} | {share[1]:.3f} | {seconds:.1f} |")
     return "\n".join(rows)
 
 
-def lines_at(level, systems, asked, job, empty):
-    """The lines of `systems` at every asked `level` of noise by every asked method; those that `asked.out` lacks are run first."""
+def lines_at(levels, systems, asked, job, empty):
+    """The lines of `systems` at every one of `levels`, dicts of what `job` gets, by every asked method; those that `asked.out` lacks are run."""
     jobs = (
-        ({"system": system["id"], level: value, "method": method}, system)
-        for value in getattr(asked, level)
+        ({"system": system["id"], **level, "method": method}, system, level)
+        for level in levels
         for system in systems
         for method in asked.methods
     )
 
-    def run(about, system):
-        found = within(asked.time_limit, job, empty, system, about[level], about["method"])
+    def run(about, system, level):
+        found = within(asked.time_limit, job, empty, system, *level.values(), about["method"])
         return {"dimension": system["dim"], **found}
 
     lines = carried_on(asked.out, jobs, run)
@@ -163,6 +168,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="the benchmark's strogatz_extended.json")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 0.05])
+    parser.add_argument("--kept", type=float, nargs="+", default=[1.0], help="shares of the samples that are learnt from")
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     parser.add_argument("--systems", type=int, nargs="+", help="ids; default: all")
     parser.add_argument("--time-limit", type=float, default=300.0, help="s, of one fit with its simulations")
@@ -174,7 +180,8 @@ def main():
     if asked.systems:
         systems = [system for system in systems if system["id"] in asked.systems]
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    print(table(lines_at("noise", systems, asked, job, EMPTY)))
+    levels = [{"noise": noise, "kept": kept} for noise in asked.noise for kept in asked.kept]
+    print(table(lines_at(levels, systems, asked, job, EMPTY)))
 
 
 if __name__ == "__main__":
