@@ -191,6 +191,10 @@ pub(crate) const LEAST_NOISE: f64 = EXACT;
 /// far above a relative change of the cost of 1e-5. Argument.
 pub(crate) const USUAL: Refine = Refine { max_iterations: 25, tolerance: 1e-5, hopeless: f64::INFINITY };
 
+/// Ratio of a fit's cost to that of the equations it competes with above which it ends once its steps gain little: residuals of twice the
+/// size. A fit that comes to rest there has lost. Convention.
+pub(crate) const HOPELESS: f64 = 4.0;
+
 /// Limits of the vote of several equations. Settled on the even recordings of one car (JetRacer); no other data set moved them.
 pub(crate) mod consensus {
     /// Rollouts that other equations are looked for with, as shares of the shortest ones. Convention.

@@ -8,10 +8,10 @@ use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::algorithm1::track::Track;
 use crate::identify::equations::Equations;
 use crate::identify::evidence::{independent_share, price};
-use crate::identify::limits::{FLOOR, NEAR_CLEAN, NO_WEIGHT, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
+use crate::identify::limits::{FLOOR, HOPELESS, NEAR_CLEAN, NO_WEIGHT, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
 use crate::identify::prepare::Logs;
 use crate::model::System;
-use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Window};
+use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Refine, Window};
 
 /// What equations are fitted to, and how.
 pub(crate) struct Fitter<'a> {
@@ -63,6 +63,11 @@ pub(crate) struct Trial {
 }
 
 impl Trial {
+    /// What its residuals cost where the noise of the columns is `noise`.
+    fn cost_at(&self, noise: &[f64]) -> f64 {
+        self.squares.iter().zip(noise).map(|(square, noise)| square / noise.powi(2)).sum()
+    }
+
     /// Lets the errors allow for `rival`, the same equations under another assumption, of weight `weight` compared with 1.
     pub(crate) fn allow_for(&mut self, rival: &Self, weight: f64) {
         for s in 0..self.errors.len() {
@@ -117,7 +122,8 @@ impl<'a> Fitter<'a> {
         self.fit_unless_beaten(equations, window, near, None)
     }
 
-    /// The same, ended where the first noise shows already that `rival` is the better by far: another noise would not change that.
+    /// The same, ended where the first noise shows already that `rival` is the better by far, since another noise would not change that;
+    /// and where steps lower a cost by little that is far above the rival's.
     pub(crate) fn fit_unless_beaten(
         &self,
         equations: &Equations,
@@ -143,7 +149,8 @@ impl<'a> Fitter<'a> {
         let mut floor = least.clone();
         // Once with the noise assumed, and again if the residuals show another.
         for round in 0..NOISE_ROUNDS {
-            let refined = USUAL.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
+            let hopeless = rival.map_or(f64::INFINITY, |rival| HOPELESS * rival.cost_at(&noise));
+            let refined = Refine { hopeless, ..USUAL }.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
             parameters.clone_from(&refined.parameters);
             initial.clone_from(&refined.initial);
             let (squares, counts) = sums(&experiment, &refined.residuals);
