@@ -35,7 +35,8 @@ def test_a_bad_model_counts_as_silent_only_without_a_note(monkeypatch):
 @pytest.mark.parametrize("name", ["odebench", "mdbench", "dysts", "nonlinear"])
 def test_every_job_of_a_results_file_is_there_once(name):
     lines = [json.loads(line) for line in (PUBLIC / f"results/{name}.jsonl").read_text(encoding="utf-8").splitlines()]
-    jobs = [(line["system"], line["method"], line.get("noise"), line.get("snr")) for line in lines]
+    levels = ("noise", "kept", "snr")
+    jobs = [(line["system"], line["method"], *(line.get(level) for level in levels)) for line in lines]
     assert lines and len(set(jobs)) == len(jobs)
 
 
