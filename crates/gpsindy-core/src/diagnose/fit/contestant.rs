@@ -211,6 +211,15 @@ impl Sketch {
 }
 
 impl Linearised<'_> {
+    /// The same with the path of a simulator that steps, along which functions without a name are drawn.
+    pub(crate) fn with_steps(mut self) -> Self {
+        let Contestant { system, experiment, refined, .. } = self.contestant;
+        if system.engine().is_some() {
+            self.path = Path::of_steps(system, experiment, &refined.parameters, &refined.initial);
+        }
+        self
+    }
+
     /// The same on evenly spread windows with no more than so many readings; nothing where that is no less.
     pub(crate) fn sketch(&self, readings: usize) -> Option<Sketch> {
         let Linearised { contestant, jacobian, guide, path } = self;

@@ -303,6 +303,13 @@ impl<'a> Group<'a> {
         }
     }
 
+    /// When a step begins at the states `at`, s, and the controls in its middle.
+    pub(super) fn inputs_of(&mut self, system: &System, dt: f64, at: &[f64]) -> (f64, Vec<f64>) {
+        self.load(system, dt, Some(at));
+        let time = system.engine().map_or(0.0, |engine| self.now(engine.period()));
+        (time, self.inputs.iter().take(system.n_controls()).map(|stages| stages[1][0]).collect())
+    }
+
     /// Looks at the inputs of the next step, and at the states `at` where they are given.
     fn load(&mut self, system: &System, dt: f64, at: Option<&[f64]>) {
         let Some(engine) = system.engine() else { return };

@@ -11,6 +11,7 @@
 
 mod making;
 mod signals;
+mod steps;
 
 use super::Lanes;
 use crate::model::System;
@@ -40,6 +41,8 @@ pub(crate) struct Path {
 #[derive(Debug, Clone)]
 struct Along {
     window: Window,
+    /// Steps of a sample.
+    substeps: usize,
     /// In the middle of every step: states and then controls, one row of values each; times, s.
     middle: Vec<Vec<f64>>,
     middle_time: Vec<f64>,
@@ -137,7 +140,7 @@ impl Path {
                 }
                 let place = |column: usize| change.shown.iter().position(|&j| j == experiment.columns[column]);
                 let places: Vec<Option<usize>> = (0..n_columns).map(place).collect();
-                let moved = along.moved(self.n, &change.rows, &signals, experiment.substeps);
+                let moved = along.moved(self.n, &change.rows, &signals);
                 for (lane, shown) in shown.iter().enumerate() {
                     let mut values = self.read_out(system, along, read.as_deref(), &moved, lane);
                     for (column, place) in places.iter().enumerate() {
@@ -180,7 +183,7 @@ impl Path {
             signals.iter_mut().flatten().for_each(|value| *value *= size);
             for (number, signals) in signals.chunks(L).enumerate() {
                 let signals: Vec<Vec<Vec<f64>>> = signals.iter().map(|signal| vec![signal.clone()]).collect();
-                let moved = along.moved(self.n, &[*row], &signals, experiment.substeps);
+                let moved = along.moved(self.n, &[*row], &signals);
                 for lane in 0..signals.len() {
                     all[number * L + lane].push(self.read_out(system, along, read.as_deref(), &moved, lane));
                 }
@@ -200,7 +203,7 @@ impl Path {
     ) -> Vec<Vec<f64>> {
         let read = read(system, experiment);
         let one = |along: &Arc<Along>| {
-            let moved = along.moved(self.n, rows, &[push(&along.middle_time)], experiment.substeps);
+            let moved = along.moved(self.n, rows, &[push(&along.middle_time)]);
             self.read_out(system, along, read.as_deref(), &moved, 0)
         };
         self.windows.iter().map(one).collect()

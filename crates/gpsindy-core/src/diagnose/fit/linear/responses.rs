@@ -61,7 +61,9 @@ pub(crate) fn changes(
     let fitted = at.contestant;
     let experiment = &fitted.experiment;
     experiment.tally.columns(sets.len());
-    if let Some(found) = at.path.as_ref().and_then(|path| along(path, at, model, moved, sets)) {
+    // What goes to a simulator that steps, its path does not know.
+    let path = at.path.as_ref().filter(|_| fitted.system.engine().is_none());
+    if let Some(found) = path.and_then(|path| along(path, at, model, moved, sets)) {
         return Some(found);
     }
     let experiment = &numbered_in(model, at, moved);

@@ -210,7 +210,7 @@ pub(crate) fn nameless(contest: &Contest<'_>, base: &Contestant) -> Result<Vec<(
     if contest.run.is_out_of_time() {
         return Ok(vec![(0.0, 1); contest.rivals.len()]);
     }
-    let at = base.linearised()?;
+    let at = base.linearised()?.with_steps();
     let gain = |rival: &Rival, at: &Linearised<'_>, coloured: &Basis| {
         if contest.run.is_out_of_time() {
             return (0.0, 1);

@@ -41,7 +41,7 @@ pub(crate) fn of(contest: &Contest<'_>, best: &Contestant) -> Result<Option<Typi
     if contest.run.is_out_of_time() {
         return Ok(None);
     }
-    let whole = best.linearised()?;
+    let whole = best.linearised()?.with_steps();
     let sketch = whole.sketch(SKETCHED);
     let at = sketch.as_ref().map_or(whole, |sketch| sketch.linearised());
     let mut random = ChaCha8Rng::seed_from_u64(0);

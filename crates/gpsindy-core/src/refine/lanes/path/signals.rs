@@ -32,8 +32,8 @@ impl Along {
         for sample in self.window.first..=self.window.last {
             let is_last = sample == self.window.last;
             let whole = time.get(sample + 1).map_or(1.0, |next| next - time[sample]);
-            let step = whole / experiment.substeps as f64;
-            for part in 0..if is_last { 1 } else { experiment.substeps } {
+            let step = whole / self.substeps as f64;
+            for part in 0..if is_last { 1 } else { self.substeps } {
                 let a = time[sample] + step * part as f64;
                 history.step(sample, a, a + step, &mut stages);
                 for (k, stage) in stages.iter().enumerate() {
@@ -55,7 +55,7 @@ impl Along {
         let is_still = experiment.past == Past::Still && self.window.first == 0;
         let row = |late: &LateState| {
             let amounts = late.amounts(&lane)[0];
-            let then = |t: &f64| self.state_at(late.state, late.moment(*t, amounts), experiment.substeps, is_still);
+            let then = |t: &f64| self.state_at(late.state, late.moment(*t, amounts), is_still);
             self.sample_time.iter().map(then).collect()
         };
         change.late.iter().map(row).collect()
@@ -63,7 +63,7 @@ impl Along {
 
     /// A state at a time within the window, on straight lines between samples and middles of steps; before the window its value where
     /// the machine did not move, otherwise its tangent.
-    fn state_at(&self, state: usize, t: f64, substeps: usize, is_still: bool) -> f64 {
+    fn state_at(&self, state: usize, t: f64, is_still: bool) -> f64 {
         let (samples, middles) = (&self.sample[state], &self.middle[state]);
         let last = self.sample_time.len() - 1;
         let sample =
@@ -71,7 +71,7 @@ impl Along {
         if middles.is_empty() || (is_still && t <= self.sample_time[0]) {
             return samples[0];
         }
-        let steps = sample * substeps..(sample + 1) * substeps;
+        let steps = sample * self.substeps..(sample + 1) * self.substeps;
         let mut before = (self.sample_time[sample], samples[sample]);
         let nodes = steps.map(|step| (self.middle_time[step], middles[step]));
         for after in nodes.chain([(self.sample_time[sample + 1], samples[sample + 1])]) {
@@ -113,8 +113,8 @@ impl Along {
     }
 
     /// Differences from the path at every sample, state by state, that signals in `rows` make; one lane for each set of signals.
-    pub(super) fn moved(&self, n: usize, rows: &[usize], signals: &[Vec<Vec<f64>>], substeps: usize) -> Vec<[f64; L]> {
-        pulp::Arch::new().dispatch(Moved { along: self, n, rows, signals, substeps })
+    pub(super) fn moved(&self, n: usize, rows: &[usize], signals: &[Vec<Vec<f64>>]) -> Vec<[f64; L]> {
+        pulp::Arch::new().dispatch(Moved { along: self, n, rows, signals })
     }
 }
 
@@ -124,7 +124,6 @@ struct Moved<'s> {
     n: usize,
     rows: &'s [usize],
     signals: &'s [Vec<Vec<f64>>],
-    substeps: usize,
 }
 
 impl pulp::WithSimd for Moved<'_> {
@@ -132,7 +131,8 @@ impl pulp::WithSimd for Moved<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
-        let Self { along, n, rows, signals, substeps } = self;
+        let Self { along, n, rows, signals } = self;
+        let substeps = along.substeps;
         let samples = along.sample_time.len();
         let mut moved = vec![[0.0; L]; samples * n];
         if rows.is_empty() {
