@@ -41,8 +41,8 @@ pub(crate) struct Path {
 #[derive(Debug, Clone)]
 struct Along {
     window: Window,
-    /// Steps of a sample.
-    substeps: usize,
+    /// How many steps lie before each sample.
+    before: Vec<usize>,
     /// In the middle of every step: states and then controls, one row of values each; times, s.
     middle: Vec<Vec<f64>>,
     middle_time: Vec<f64>,

@@ -4,7 +4,7 @@
 //! pass through the logs, and then even the nominal model's fit is late.
 
 use crate::data::Dataset;
-use crate::diagnose::limits::{FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, STEPPED_STRETCHES};
+use crate::diagnose::limits::{FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, SHORTENED, STEPPED_STRETCHES};
 use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
 use crate::error::Result;
@@ -12,7 +12,7 @@ use crate::excerpt::{Excerpt, excerpt};
 use crate::model::System;
 use crate::refine::{Experiment, Job, Window, guess_initial, roll_together};
 
-/// Logs to learn from and to verify on, shortened alike, and what to say of it; none where the time suffices for all of them, where
+/// Logs to learn from and to verify on, shortened alike, and what to say of it; none where the time may suffice for all of them, where
 /// nobody set a limit, and for equations.
 pub(crate) fn affordable(
     run: &Run<'_>,
@@ -23,7 +23,7 @@ pub(crate) fn affordable(
     let passes = (PASSES * system.n_states() as f64).max(FEWEST_PASSES);
     let most = (left / (passes * seconds_a_sample(run, system, train)?)) as usize;
     let total = train.n_samples();
-    if most >= total || total <= FEWEST_AFFORDED {
+    if most as f64 >= SHORTENED * total as f64 || total <= FEWEST_AFFORDED {
         return Ok(None);
     }
     let most = most.max(FEWEST_AFFORDED);
@@ -71,9 +71,11 @@ fn seconds_a_sample(run: &Run<'_>, system: &System, data: &Dataset) -> Result<f6
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::diagnose::limits::SEARCHED;
     use crate::model::stepping::Stepping;
     use crate::progress::{Progress, Silent};
     use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering};
     use std::time::Instant;
 
     /// A listener with a clock.
@@ -105,5 +107,34 @@ mod tests {
         assert!((FEWEST_AFFORDED..FEWEST_AFFORDED + 100).contains(&train.n_samples()), "{}", train.n_samples());
         assert!(holdout.n_samples() < 500 && train.runs().len() > 1);
         assert!(note.to_string().contains("of 4000 samples"), "{note}");
+    }
+
+    /// A clock that goes on by a second whenever it is read: the probe's 1024 samples take one.
+    struct Ticking(AtomicU32);
+
+    impl Progress for Ticking {
+        fn report(&self, _: &str, _: usize, _: usize) -> bool {
+            true
+        }
+
+        fn seconds(&self) -> Option<f64> {
+            Some(f64::from(self.0.fetch_add(1, Ordering::Relaxed)))
+        }
+    }
+
+    #[test]
+    fn logs_that_may_be_passed_in_time_stay_whole() {
+        let spring = Arc::new(Stepping::spring());
+        let system = spring.system("x", ("k", 4.0));
+        let data = spring.log(("x", 5.0), ([0.5, 0.0], 4000), |_| 0.0, |_| 0.0, |_, x| x);
+        let used = |share: f64| {
+            let limit = share * 4000.0 / 1024.0 * FEWEST_PASSES / SEARCHED;
+            let clock = Ticking(AtomicU32::new(0));
+            let shortened = affordable(&Run::new(&clock, Some(limit)), &system, [&data, &data]).unwrap();
+            shortened.map(|(train, ..)| train.n_samples())
+        };
+        assert_eq!([used(1.1), used(0.9), used(0.6)], [None; 3]);
+        let fewer = used(0.4).unwrap();
+        assert!((1400..2000).contains(&fewer), "{fewer}");
     }
 }

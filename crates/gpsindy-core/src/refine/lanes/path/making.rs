@@ -48,7 +48,7 @@ impl Making<'_, '_, '_> {
         let steps = (samples - 1) * substeps;
         let mut along = Along {
             window,
-            substeps,
+            before: (0..samples).map(|sample| sample * substeps).collect(),
             middle: vec![Vec::with_capacity(steps); n + m],
             middle_time: Vec::with_capacity(steps),
             sample: vec![Vec::with_capacity(samples); n + m],

@@ -6,6 +6,7 @@ use crate::model::change::Change;
 use crate::model::{LateState, System};
 use crate::refine::experiment::{Experiment, Past};
 use crate::refine::history::{Histories, Stages};
+use std::ops::Range;
 
 /// Where along a path a tape is evaluated.
 #[derive(Clone, Copy)]
@@ -29,11 +30,12 @@ impl Along {
         let time = &experiment.logs[self.window.log].time;
         let mut stages: Vec<Stages<1>> = vec![[[0.0]; 3]; count];
         history.rewind(self.window.first);
-        for sample in self.window.first..=self.window.last {
+        for (number, sample) in (self.window.first..=self.window.last).enumerate() {
             let is_last = sample == self.window.last;
             let whole = time.get(sample + 1).map_or(1.0, |next| next - time[sample]);
-            let step = whole / self.substeps as f64;
-            for part in 0..if is_last { 1 } else { self.substeps } {
+            let count = self.steps_behind(number).len().max(1);
+            let step = whole / count as f64;
+            for part in 0..count {
                 let a = time[sample] + step * part as f64;
                 history.step(sample, a, a + step, &mut stages);
                 for (k, stage) in stages.iter().enumerate() {
@@ -47,6 +49,12 @@ impl Along {
             }
         }
         rows
+    }
+
+    /// The steps from a sample to the next; none behind the last.
+    fn steps_behind(&self, sample: usize) -> Range<usize> {
+        let first = self.before[sample];
+        first..self.before.get(sample + 1).copied().unwrap_or(first)
     }
 
     /// The states that a change reads late, at every sample, one row each.
@@ -71,7 +79,7 @@ impl Along {
         if middles.is_empty() || (is_still && t <= self.sample_time[0]) {
             return samples[0];
         }
-        let steps = sample * self.substeps..(sample + 1) * self.substeps;
+        let steps = self.steps_behind(sample);
         let mut before = (self.sample_time[sample], samples[sample]);
         let nodes = steps.map(|step| (self.middle_time[step], middles[step]));
         for after in nodes.chain([(self.sample_time[sample + 1], samples[sample + 1])]) {
@@ -132,7 +140,6 @@ impl pulp::WithSimd for Moved<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
         let Self { along, n, rows, signals } = self;
-        let substeps = along.substeps;
         let samples = along.sample_time.len();
         let mut moved = vec![[0.0; L]; samples * n];
         if rows.is_empty() {
@@ -141,6 +148,7 @@ impl pulp::WithSimd for Moved<'_> {
         let mut now = vec![[0.0; L]; n];
         let mut next = vec![[0.0; L]; n];
         let mut pushes = vec![[0.0; L]; rows.len()];
+        let mut sample = 1;
         for step in 0..along.middle_time.len() {
             for (place, push) in pushes.iter_mut().enumerate() {
                 for (lane, signals) in signals.iter().enumerate() {
@@ -165,9 +173,9 @@ impl pulp::WithSimd for Moved<'_> {
                 next[j] = sum;
             }
             std::mem::swap(&mut now, &mut next);
-            if (step + 1).is_multiple_of(substeps) {
-                let sample = (step + 1) / substeps;
+            if step + 1 == along.before[sample] {
                 moved[sample * n..(sample + 1) * n].copy_from_slice(&now);
+                sample += 1;
             }
         }
         moved

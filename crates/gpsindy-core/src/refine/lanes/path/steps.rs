@@ -7,8 +7,8 @@ use crate::refine::lanes::lockstep::{Group, Job};
 use crate::refine::lanes::tangent::{Step, tangent};
 
 impl Path {
-    /// The path of a simulator that steps, for [`responses_to_terms`](Self::responses_to_terms); `None` where it fails, where samples
-    /// have different numbers of steps, or where the readings are more than states of the simulator.
+    /// The path of a simulator that steps, for [`responses_to_terms`](Self::responses_to_terms); `None` where it fails, or where
+    /// the readings are more than states of the simulator.
     pub(crate) fn of_steps(
         system: &System,
         experiment: &Experiment,
@@ -47,10 +47,9 @@ fn along(
     let (n, m, period) = (system.n_states(), system.n_controls(), system.engine()?.period());
     let log = &experiment.logs[window.log];
     let samples = window.last - window.first;
-    let substeps = steps.len() / samples.max(1);
     let mut along = Along {
         window,
-        substeps,
+        before: Vec::with_capacity(samples + 1),
         middle: vec![Vec::with_capacity(steps.len()); n + m],
         middle_time: Vec::with_capacity(steps.len()),
         sample: vec![Vec::with_capacity(samples + 1); n + m],
@@ -61,8 +60,8 @@ fn along(
     };
     for (k, step) in steps.iter().enumerate() {
         group.begin(Some(&[]), &mut |_, _, _, _| {});
-        if group.new_sample().is_some_and(|sample| sample * substeps != k) {
-            return None;
+        if group.new_sample().is_some() {
+            along.before.push(k);
         }
         let dt = group.next_step(period);
         let (time, controls) = group.inputs_of(system, dt, &step.x);
@@ -72,7 +71,8 @@ fn along(
         (0..n).for_each(|j| along.pushed[(k * n + j) * n + j] = dt);
         group.advance(system, period, dt, |j, _| step.next[j]);
     }
-    (substeps * samples == steps.len()).then_some(along)
+    along.before.push(steps.len());
+    Some(along)
 }
 
 #[cfg(test)]
@@ -85,13 +85,16 @@ mod tests {
     use crate::refine::{Hold, roll_together};
     use std::sync::Arc;
 
-    /// A servo of two steps a sample and its logs in windows of half a second.
+    /// A servo of two or three steps a sample and its logs in windows of half a second.
     fn servo() -> (System, Experiment) {
         let servo = Arc::new(Stepping::servo());
         let system = servo.system("q", ("inertia", 0.03));
         let command = |i: usize| (0.05 * i as f64).sin();
         let data = servo.log(("q", 0.03), ([0.0; 2], 300), command, command, |_, x| x);
-        let experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap();
+        let mut experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap();
+        let mut logs = experiment.logs.to_vec();
+        logs[0].time.iter_mut().enumerate().for_each(|(i, t)| *t += 0.005 * (i / 7) as f64);
+        experiment.logs = logs.into();
         (system, Experiment { hold: Hold::Linear, ..experiment }.with_windows_of(0.5))
     }
 
@@ -129,15 +132,5 @@ mod tests {
             }
             assert!(all > 0.0 && off < 1e-6 * all, "{term:?}: {off} of {all}");
         }
-    }
-
-    #[test]
-    fn samples_with_different_numbers_of_steps_have_no_path() {
-        let (system, mut experiment) = servo();
-        let start = vec![vec![0.0, 0.0]; experiment.windows.len()];
-        let mut logs = experiment.logs.to_vec();
-        logs[0].time.iter_mut().skip(20).for_each(|t| *t += 0.005);
-        experiment.logs = logs.into();
-        assert!(Path::of_steps(&system, &experiment, &[0.03], &start).is_none());
     }
 }
