@@ -118,6 +118,8 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let forcing = judged.forcing.as_ref().filter(|forcing| !forcing.forces.is_empty());
     let spread = forcing.and_then(|forcing| spread::of(best, &experiment, &moving, &after, forcing));
     let blocks = blocks(&experiment, &moving, &before, &after);
+    let is_computed = judged.detected.gap && floor_source == floor::SENSORS;
+    let floor = if is_computed { reached(&blocks, floor) } else { floor };
     let (before_all, after_all) = (overall(&blocks, |b| &b.before), overall(&blocks, |b| &b.after));
     let floor_all = floor_of_all(&blocks, &floor);
     let interval = bootstrap(&blocks, confidence, |chosen| {
@@ -255,6 +257,22 @@ fn overall(blocks: &[Block], pick: impl Fn(&Block) -> &Vec<f64>) -> f64 {
     (sum / count).sqrt()
 }
 
+/// The floor, of a column whose rollouts come out below it no more than they leave: it is carried along straight lines from the starts, which
+/// overrate what friction and stops take away again.
+fn reached(blocks: &[Block], floor: Vec<f64>) -> Vec<f64> {
+    let one = |(c, floor): (usize, f64)| {
+        let (before, after) = (rms(blocks, c, |b| b.before[c]), rms(blocks, c, |b| b.after[c]));
+        if before > floor && after < floor { after } else { floor }
+    };
+    floor.into_iter().enumerate().map(one).collect()
+}
+
+/// Root mean square of what `pick` sums up for column `c`.
+fn rms(blocks: &[Block], c: usize, pick: impl Fn(&Block) -> f64) -> f64 {
+    let count: f64 = blocks.iter().map(|b| b.count[c]).sum();
+    (blocks.iter().map(pick).sum::<f64>() / count).sqrt()
+}
+
 /// The floor over all columns, each as often as it was measured.
 fn floor_of_all(blocks: &[Block], floor: &[f64]) -> f64 {
     let squares: f64 = blocks.iter().flat_map(|b| b.count.iter().zip(floor)).map(|(n, f)| n * f * f).sum();
@@ -317,9 +335,7 @@ fn by_state(
     c: usize,
 ) -> ClosureState {
     let state = &system.model().states[experiment.columns[c]];
-    let count: f64 = blocks.iter().map(|b| b.count[c]).sum();
-    let rms = |pick: &dyn Fn(&Block) -> f64| (blocks.iter().map(pick).sum::<f64>() / count).sqrt();
-    let (before, after) = (rms(&|b| b.before[c]), rms(&|b| b.after[c]));
+    let (before, after) = (rms(blocks, c, |b| b.before[c]), rms(blocks, c, |b| b.after[c]));
     let in_unit = |value: f64| finite(value * experiment.noise[c]);
     ClosureState {
         state: state.name.clone(),

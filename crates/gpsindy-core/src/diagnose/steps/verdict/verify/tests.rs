@@ -101,6 +101,16 @@ fn blocks_of(after: &[f64]) -> Vec<Block> {
 }
 
 #[test]
+fn a_floor_is_no_higher_than_what_corrected_rollouts_leave() {
+    let blocks = blocks_of(&[4.0, 4.0, 4.0]);
+    // Ten times the noise before, twice after.
+    assert_eq!(reached(&blocks, vec![3.0]), [2.0]);
+    assert_eq!(reached(&blocks, vec![1.5]), [1.5]);
+    // No gap to close.
+    assert_eq!(reached(&blocks, vec![11.0]), [11.0]);
+}
+
+#[test]
 fn one_block_that_is_far_off_is_a_miss_and_a_loud_one_is_not() {
     let probability = |last: f64| {
         let after: Vec<f64> = [1.0; 15].into_iter().chain([last]).collect();
