@@ -12,10 +12,9 @@ use crate::diagnose::run::Ending;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::findings::{Detected, Judged, Outcome, crowding, gap_size};
 use crate::diagnose::steps::verdict::checks::Checked;
-use crate::diagnose::steps::verdict::floor;
 use crate::diagnose::steps::verdict::stability::{self, Stability};
 use crate::diagnose::steps::verdict::typicality::Typicality;
-use crate::diagnose::steps::verdict::verify::Verification;
+use crate::diagnose::steps::verdict::verify::{SENSORS, Verification};
 use crate::diagnose::steps::verdict::weigh::Found;
 
 /// What the report states as decided.
@@ -172,7 +171,7 @@ fn verdict(judged: &Judged, checks: &[Check], are_credible: bool, verification: 
 /// Whether held-out rollouts of the nominal model miss by no more than noise does. Below a floor that its own starts have raised nothing is
 /// quiet: it holds any cause.
 fn is_quiet((before, floor): (f64, f64), floor_source: &str) -> bool {
-    let is_floor = floor <= GROWN || floor_source != floor::SENSORS;
+    let is_floor = floor <= GROWN || floor_source != SENSORS;
     before < (1.0 + QUIET) * floor && is_floor
 }
 
@@ -182,9 +181,9 @@ mod tests {
 
     #[test]
     fn nothing_is_quiet_below_a_floor_that_starts_have_raised() {
-        assert!(is_quiet((1.05, 1.0), floor::SENSORS) && !is_quiet((1.5, 1.0), floor::SENSORS));
+        assert!(is_quiet((1.05, 1.0), SENSORS) && !is_quiet((1.5, 1.0), SENSORS));
         // Of a friction whose rollouts may go anywhere; and runs that were seen to differ by as much.
-        assert!(!is_quiet((2.6, 171.0), floor::SENSORS) && is_quiet((2.6, 3.0), "repeated runs"));
+        assert!(!is_quiet((2.6, 171.0), SENSORS) && is_quiet((2.6, 3.0), "repeated runs"));
     }
 
     #[test]
