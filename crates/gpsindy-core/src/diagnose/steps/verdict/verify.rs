@@ -14,7 +14,6 @@ use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigur
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolution};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halved};
-pub(crate) use crate::diagnose::steps::verdict::floor::SENSORS;
 use crate::diagnose::steps::verdict::spread::{self, Spread};
 use crate::diagnose::steps::verdict::start::{beginnings, starts};
 use crate::diagnose::steps::verdict::{curves, floor, own_size};
@@ -44,6 +43,11 @@ impl Verification {
     /// Probability that the corrected model misses a column; columns share what is wrong, so the surest speaks for all.
     pub(crate) fn missed(&self) -> f64 {
         surest(&self.missed)
+    }
+
+    /// Whether the floor is computed from the sensors' noise: it was not seen between runs.
+    pub(crate) fn has_computed_floor(&self) -> bool {
+        self.closure.floor_source == floor::SENSORS
     }
 
     /// The same where no cause is included: after is before, and nothing is closed.
@@ -103,7 +107,7 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let system = &nominal.system;
     let Heldout { experiment, moving, cut, floor, floor_source } = predictable(best, held_out(best, holdout)?);
     let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
-    let is_noise = !judged.detected.gap && floor_source == SENSORS;
+    let is_noise = !judged.detected.gap && floor_source == floor::SENSORS;
     let (floor, slow) = if is_noise { with_slow_errors(best, &experiment, floor) } else { (floor, Vec::new()) };
     notes.extend(slow);
     let resting: Vec<usize> =
@@ -119,7 +123,7 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let forcing = judged.forcing.as_ref().filter(|forcing| !forcing.forces.is_empty());
     let spread = forcing.and_then(|forcing| spread::of(best, &experiment, &moving, &after, forcing));
     let blocks = blocks(&experiment, &moving, &before, &after);
-    let is_computed = judged.detected.gap && floor_source == SENSORS;
+    let is_computed = judged.detected.gap && floor_source == floor::SENSORS;
     let floor = if is_computed { reached(&blocks, floor) } else { floor };
     let (before_all, after_all) = (overall(&blocks, |b| &b.before), overall(&blocks, |b| &b.after));
     let floor_all = floor_of_all(&blocks, &floor);
@@ -196,7 +200,7 @@ fn held_out(best: &Contestant, holdout: &Dataset) -> Result<Heldout> {
 /// no wrong model could miss them.
 fn predictable(best: &Contestant, mut heldout: Heldout) -> Heldout {
     let is_grown = |floor: &[f64], moving: &[usize]| moving.iter().any(|&c| floor[c] > GROWN);
-    while heldout.floor_source == SENSORS && is_grown(&heldout.floor, &heldout.moving) {
+    while heldout.floor_source == floor::SENSORS && is_grown(&heldout.floor, &heldout.moving) {
         let Some(experiment) = halved(&heldout.experiment) else { break };
         let (floor, _) = floor_of(best, &experiment);
         heldout = Heldout { cut: Some(experiment.longest_window()), experiment, floor, ..heldout };

@@ -14,7 +14,7 @@ use crate::diagnose::steps::findings::{Detected, Judged, Outcome, crowding, gap_
 use crate::diagnose::steps::verdict::checks::Checked;
 use crate::diagnose::steps::verdict::stability::{self, Stability};
 use crate::diagnose::steps::verdict::typicality::Typicality;
-use crate::diagnose::steps::verdict::verify::{SENSORS, Verification};
+use crate::diagnose::steps::verdict::verify::Verification;
 use crate::diagnose::steps::verdict::weigh::Found;
 
 /// What the report states as decided.
@@ -160,7 +160,8 @@ fn verdict(judged: &Judged, checks: &[Check], are_credible: bool, verification: 
     let closure = &verification.closure;
     let rescued = closure.before.is_none() && closure.after.is_some();
     let closed = if rescued { 1.0 } else { closure.closed.unwrap_or(0.0) };
-    let is_quiet = closure.before.zip(closure.floor).is_some_and(|errors| is_quiet(errors, &closure.floor_source));
+    let is_quiet =
+        closure.before.zip(closure.floor).is_some_and(|errors| is_quiet(errors, verification.has_computed_floor()));
     let is_closed = closed >= PART || is_quiet || is_forced;
     if checks.iter().all(|check| check.passed) && are_credible && !has_function && is_closed {
         return Verdict::Explained;
@@ -170,8 +171,8 @@ fn verdict(judged: &Judged, checks: &[Check], are_credible: bool, verification: 
 
 /// Whether held-out rollouts of the nominal model miss by no more than noise does. Below a floor that its own starts have raised nothing is
 /// quiet: it holds any cause.
-fn is_quiet((before, floor): (f64, f64), floor_source: &str) -> bool {
-    let is_floor = floor <= GROWN || floor_source != SENSORS;
+fn is_quiet((before, floor): (f64, f64), is_computed: bool) -> bool {
+    let is_floor = floor <= GROWN || !is_computed;
     before < (1.0 + QUIET) * floor && is_floor
 }
 
@@ -181,9 +182,9 @@ mod tests {
 
     #[test]
     fn nothing_is_quiet_below_a_floor_that_starts_have_raised() {
-        assert!(is_quiet((1.05, 1.0), SENSORS) && !is_quiet((1.5, 1.0), SENSORS));
+        assert!(is_quiet((1.05, 1.0), true) && !is_quiet((1.5, 1.0), true));
         // Of a friction whose rollouts may go anywhere; and runs that were seen to differ by as much.
-        assert!(!is_quiet((2.6, 171.0), SENSORS) && is_quiet((2.6, 3.0), "repeated runs"));
+        assert!(!is_quiet((2.6, 171.0), true) && is_quiet((2.6, 3.0), false));
     }
 
     #[test]
