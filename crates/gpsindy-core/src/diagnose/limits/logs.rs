@@ -74,8 +74,8 @@ pub(crate) const FEWEST_PASSES: f64 = 2400.0;
 /// Share of a time limit that a search of such a simulator has; held-out rollouts of it have the rest. Convention.
 pub(crate) const SEARCHED: f64 = 0.9;
 
-/// Share of the samples below which a time that suffices for no more has logs shortened: the passes that a search takes are not known to a factor
-/// of two, and every stretch that is cut out begins where nobody knows. Argument.
+/// Logs are shortened where time suffices for less than this share of their samples: the passes that a search takes are not known to a factor of
+/// two, and every stretch that is cut out begins where nobody knows. Argument.
 pub(crate) const SHORTENED: f64 = 0.5;
 
 /// Samples to which no time limit shortens logs: fewer decide nothing. Convention.

@@ -31,8 +31,8 @@ pub(crate) const SEVERAL: f64 = 2.0;
 /// parameters and starts are fitted, and the floor is estimated. Set on development seeds 0 to 400 and 5000 to 5040. Data: as said.
 pub(crate) const ALLOWED: f64 = 0.25;
 
-/// Floor (noise units) above which held-out rollouts are halved: three quarters of its squares are then the error of the start, which the
-/// model carries on. Convention.
+/// Floor (noise units) above which held-out rollouts are halved, and below which alone they may be called quiet: three quarters of its squares are
+/// then the error of the start, which the model carries on. Convention.
 pub(crate) const GROWN: f64 = 2.0;
 
 /// Odds beforehand that something is missing where a fit on the training logs shows nothing: drawn cases outside the

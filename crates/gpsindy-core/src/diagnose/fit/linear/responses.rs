@@ -61,9 +61,7 @@ pub(crate) fn changes(
     let fitted = at.contestant;
     let experiment = &fitted.experiment;
     experiment.tally.columns(sets.len());
-    // What goes to a simulator that steps, its path does not know.
-    let path = at.path.as_ref().filter(|_| fitted.system.engine().is_none());
-    if let Some(found) = path.and_then(|path| along(path, at, model, moved, sets)) {
+    if let Some(found) = at.path.as_ref().and_then(|path| along(path, at, model, moved, sets)) {
         return Some(found);
     }
     let experiment = &numbered_in(model, at, moved);
@@ -102,7 +100,8 @@ fn renumbered(at: &Linearised<'_>, number: &dyn Fn(usize) -> Option<usize>) -> E
     Experiment { logs: logs.into(), ..experiment.clone() }
 }
 
-/// By straight lines from the path of the fit; `None` where the model has other states or reads late.
+/// By straight lines from the path of the fit; `None` where the model has other states or reads late, and of a simulator that steps,
+/// whose path does not know what goes to it.
 fn along(
     path: &Path,
     at: &Linearised<'_>,
@@ -112,6 +111,9 @@ fn along(
 ) -> Option<Vec<Vec<DVector<f64>>>> {
     let Linearised { contestant: fitted, .. } = at;
     let (system, experiment, own) = (&fitted.system, &fitted.experiment, &fitted.refined.parameters);
+    if system.engine().is_some() {
+        return None;
+    }
     let change = Change::between(system, model, moved).ok()??;
     let with_own = |set: &Vec<f64>| set.iter().copied().chain(moved.iter().map(|&index| own[index])).collect();
     let sets: Vec<Vec<f64>> = sets.iter().map(with_own).collect();

@@ -148,10 +148,13 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
                 twin.hypotheses.len() == fit.hypotheses.len() && others.iter().all(|h| twin.hypotheses.contains(h))
             };
             let known = outcome.seats.iter().find(|known| known.hypothesis == *hypothesis);
-            // Alone it takes what no effect takes; beside others that imitate the force it took next to nothing.
-            let before = if others.is_empty() { &judged.nominal } else { &outcome.best };
-            let removed = before.evidence.misfit() - fit.evidence.misfit();
-            let removed = known.filter(|_| !others.is_empty()).map_or(removed, |known| known.removed);
+            let removed_from = |before: &Contestant| before.evidence.misfit() - fit.evidence.misfit();
+            let removed = match known {
+                // Alone it takes what no effect takes; beside others that imitate the force it took next to nothing.
+                _ if others.is_empty() => removed_from(&judged.nominal),
+                Some(known) => known.removed,
+                None => removed_from(&outcome.best),
+            };
             let twins = twins.iter().filter(stands_there).map(|twin| (*twin).clone());
             let alternatives = keep_first_of_each(std::iter::once(fit.clone()).chain(twins).collect());
             Seat { hypothesis: hypothesis.clone(), alternatives, removed: removed.max(0.0) }

@@ -76,38 +76,6 @@ mod tests {
     use crate::progress::{Progress, Silent};
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
-    use std::time::Instant;
-
-    /// A listener with a clock.
-    struct Clock(Instant);
-
-    impl Progress for Clock {
-        fn report(&self, _: &str, _: usize, _: usize) -> bool {
-            true
-        }
-
-        fn seconds(&self) -> Option<f64> {
-            Some(self.0.elapsed().as_secs_f64())
-        }
-    }
-
-    #[test]
-    fn logs_are_shortened_only_where_a_simulator_that_steps_would_be_late() {
-        let spring = Arc::new(Stepping::spring());
-        let system = spring.system("x", ("k", 4.0));
-        let command = |i: usize| (0.02 * i as f64).sin();
-        let data = spring.log(("x", 5.0), ([0.5, 0.0], 4000), command, command, |_, x| x);
-        let shortened = |limit: Option<f64>, progress: &dyn Progress| {
-            affordable(&Run::new(progress, limit), &system, [&data, &data]).unwrap()
-        };
-        let clock = Clock(Instant::now());
-        assert!(shortened(None, &clock).is_none() && shortened(Some(1e9), &clock).is_none());
-        assert!(shortened(Some(1e-9), &Silent).is_none());
-        let (train, holdout, note) = shortened(Some(1e-9), &clock).unwrap();
-        assert!((FEWEST_AFFORDED..FEWEST_AFFORDED + 100).contains(&train.n_samples()), "{}", train.n_samples());
-        assert!(holdout.n_samples() < 500 && train.runs().len() > 1);
-        assert!(note.to_string().contains("of 4000 samples"), "{note}");
-    }
 
     /// A clock that goes on by a second whenever it is read: the probe's 1024 samples take one.
     struct Ticking(AtomicU32);
@@ -120,6 +88,24 @@ mod tests {
         fn seconds(&self) -> Option<f64> {
             Some(f64::from(self.0.fetch_add(1, Ordering::Relaxed)))
         }
+    }
+
+    #[test]
+    fn logs_are_shortened_only_where_a_simulator_that_steps_would_be_late() {
+        let spring = Arc::new(Stepping::spring());
+        let system = spring.system("x", ("k", 4.0));
+        let command = |i: usize| (0.02 * i as f64).sin();
+        let data = spring.log(("x", 5.0), ([0.5, 0.0], 4000), command, command, |_, x| x);
+        let shortened = |limit: Option<f64>, progress: &dyn Progress| {
+            affordable(&Run::new(progress, limit), &system, [&data, &data]).unwrap()
+        };
+        let clock = Ticking(AtomicU32::new(0));
+        assert!(shortened(None, &clock).is_none() && shortened(Some(1e9), &clock).is_none());
+        assert!(shortened(Some(1e-9), &Silent).is_none());
+        let (train, holdout, note) = shortened(Some(1e-9), &clock).unwrap();
+        assert!((FEWEST_AFFORDED..FEWEST_AFFORDED + 100).contains(&train.n_samples()), "{}", train.n_samples());
+        assert!(holdout.n_samples() < 500 && train.runs().len() > 1);
+        assert!(note.to_string().contains("of 4000 samples"), "{note}");
     }
 
     #[test]

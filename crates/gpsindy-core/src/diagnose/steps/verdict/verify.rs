@@ -107,8 +107,12 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let system = &nominal.system;
     let Heldout { experiment, moving, cut, floor, floor_source } = predictable(best, held_out(best, holdout)?);
     let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
-    let is_noise = !judged.detected.gap && floor_source == floor::SENSORS;
-    let (floor, slow) = if is_noise { with_slow_errors(best, &experiment, floor) } else { (floor, Vec::new()) };
+    let is_computed = floor_source == floor::SENSORS;
+    let (floor, slow) = if is_computed && !judged.detected.gap {
+        with_slow_errors(best, &experiment, floor)
+    } else {
+        (floor, Vec::new())
+    };
     notes.extend(slow);
     let resting: Vec<usize> =
         (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
@@ -123,8 +127,7 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
     let forcing = judged.forcing.as_ref().filter(|forcing| !forcing.forces.is_empty());
     let spread = forcing.and_then(|forcing| spread::of(best, &experiment, &moving, &after, forcing));
     let blocks = blocks(&experiment, &moving, &before, &after);
-    let is_computed = judged.detected.gap && floor_source == floor::SENSORS;
-    let floor = if is_computed { reached(&blocks, floor) } else { floor };
+    let floor = if is_computed && judged.detected.gap { reached(&blocks, floor) } else { floor };
     let (before_all, after_all) = (overall(&blocks, |b| &b.before), overall(&blocks, |b| &b.after));
     let floor_all = floor_of_all(&blocks, &floor);
     let interval = bootstrap(&blocks, confidence, |chosen| {

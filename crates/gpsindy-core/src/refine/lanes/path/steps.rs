@@ -52,7 +52,8 @@ fn along(
         before: Vec::with_capacity(samples + 1),
         middle: vec![Vec::with_capacity(steps.len()); n + m],
         middle_time: Vec::with_capacity(steps.len()),
-        sample: vec![Vec::with_capacity(samples + 1); n + m],
+        // Terms act within the steps alone.
+        sample: Vec::new(),
         sample_time: log.time[window.first..=window.last].to_vec(),
         carried: Vec::with_capacity(steps.len() * n * n),
         pushed: vec![0.0; steps.len() * n * n],
