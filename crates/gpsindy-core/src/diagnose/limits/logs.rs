@@ -76,7 +76,7 @@ pub(crate) const SEARCHED: f64 = 0.9;
 
 /// Logs are shortened where time suffices for less than this share of their samples: the passes that a search takes are not known to a factor of
 /// two, and every stretch that is cut out begins where nobody knows. Argument.
-pub(crate) const SHORTENED: f64 = 0.5;
+pub(crate) const AFFORDED: f64 = 0.5;
 
 /// Samples to which no time limit shortens logs: fewer decide nothing. Convention.
 pub(crate) const FEWEST_AFFORDED: usize = 400;

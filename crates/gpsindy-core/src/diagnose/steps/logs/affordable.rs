@@ -4,7 +4,7 @@
 //! pass through the logs, and then even the nominal model's fit is late.
 
 use crate::data::Dataset;
-use crate::diagnose::limits::{FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, SHORTENED, STEPPED_STRETCHES};
+use crate::diagnose::limits::{AFFORDED, FEWEST_AFFORDED, FEWEST_PASSES, PASSES, PROBE, STEPPED_STRETCHES};
 use crate::diagnose::notes::Note;
 use crate::diagnose::run::Run;
 use crate::error::Result;
@@ -23,7 +23,7 @@ pub(crate) fn affordable(
     let passes = (PASSES * system.n_states() as f64).max(FEWEST_PASSES);
     let most = (left / (passes * seconds_a_sample(run, system, train)?)) as usize;
     let total = train.n_samples();
-    if most as f64 >= SHORTENED * total as f64 || total <= FEWEST_AFFORDED {
+    if most as f64 >= AFFORDED * total as f64 || total <= FEWEST_AFFORDED {
         return Ok(None);
     }
     let most = most.max(FEWEST_AFFORDED);
