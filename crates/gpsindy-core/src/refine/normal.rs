@@ -1,17 +1,19 @@
 //! The normal equations of a fit and its damped steps; every window's initial state is eliminated from them.
 
 use super::dots::products;
-use super::{Experiment, Free, Jacobian, Point, Starts};
+use super::{Block, Experiment, Free, Jacobian, Point, Starts};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// How far an initial state may sit from its guess, in typical sizes (1 sigma): only holds what the
 /// logs do not determine.
 const INITIAL_BELIEF: f64 = 30.0;
 
+/// Of a window: initial x initial, initial x parameters, gradient of the initial state.
+type OfWindow = (DMatrix<f64>, DMatrix<f64>, DVector<f64>);
+
 /// The normal equations with every window's initial state kept apart.
 pub(crate) struct Normal {
-    /// Per window: initial x initial, initial x parameters, gradient of the initial state.
-    windows: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)>,
+    windows: Vec<OfWindow>,
     parameters: DMatrix<f64>,
     gradient: DVector<f64>,
 }
@@ -50,6 +52,24 @@ impl Normal {
             })
             .collect();
         Self { windows, parameters, gradient }
+    }
+
+    /// The same derivatives beside other `residuals`, whatever is believed of the parameters.
+    pub(crate) fn of(&self, jacobian: &Jacobian, experiment: &Experiment, residuals: &[DVector<f64>]) -> Self {
+        let Starts { samples, more } = experiment.starts;
+        let (n, q) = (jacobian.n_states, self.gradient.len());
+        let mut gradient = DVector::zeros(q);
+        let window = |((block, residual), (initial, mixed, _)): ((&Block, &DVector<f64>), &OfWindow)| {
+            let mut slope = block.derivative.tr_mul(residual);
+            if more > 0.0 {
+                let first = (samples * experiment.columns.len()).min(residual.len());
+                slope += more * block.derivative.rows(0, first).tr_mul(&residual.rows(0, first));
+            }
+            gradient += slope.rows(n, q);
+            (initial.clone(), mixed.clone(), slope.rows(0, n).into_owned())
+        };
+        let windows = jacobian.blocks.iter().zip(residuals).zip(&self.windows).map(window).collect();
+        Self { windows, parameters: self.parameters.clone(), gradient }
     }
 
     /// The point one damped Gauss-Newton step on, kept inside the bounds.

@@ -201,3 +201,33 @@ fn a_run_with_a_value_of_its_own_is_rolled_out_with_it() {
     let cost = |experiment: &Experiment, k: f64| costs(&system, experiment, &[point(k)], &[])[0];
     assert!((cost(&shifted(0.5), 4.0) - own.iter().map(|b| b.residual.norm_squared()).sum::<f64>()).abs() < 1e-6);
 }
+
+#[test]
+fn a_fit_follows_a_curved_valley() {
+    // Where x moves little, a size and an exponent make up for one another along a bent line.
+    let model = Model {
+        states: vec![State::new("x", Expression::parse("1 - a*exp(b*x)").unwrap())],
+        parameters: vec![Parameter::new("a", 0.002), Parameter::new("b", 4.0)],
+        ..Model::default()
+    };
+    let system = model.compile().unwrap();
+    let time: Vec<f64> = (0..200).map(|i| 0.02 * f64::from(i)).collect();
+    let mut x = 1.4_f64;
+    let values = Mat::from_fn(200, 1, |_, _| {
+        let before = x;
+        for _ in 0..20 {
+            x += 0.001 * (1.0 - 0.002 * (4.0 * x).exp());
+        }
+        before
+    });
+    let data = Dataset::new(vec![Channel::new("x")], vec![Run { name: "bent".into(), time, values }]).unwrap();
+    let experiment = Experiment::new(&system, &data, Some(&[1e-4])).unwrap();
+    let free = [Free { lower: 0.0, ..Free::new(0, 0.001) }, Free { lower: 0.0, ..Free::new(1, 1.0) }];
+    // Steps that are not bent are still in the valley after 60, at a = 0.05.
+    let refine = Refine { max_iterations: 60, ..Refine::default() };
+    let fit = refine.fit(&system, &experiment, &[0.3, 0.8], &free, None).unwrap();
+    assert!(fit.converged, "{:?}", fit.parameters);
+    // The logs are made by Euler's steps of a millisecond.
+    assert!((fit.parameters[0] / 0.002 - 1.0).abs() < 0.02, "{:?}", fit.parameters);
+    assert!((fit.parameters[1] - 4.0).abs() < 0.01, "{:?}", fit.parameters);
+}
