@@ -76,9 +76,13 @@ impl Evidence {
 
     /// Whether more than the noise of the sensors is left.
     pub(crate) fn leaves_a_rest(&self) -> bool {
+        self.rest() > (NOISE - 1.0) * self.count() as f64
+    }
+
+    /// Sum of the squared residuals (noise units) beyond the noise of the sensors, whatever its colour.
+    pub(crate) fn rest(&self) -> f64 {
         let variance = |c: &Colour| if c.is_of_a_sensor() { c.variance().min(1.0) } else { c.variance() };
-        let sum: f64 = self.colours.iter().map(|c| variance(c) * c.count as f64).sum();
-        sum > NOISE * self.count() as f64
+        self.colours.iter().map(|c| (variance(c) - 1.0) * c.count as f64).sum()
     }
 
     /// Mean squared structure (noise units) that no test calls a gap.

@@ -11,7 +11,7 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
 use crate::diagnose::fit::{by_run, tried};
-use crate::diagnose::limits::{Budget, FAR, HOPELESS, START_SAMPLES};
+use crate::diagnose::limits::{BEHIND, Budget, FAR, HOPELESS, START_SAMPLES};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{
@@ -159,7 +159,8 @@ impl Fitter {
             other.free.retain(|f| f.parameter != parameter);
             let Contestant { system, experiment, free, refined, .. } = &other;
             let at = (&refined.parameters[..], &free[..]);
-            let refine = budget.refine_of(other.evidence.effective_count());
+            let hopeless = BEHIND * best.refined.cost;
+            let refine = Refine { hopeless, ..budget.refine_of(other.evidence.effective_count()) };
             let fit = refine.fit_on(system, experiment, at, &refined.initial, refined.kept.as_ref());
             let Some(refined) = unless_refused(fit)? else { continue };
             other.refined = refined;

@@ -9,8 +9,8 @@ use crate::error::{Result, unless_refused};
 use crate::refine::{Experiment, Log};
 use std::sync::Arc;
 
-/// The `fit` with the sizes by recording of those of its effects that have them in `other`, fitted on.
-pub(crate) fn inherited(fitter: Fitter, other: &Contestant, fit: Contestant) -> Result<Contestant> {
+/// The `fit` with the sizes by recording of those of its effects that have them in `other`, fitted on within `budget`.
+pub(crate) fn inherited(fitter: Fitter, other: &Contestant, fit: Contestant, budget: Budget) -> Result<Contestant> {
     let mut fit = fit;
     for parameter in differing(&other.experiment) {
         let effect = other.added.iter().position(|added| added.iter().any(|(index, _)| *index == parameter));
@@ -20,7 +20,7 @@ pub(crate) fn inherited(fitter: Fitter, other: &Contestant, fit: Contestant) -> 
         let of = |log: &Log| log.own.iter().find(|(index, _)| *index == parameter).map_or(0.0, |(_, more)| *more);
         let more: Vec<f64> = other.experiment.logs.iter().map(of).collect();
         let moved = with_own(&fit, own, &more);
-        if let Some(moved) = unless_refused(fitter.carried_on(moved, Budget::Usual))? {
+        if let Some(moved) = unless_refused(fitter.carried_on(moved, budget))? {
             fit = moved;
         }
     }

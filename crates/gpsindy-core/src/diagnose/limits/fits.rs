@@ -47,6 +47,10 @@ const DECIDED: f64 = 2000.0;
 /// such steps take off four fifths, and twenty times the squares decide nothing. Argument.
 pub(crate) const HOPELESS: f64 = 100.0;
 
+/// The same where it is compared with the same effects whose corner is free: the steps after two of less than a tenth each take off less than
+/// that together. Argument.
+pub(crate) const BEHIND: f64 = 1.1;
+
 /// Share of a corner's usual width from which a sharp one is fitted, where friction that holds at rest leaves something: sharper than what a fit
 /// from the usual width comes down to. Argument.
 pub(crate) const SHARP: f64 = 0.1;
@@ -54,9 +58,10 @@ pub(crate) const SHARP: f64 = 0.1;
 /// Share of a rollout in which a machine hits a stop once: of ten hits each then has a start of its own. Argument.
 pub(crate) const OF_A_HIT: f64 = 0.1;
 
-/// Ratios of the level at rest to that in motion from which the others are fitted: machines have up to about three, and the lattices reach from
-/// one to the next. Argument.
+/// Ratios of the level at rest to that in motion that are tried, and from how many the others are fitted: machines have up to about three, and the
+/// lattices reach from one to the next. Argument.
 pub(crate) const RATIOS_AT_REST: [f64; 4] = [1.2, 1.6, 2.2, 3.0];
+pub(crate) const RATIOS_FITTED: usize = 2;
 
 /// Largest ratio: a joint that takes more to start is jammed. Convention.
 pub(crate) const MOST_AT_REST: f64 = 5.0;

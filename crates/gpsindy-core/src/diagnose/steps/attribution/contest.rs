@@ -212,7 +212,7 @@ impl<'a> Contest<'a> {
         let Some(fit) = unless_refused(self.fitter.with(&base, entrants, &applied, values, budget))? else {
             return Ok(None);
         };
-        inherited(self.fitter, best, fit).map(Some)
+        inherited(self.fitter, best, fit, budget).map(Some)
     }
 
     /// `best` without each of its effects in turn, fitted again from the nominal model; none where the others can't be fitted.

@@ -30,8 +30,24 @@ pub(crate) fn places(
         None if best.hypotheses.len() == 1 => vec![Some(nominal.clone())],
         None => contest.without_each(nominal, best, if is_moot(best) { Budget::Rough } else { Budget::Usual })?,
     };
-    let one = |(place, rest)| at(contest, nominal, best, fits, (place, rest));
+    // It stands in every place, and is the same in all.
+    let whole = finished(contest, best, best.clone(), contest.score(best))?;
+    let one = |(place, rest)| at(contest, nominal, (best, &whole), fits, (place, rest));
     rests.into_iter().enumerate().map(one).collect()
+}
+
+/// A fit in a place of `best` carried on, where it is not at rest and in sight of the score of a `leader`.
+fn finished(contest: &Contest<'_>, best: &Contestant, fit: Contestant, leader: f64) -> Result<Contestant> {
+    let is_open = |f: &Contestant, within: f64| !f.refined.converged && contest.score(f) > leader - within;
+    if !is_open(&fit, IN_SIGHT) {
+        return Ok(fit);
+    }
+    let fit = contest.fitter.carried_on(fit, if is_moot(best) { Budget::Rough } else { Budget::Usual })?;
+    // To the end goes only what may be a twin, or better.
+    match is_open(&fit, CONVINCING) && !is_moot(best) {
+        true => contest.fitter.carried_on(fit, Budget::Thorough),
+        false => Ok(fit),
+    }
 }
 
 /// Whether none of its effects is believed much, because more than noise is left: a few steps then say what stands beside each.
@@ -42,7 +58,7 @@ fn is_moot(best: &Contestant) -> bool {
 fn at(
     contest: &Contest<'_>,
     nominal: &Contestant,
-    best: &Contestant,
+    (best, whole): (&Contestant, &Contestant),
     fits: &[Contestant],
     (place, rest): (usize, Option<Contestant>),
 ) -> Result<Place> {
@@ -52,21 +68,10 @@ fn at(
     };
     let mut fits: Vec<Contestant> = fits.iter().filter(stands_there).cloned().collect();
     fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
-    fits.push(best.clone());
-    let leader = fits.iter().map(|f| contest.score(f)).fold(f64::NEG_INFINITY, f64::max);
-    let is_open = |f: &Contestant, within: f64| !f.refined.converged && contest.score(f) > leader - within;
-    let finish = |f: Contestant| {
-        if !is_open(&f, IN_SIGHT) {
-            return Ok(f);
-        }
-        let f = contest.fitter.carried_on(f, if is_moot(best) { Budget::Rough } else { Budget::Usual })?;
-        // To the end goes only what may be a twin, or better.
-        match is_open(&f, CONVINCING) && !is_moot(best) {
-            true => contest.fitter.carried_on(f, Budget::Thorough),
-            false => Ok(f),
-        }
-    };
-    let mut fits = best.each(fits, finish)?;
+    let scores = fits.iter().chain([whole]).map(|f| contest.score(f));
+    let leader = scores.fold(f64::NEG_INFINITY, f64::max);
+    let mut fits = best.each(fits, |fit| finished(contest, best, fit, leader))?;
+    fits.push(whole.clone());
     contest.sort(&mut fits);
     let without = rest.as_ref().map_or(nominal, |rest| rest);
     let removed = (without.evidence.misfit() - best.evidence.misfit()).max(0.0);

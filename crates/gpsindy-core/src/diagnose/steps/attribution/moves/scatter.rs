@@ -10,7 +10,7 @@
 use crate::diagnose::fit::by_run::{Pooled, Products, Values, differing, is_inside, parts_of_recordings, size_of};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::own_sizes::with_own;
-use crate::diagnose::limits::{Budget, CONVINCING, FINALISTS, OWN_ROUNDS};
+use crate::diagnose::limits::{Budget, CONVINCING, FINALISTS, OWN_ROUNDS, SUBSTITUTE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::{Result, unless_refused};
 
@@ -67,9 +67,12 @@ pub(crate) fn scattered(contest: &Contest<'_>, fit: &Contestant) -> Result<Optio
     if gain < 2.0 * CONVINCING {
         return Ok(None);
     }
-    let found = settled(contest, fit.clone(), fit.free[sizes[k]].parameter)?;
+    let parameter = fit.free[sizes[k]].parameter;
     // The right form leaves nothing once its sizes are right; what an imitation leaves is smaller with more sizes, and still there.
-    Ok(found.filter(|found| !found.evidence.leaves_a_rest() && contest.is_convincing(found, fit)))
+    let is_taken = |next: &Contestant| next.evidence.rest() < (1.0 - SUBSTITUTE) * fit.evidence.rest();
+    let Some(first) = round(contest, fit, parameter, Budget::Rough)?.filter(is_taken) else { return Ok(None) };
+    let found = settled(contest, first.clone(), parameter)?.unwrap_or(first);
+    Ok(Some(found).filter(|found| !found.evidence.leaves_a_rest() && contest.is_convincing(found, fit)))
 }
 
 /// The `fit` once more with the sizes that its recordings have of their own, where it has such.
@@ -84,21 +87,26 @@ pub(crate) fn resettled(contest: &Contest<'_>, fit: Contestant) -> Result<Contes
 /// The fit with a value of `parameter` by recording: by straight lines from where it is, round by round, all else fitted on. The joint value is
 /// the mean over the recordings.
 fn settled(contest: &Contest<'_>, fit: Contestant, parameter: usize) -> Result<Option<Contestant>> {
-    let parts = parts_of_recordings(&fit.experiment.logs);
     let mut best: Option<Contestant> = None;
     for _ in 0..OWN_ROUNDS {
         let at = best.as_ref().unwrap_or(&fit);
-        let Some(own) = at.free.iter().position(|free| free.parameter == parameter) else { break };
-        let products = Products::new(at, (&at.system, &at.free), &[own], &parts);
-        let Some(values) = products.and_then(|products| products.values(at, &[own], 0, &[0])) else { break };
-        let Some(next) = by_recording(at, own, &parts, &values) else { break };
-        let Some(next) = unless_refused(contest.fitter.carried_on(next, Budget::Usual))? else { break };
+        let Some(next) = round(contest, at, parameter, Budget::Usual)? else { break };
         if !(next.evidence.squares() < at.evidence.squares()) {
             break;
         }
         best = Some(next);
     }
     Ok(best)
+}
+
+/// One round of it; nothing where there are no such values, or they can't be followed.
+fn round(contest: &Contest<'_>, at: &Contestant, parameter: usize, budget: Budget) -> Result<Option<Contestant>> {
+    let parts = parts_of_recordings(&at.experiment.logs);
+    let Some(own) = at.free.iter().position(|free| free.parameter == parameter) else { return Ok(None) };
+    let products = Products::new(at, (&at.system, &at.free), &[own], &parts);
+    let values = products.and_then(|products| products.values(at, &[own], 0, &[0]));
+    let next = values.and_then(|values| by_recording(at, own, &parts, &values));
+    next.map_or(Ok(None), |next| unless_refused(contest.fitter.carried_on(next, budget)))
 }
 
 /// The fit, its free parameter number `own` with these values by part; nothing where they are none that it may have.
