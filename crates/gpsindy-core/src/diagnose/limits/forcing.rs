@@ -62,3 +62,6 @@ pub(crate) const TUNED: usize = 4;
 
 /// Shares of such a step that are tried. Convention.
 pub(crate) const SHORTENED: [f64; 4] = [1.0, 0.5, 0.25, 0.1];
+
+/// Effects of one size that are tried beside a random force by what their straight lines promise there. Convention.
+pub(crate) const BESIDE_FORCES: usize = 3;

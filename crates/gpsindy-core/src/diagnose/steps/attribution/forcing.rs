@@ -7,6 +7,7 @@
 
 mod account;
 mod climb;
+mod singles;
 mod tune;
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
@@ -60,7 +61,10 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     // Where gusts drown every effect, or are drowned by those that imitate them, one alone may still convince beside the gusts.
     if found.is_none() && !contest.run.is_out_of_time() {
         let near = if has_effects { &judged.outcome.singles } else { near };
-        let one = alone.part(contest)?.map_or(Ok(None), |part| part.of_one_near(contest, near, alone.rival))?;
+        let one = alone.part(contest)?.map_or(Ok(None), |part| {
+            let near = [&near[..], &part.singles(contest, &judged.nominal, near)?].concat();
+            part.of_one_near(contest, &near, alone.rival)
+        })?;
         found = account_of(contest, one, &alone)?.filter(|(found, _)| found.is_forced() || !has_effects);
     }
     stage.advance()?;
@@ -221,7 +225,7 @@ mod tests {
     ///
     /// `force(w, random)`: what else acts, of the rate and an Ornstein-Uhlenbeck process of deviation one and 0.4 s. `error`: the
     /// deviation of a sensor's error beside its noise that lasts 0.3 s.
-    fn logs_of_boat(error: f64, force: impl Fn(f64, f64) -> f64) -> (Model, Dataset) {
+    pub(super) fn logs_of_boat(error: f64, force: impl Fn(f64, f64) -> f64) -> (Model, Dataset) {
         let mut model = Model {
             states: vec![State::new("w", Expression::parse("-a*w + g*u").unwrap())],
             parameters: vec![Parameter::new("a", 0.8), Parameter::new("g", 1.5)],

@@ -54,7 +54,7 @@ impl Account {
     }
 
     /// By how much every free parameter moves each of the `innovations`.
-    fn slopes(&self, innovations: &[f64]) -> Option<Vec<Vec<f64>>> {
+    pub(super) fn slopes(&self, innovations: &[f64]) -> Option<Vec<Vec<f64>>> {
         let slope = |f: &Free| {
             let mut aside = self.fit.refined.parameters.clone();
             let step = SLOPED * f.scale;
