@@ -7,9 +7,7 @@
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{
-    Budget, NARROWED, OF_A_HIT, RATIOS_AT_REST, RATIOS_FITTED, STEPS_AT_REST, WIDEST_AT_REST,
-};
+use crate::diagnose::limits::{Budget, NARROWED, OF_A_HIT, RATIOS_AT_REST, STEPS_AT_REST, WIDEST_AT_REST};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, guess_initial, misses};
@@ -56,42 +54,20 @@ fn begun(
         Ok(found.map(|found| (Point { parameters: found.parameters, initial: found.initial }, found.cost)))
     };
     let start = Point { parameters: point.parameters.clone(), initial: guess_initial(system, &short) };
-    let Some((mut point, cost)) = fitted(start)? else { return Ok(None) };
-    let apart = unless_refused(at_ratios(system, &short, (level, rest), free, &point))?.unwrap_or_default();
-    let mut least = cost;
-    for apart in apart {
-        if let Some((apart, cost)) = fitted(apart)?.filter(|apart| apart.1 < least) {
-            (point, least) = (apart, cost);
-        }
+    let Some(equal) = fitted(start)? else { return Ok(None) };
+    let mut best = equal.clone();
+    for ratio in RATIOS_AT_REST {
+        let mut other = equal.0.clone();
+        // Where the levels are one it lies between the two.
+        other.parameters[level] /= ratio.sqrt();
+        other.parameters[rest] = ratio * other.parameters[level];
+        best = fitted(other)?.filter(|other| other.1 < best.1).unwrap_or(best);
     }
+    let (mut point, _) = best;
     if point.parameters[rest] > point.parameters[level] {
         narrow(system, &short, (level, rest), (free, &NARROWED[..2]), &mut point)?;
     }
     Ok(Some(point.parameters))
-}
-
-/// The `point`, at which the levels are one, with the best of several ratios of them, what else is free having taken a step: those that are
-/// worth a fit.
-fn at_ratios(
-    system: &System,
-    experiment: &Experiment,
-    (level, rest): (usize, usize),
-    free: &[Free],
-    point: &Point,
-) -> Result<Vec<Point>> {
-    let others: Vec<Free> = free.iter().filter(|f| f.parameter != level && f.parameter != rest).cloned().collect();
-    let profile = Profile::new(system, experiment, (point, &others), None, None)?;
-    let at = |ratio: f64| {
-        let mut other = point.clone();
-        // Where the levels are one it lies between the two.
-        other.parameters[level] /= ratio.sqrt();
-        other.parameters[rest] = ratio * other.parameters[level];
-        other
-    };
-    let trials = RATIOS_AT_REST.map(at);
-    let mut all: Vec<(f64, Point)> = profile.costs(&trials).into_iter().zip(trials).collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(all.into_iter().take(RATIOS_FITTED).map(|(_, trial)| trial).collect())
 }
 
 /// Moves either level to the best of ever finer lattices around it, of these `widths`, and what is free with it. Where the machine stops for a moment decides as
