@@ -59,7 +59,7 @@ pub(crate) const SHARP: f64 = 0.1;
 pub(crate) const OF_A_HIT: f64 = 0.1;
 
 /// Ratios of the level at rest to that in motion from which the others are fitted: machines have up to about three, and the lattices reach from
-/// one to the next. The two of them that promise most along straight lines do not do: of 12 machines that hold, one more loses its name. Argument.
+/// one to the next. Argument.
 pub(crate) const RATIOS_AT_REST: [f64; 4] = [1.2, 1.6, 2.2, 3.0];
 
 /// Largest ratio: a joint that takes more to start is jammed. Convention.
