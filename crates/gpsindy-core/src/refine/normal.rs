@@ -22,7 +22,7 @@ impl Normal {
     pub(crate) fn new(jacobian: &Jacobian, experiment: &Experiment, point: &Point, free: &[Free]) -> Self {
         let n = jacobian.n_states;
         let q = free.len();
-        let Starts { samples, more } = experiment.starts;
+        let Starts { more, .. } = experiment.starts;
         let mut parameters = DMatrix::zeros(q, q);
         let mut gradient = DVector::zeros(q);
         for (i, f) in free.iter().enumerate() {
@@ -37,10 +37,9 @@ impl Normal {
             .map(|block| {
                 let (mut product, mut slope) = products(&block.derivative, &block.residual);
                 if more > 0.0 {
-                    let first = (samples * experiment.columns.len()).min(block.residual.len());
-                    let derivative = block.derivative.rows(0, first);
+                    let derivative = block.derivative.rows(0, first_rows(experiment, block));
                     product += more * derivative.tr_mul(&derivative);
-                    slope += more * derivative.tr_mul(&block.residual.rows(0, first));
+                    slope += of_first(experiment, block, &block.residual);
                 }
                 parameters += product.view((n, n), (q, q));
                 gradient += slope.rows(n, q);
@@ -56,14 +55,12 @@ impl Normal {
 
     /// The same derivatives beside other `residuals`, whatever is believed of the parameters.
     pub(crate) fn of(&self, jacobian: &Jacobian, experiment: &Experiment, residuals: &[DVector<f64>]) -> Self {
-        let Starts { samples, more } = experiment.starts;
         let (n, q) = (jacobian.n_states, self.gradient.len());
         let mut gradient = DVector::zeros(q);
         let window = |((block, residual), (initial, mixed, _)): ((&Block, &DVector<f64>), &OfWindow)| {
             let mut slope = block.derivative.tr_mul(residual);
-            if more > 0.0 {
-                let first = (samples * experiment.columns.len()).min(residual.len());
-                slope += more * block.derivative.rows(0, first).tr_mul(&residual.rows(0, first));
+            if experiment.starts.more > 0.0 {
+                slope += of_first(experiment, block, residual);
             }
             gradient += slope.rows(n, q);
             (initial.clone(), mixed.clone(), slope.rows(0, n).into_owned())
@@ -140,6 +137,17 @@ impl Normal {
         };
         (covariance, left_out)
     }
+}
+
+/// How many rows of a window count more, those of its first samples.
+fn first_rows(experiment: &Experiment, block: &Block) -> usize {
+    (experiment.starts.samples * experiment.columns.len()).min(block.residual.len())
+}
+
+/// What they add to the gradient where a window has these residuals.
+fn of_first(experiment: &Experiment, block: &Block, residual: &DVector<f64>) -> DVector<f64> {
+    let first = first_rows(experiment, block);
+    experiment.starts.more * block.derivative.rows(0, first).tr_mul(&residual.rows(0, first))
 }
 
 /// Normal equations whose matrices are factored.

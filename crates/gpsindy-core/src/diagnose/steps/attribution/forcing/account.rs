@@ -14,7 +14,6 @@ use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::forcing::climb::{Climb, Range, range};
 use crate::diagnose::steps::findings::{Forcing, StatedProcess};
 use crate::error::Result;
-use crate::model::System;
 use crate::parallel;
 use crate::refine::{Window, prior_cost};
 use nalgebra::Matrix2;
@@ -178,19 +177,19 @@ impl Account {
 
     /// The same with other parameters of the machine.
     pub(super) fn filtered_with(&self, parameters: &[f64], processes: &[Process], pace: Pace) -> Option<Filtered> {
-        let Contestant { experiment, refined, .. } = &self.fit;
-        self.filter.run((experiment, self.most), (parameters, &refined.initial), processes, pace)
+        self.filtered_by(&self.filter, parameters, processes, pace)
     }
 
-    /// A filter of another system with the same processes; nothing where it can't be filtered.
-    pub(super) fn filter_of(&self, system: &System) -> Result<Option<Filter>> {
-        Filter::new(system, self.processes.iter().map(|process| process.acts))
-    }
-
-    /// What it finds along the same samples.
-    pub(super) fn passed_by(&self, filter: &Filter, parameters: &[f64]) -> Option<Filtered> {
+    /// The same by the filter of another machine.
+    pub(super) fn filtered_by(
+        &self,
+        filter: &Filter,
+        parameters: &[f64],
+        processes: &[Process],
+        pace: Pace,
+    ) -> Option<Filtered> {
         let Contestant { experiment, refined, .. } = &self.fit;
-        filter.run((experiment, self.most), (parameters, &refined.initial), &self.processes, Pace::Path)
+        filter.run((experiment, self.most), (parameters, &refined.initial), processes, pace)
     }
 
     /// The same with the score on the samples that are looked at now.

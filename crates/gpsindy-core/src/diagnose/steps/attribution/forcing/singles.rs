@@ -4,17 +4,19 @@
 //! it. The innovations of the filter do: an effect's straight line there, with everything that is free projected out.
 
 use super::account::Account;
+use super::tune::products;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
-use crate::diagnose::fit::filter::{Filtered, Pace};
+use crate::diagnose::fit::filter::{Filter, Filtered, Pace};
+use crate::diagnose::fit::linear::elimination::eliminate;
 use crate::diagnose::limits::forcing::{BESIDE_FORCES, SLOPED};
-use crate::diagnose::limits::{Budget, CONVINCING};
+use crate::diagnose::limits::{Budget, CONVINCING, FLAT};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::error::Result;
 use crate::model::System;
 use crate::parallel;
-use nalgebra::{DMatrix, DVector};
+use crate::refine::Free;
 
 /// What an effect promises: twice the nats that it gains, and its size.
 struct Promise<'a> {
@@ -31,8 +33,7 @@ impl Account {
         nominal: &Contestant,
         known: &[Contestant],
     ) -> Result<Vec<Contestant>> {
-        let at = &self.fit.refined.parameters;
-        let Some(found) = self.filtered_with(at, &self.processes, Pace::Path) else { return Ok(Vec::new()) };
+        let Some(found) = self.passed(&self.fit.refined.parameters) else { return Ok(Vec::new()) };
         let Some(slopes) = self.slopes(&found.whitened()) else { return Ok(Vec::new()) };
         let is_open = |h: &&Hypothesis| {
             h.has_single_size() && h.added_states() == 0 && known.iter().all(|fit| !fit.hypotheses.contains(h))
@@ -63,45 +64,29 @@ impl Account {
         let Ok(applied) = joint::apply(&[hypothesis], self.fit.system.model(), &scene) else { return Ok(None) };
         let [(index, added)] = &applied.fitted[..] else { return Ok(None) };
         let system = System::new(&applied.model)?;
-        let Some(filter) = self.filter_of(&system)? else { return Ok(None) };
+        let Some(filter) = Filter::new(&system, self.processes.iter().map(|process| process.acts))? else {
+            return Ok(None);
+        };
         let mut parameters = system.parameter_values();
         parameters[..self.fit.refined.parameters.len()].copy_from_slice(&self.fit.refined.parameters);
         let (from, step) = (parameters[*index], SLOPED * added.scale);
         parameters[*index] += step;
-        let Some(moved) = self.passed_by(&filter, &parameters) else { return Ok(None) };
-        let (own, moved) = (found.whitened(), moved.whitened());
-        if own.len() != moved.len() {
-            return Ok(None);
-        }
+        let moved = self.filtered_by(&filter, &parameters, &self.processes, Pace::Path).map(|moved| moved.whitened());
+        let own = found.whitened();
+        let Some(moved) = moved.filter(|moved| moved.len() == own.len()) else { return Ok(None) };
         let column: Vec<f64> = moved.iter().zip(&own).map(|(moved, own)| (moved - own) / step).collect();
-        // What is believed of the other parameters are readings, too.
-        let others: Vec<usize> = (0..slopes.len()).filter(|&i| self.fit.free[i].parameter != *index).collect();
-        let (count, root) = (own.len(), found.level.sqrt());
-        let belief = |i: usize| self.fit.free[others[i]].prior;
-        let all = DMatrix::from_fn(count + others.len(), others.len(), |row, i| match row.checked_sub(count) {
-            None => slopes[others[i]][row],
-            Some(of) if of == i => belief(i).map_or(0.0, |(_, deviation)| root / deviation),
-            Some(_) => 0.0,
-        });
-        let expected = |i: usize| {
-            let value = self.fit.refined.parameters[self.fit.free[others[i]].parameter];
-            belief(i).map_or(0.0, |(mean, deviation)| root * (value - mean) / deviation)
-        };
-        let mut column =
-            DVector::from_iterator(count + others.len(), column.into_iter().chain(others.iter().map(|_| 0.0)));
-        let left = own.into_iter().chain((0..others.len()).map(expected));
-        let mut left = DVector::from_iterator(count + others.len(), left);
-        let directions = all.qr().q();
-        column -= &directions * directions.tr_mul(&column);
-        left -= &directions * directions.tr_mul(&left);
-        let (length, along) = (column.norm_squared(), column.dot(&left));
-        let is_seen = length > 0.0 && along.is_finite();
-        // Innovations fall as the size moves them towards zero.
-        Ok(is_seen.then(|| Promise {
-            hypothesis,
-            gain: along * along / length / found.level,
-            value: from - along / length,
-        }))
+        let others = self.fit.free.iter().zip(slopes).filter(|(f, _)| f.parameter != *index);
+        let (mut free, mut all): (Vec<Free>, Vec<&[f64]>) = others.map(|(f, slope)| (f.clone(), &slope[..])).unzip();
+        free.push(Free::new(*index, added.scale));
+        all.push(&column);
+        let (mut gram, mut right) = products(&free, &parameters, (&own, &all), found.level);
+        let last = free.len() - 1;
+        let length = gram[(last, last)];
+        (0..last).for_each(|i| eliminate(&mut gram, &mut right, i, 0.0));
+        let (left, along) = (gram[(last, last)], right[last]);
+        // What the others do as well is not seen.
+        let is_seen = left > FLAT * length && along.is_finite();
+        Ok(is_seen.then(|| Promise { hypothesis, gain: along * along / left, value: from + along / left }))
     }
 }
 

@@ -80,7 +80,7 @@ impl Account {
         })
     }
 
-    fn passed(&self, parameters: &[f64]) -> Option<Filtered> {
+    pub(super) fn passed(&self, parameters: &[f64]) -> Option<Filtered> {
         self.filtered_with(parameters, &self.processes, Pace::Path)
     }
 
@@ -92,22 +92,35 @@ impl Account {
 /// By how much each free parameter moves, within its bounds, where the `innovations` with these `slopes` have the variance `level`; nothing where the
 /// equations can't be solved.
 fn change(free: &[Free], at: &[f64], (innovations, slopes): (&[f64], &[Vec<f64>]), level: f64) -> Option<Vec<f64>> {
+    let slopes: Vec<&[f64]> = slopes.iter().map(Vec::as_slice).collect();
+    let (mut gram, right) = products(free, at, (innovations, &slopes), level);
+    for i in 0..free.len() {
+        // What moves no innovation stays where it is.
+        gram[(i, i)] = if gram[(i, i)] > 0.0 { gram[(i, i)] * (1.0 + FLAT) } else { 1.0 };
+    }
+    let change = bounded_solution(&gram, &right, at, free)?;
+    change.iter().all(|c| c.is_finite()).then(|| change.iter().copied().collect())
+}
+
+/// Products of the `slopes` of the free parameters with each other, and with the `innovations` they are to lower, of variance `level`; with what is
+/// believed of the parameters.
+pub(super) fn products(
+    free: &[Free],
+    at: &[f64],
+    (innovations, slopes): (&[f64], &[&[f64]]),
+    level: f64,
+) -> (DMatrix<f64>, DVector<f64>) {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / level;
     let count = free.len();
-    let mut gram = DMatrix::from_fn(count, count, |i, j| dot(&slopes[i], &slopes[j]));
-    let mut right = DVector::from_fn(count, |i, _| -dot(&slopes[i], innovations));
+    let mut gram = DMatrix::from_fn(count, count, |i, j| dot(slopes[i], slopes[j]));
+    let mut right = DVector::from_fn(count, |i, _| -dot(slopes[i], innovations));
     for (i, f) in free.iter().enumerate() {
         if let Some((mean, deviation)) = f.prior {
             gram[(i, i)] += deviation.powi(-2);
             right[i] -= (at[f.parameter] - mean) / deviation.powi(2);
         }
     }
-    for i in 0..count {
-        // What moves no innovation stays where it is.
-        gram[(i, i)] = if gram[(i, i)] > 0.0 { gram[(i, i)] * (1.0 + FLAT) } else { 1.0 };
-    }
-    let change = bounded_solution(&gram, &right, at, free)?;
-    change.iter().all(|c| c.is_finite()).then(|| change.iter().copied().collect())
+    (gram, right)
 }
 
 #[cfg(test)]
