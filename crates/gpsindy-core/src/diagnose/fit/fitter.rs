@@ -11,7 +11,7 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
 use crate::diagnose::fit::{by_run, tried};
-use crate::diagnose::limits::{BEHIND, Budget, FAR, HOPELESS, START_SAMPLES};
+use crate::diagnose::limits::{BEHIND, Budget, FAR, HOPELESS, OUT_OF_REACH, START_SAMPLES};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{
@@ -157,12 +157,20 @@ impl Fitter {
             let mut other = best.clone();
             other.refined.parameters[parameter] = value;
             other.free.retain(|f| f.parameter != parameter);
-            let Contestant { system, experiment, free, refined, .. } = &other;
-            let at = (&refined.parameters[..], &free[..]);
+            let Contestant { system, experiment, free, .. } = &other;
+            let fit = |refine: Refine, from: &Refined| {
+                let at = (&from.parameters[..], &free[..]);
+                unless_refused(refine.fit_on(system, experiment, at, &from.initial, from.kept.as_ref()))
+            };
+            let Some(first) = fit(Budget::Glance.refine(), &Refined { kept: None, ..other.refined.clone() })? else {
+                continue;
+            };
+            if first.cost > OUT_OF_REACH * best.refined.cost {
+                continue;
+            }
             let hopeless = BEHIND * best.refined.cost;
             let refine = Refine { hopeless, ..budget.refine_of(other.evidence.effective_count()) };
-            let fit = refine.fit_on(system, experiment, at, &refined.initial, refined.kept.as_ref());
-            let Some(refined) = unless_refused(fit)? else { continue };
+            let Some(refined) = fit(refine, &first)? else { continue };
             other.refined = refined;
             self.judge(&mut other);
             if other.evidence.score() > best.evidence.score() {

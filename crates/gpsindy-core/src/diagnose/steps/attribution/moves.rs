@@ -5,19 +5,20 @@
 //! Jamieson and Talwalkar 2016, AISTATS, "Non-stochastic best arm identification and hyperparameter optimization".
 
 mod choice;
+mod race;
 pub(crate) mod scatter;
 
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
-use crate::diagnose::fit::fitter::begun::limited;
 use crate::diagnose::handed::{Handed, Member};
-use crate::diagnose::limits::{Budget, FINALISTS, HELD_BACK, IN_SIGHT, RACED, SUBSTITUTE};
+use crate::diagnose::limits::{Budget, IN_SIGHT, SUBSTITUTE};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::attribution::gross::gross;
 use crate::diagnose::steps::attribution::survey::Survey;
 use crate::error::{Result, unless_refused};
 use choice::{chosen, has_room, is_worth_a_fit};
+use race::raced;
 use scatter::with_scattered;
 
 /// A fit that is to be made: suspects in the place of some effects of the contestant.
@@ -170,62 +171,6 @@ fn made(
     contest.with_values(nominal, base, &entrants, &values, Budget::Glance)
 }
 
-/// Places of the fits with one more effect that promised most, of those whose first step fell short of it and which promised more than
-/// any step achieved: where a straight line holds but the size is far off, as at a rate limit, it is the step that misled.
-fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesis>, f64)]) -> Vec<usize> {
-    let most = fits.iter().map(|fit| achieved(base, fit)).fold(0.0, f64::max);
-    let short = |(place, fit): (usize, &Contestant)| {
-        let promised = promised(fit, promises)?;
-        let is_one_more = fit.hypotheses.len() == base.hypotheses.len() + 1;
-        let is_short = falls_short(achieved(base, fit), promised) && promised > most;
-        (is_one_more && is_short).then_some((place, promised))
-    };
-    let mut found: Vec<(usize, f64)> = fits.iter().enumerate().filter_map(short).collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1));
-    found.into_iter().take(HELD_BACK).map(|(place, _)| place).collect()
-}
-
-/// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.
-fn raced(
-    contest: &Contest<'_>,
-    base: &Contestant,
-    fits: Vec<Contestant>,
-    promises: &[(Vec<&Hypothesis>, f64)],
-) -> Result<Vec<Contestant>> {
-    let fitter = contest.fitter;
-    let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
-        true => fitter.chained(fit, Budget::Rough),
-        false => Ok(fit),
-    };
-    let held_back = held_back(base, &fits, promises);
-    let mut runners = leading(contest, fits, (RACED, RACED));
-    held_back.into_iter().for_each(|place| runners[place].1 = true);
-    let mut fits = base.each(runners, rough)?;
-    contest.sort(&mut fits);
-    let fits = keep_first_of_each(fits);
-    let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
-    let finish = |(place, (fit, leads)): (usize, (Contestant, bool))| {
-        let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
-        // A leader that is far behind what stands already leads among what is no use.
-        let leads = leads && fit.hypotheses.len() > base.hypotheses.len();
-        // Beside a large residual few values count alone, and everything would be in sight.
-        let is_in_sight = place < RACED && contest.score(&fit) >= best - IN_SIGHT;
-        let may_win = (leads || is_in_sight) && may_gain;
-        if !may_win || contest.run.is_out_of_time() {
-            return Ok(fit);
-        }
-        // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
-        let fit = fitter.carried_on(fitter.refollowed(fit, Budget::Rough)?, Budget::Usual)?;
-        // Beside what has a limited control already its place is known.
-        let is_new = limited(&fit.system) != limited(&base.system);
-        if is_new { fitter.with_begun(fit, Budget::Usual) } else { Ok(fit) }
-    };
-    let runners = leading(contest, fits, (FINALISTS, 1)).into_iter().enumerate().collect();
-    let mut fits = base.each(runners, finish)?;
-    contest.sort(&mut fits);
-    Ok(fits)
-}
-
 /// The fits with the leader at rest, and with the simpler effects that the leader's newest one contains.
 fn with_simpler(
     contest: &Contest<'_>,
@@ -268,22 +213,4 @@ fn at_rest(contest: &Contest<'_>, fit: Contestant) -> Result<Contestant> {
     let fit = if fit.refined.converged { fit } else { fitter.carried_on(fit, Budget::Thorough)? };
     let fit = fitter.with_begun(fit, Budget::Usual)?;
     fitter.redrawn(fitter.restarted(fit, Budget::Usual)?, Budget::Usual)
-}
-
-/// Whether each is among the first so many by score, or by sum of squares: a fit that is not at rest leaves what no noise would,
-/// and its score then says less of it than its sum of squares.
-fn leading(
-    contest: &Contest<'_>,
-    fits: Vec<Contestant>,
-    (by_score, by_squares): (usize, usize),
-) -> Vec<(Contestant, bool)> {
-    let first = |count: usize, value: &dyn Fn(&Contestant) -> f64| {
-        let mut order: Vec<usize> = (0..fits.len()).collect();
-        order.sort_by(|&a, &b| value(&fits[a]).total_cmp(&value(&fits[b])));
-        order.truncate(count);
-        order
-    };
-    let mut leaders = first(by_score, &|f| -contest.score(f));
-    leaders.extend(first(by_squares, &|f| f.evidence.squares()));
-    fits.into_iter().enumerate().map(|(place, fit)| (fit, leaders.contains(&place))).collect()
 }

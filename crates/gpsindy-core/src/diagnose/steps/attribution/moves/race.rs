@@ -1,0 +1,163 @@
+//! Race of the fits of a round, each carried on as far as it is worth it.
+
+use super::{achieved, falls_short, promised};
+use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::fit::breakaway::Rest;
+use crate::diagnose::fit::contestant::Contestant;
+use crate::diagnose::fit::fitter::begun::limited;
+use crate::diagnose::limits::{Budget, FINALISTS, HELD_BACK, IN_SIGHT, RACED};
+use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
+use crate::error::Result;
+
+/// Places of the fits with one more effect that promised most, of those whose first step fell short of it and which promised more than
+/// any step achieved: where a straight line holds but the size is far off, as at a rate limit, it is the step that misled.
+fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesis>, f64)]) -> Vec<usize> {
+    let most = fits.iter().map(|fit| achieved(base, fit)).fold(0.0, f64::max);
+    let short = |(place, fit): (usize, &Contestant)| {
+        let promised = promised(fit, promises)?;
+        let is_one_more = fit.hypotheses.len() == base.hypotheses.len() + 1;
+        let is_short = falls_short(achieved(base, fit), promised) && promised > most;
+        (is_one_more && is_short).then_some((place, promised))
+    };
+    let mut found: Vec<(usize, f64)> = fits.iter().enumerate().filter_map(short).collect();
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    found.into_iter().take(HELD_BACK).map(|(place, _)| place).collect()
+}
+
+/// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.
+pub(super) fn raced(
+    contest: &Contest<'_>,
+    base: &Contestant,
+    fits: Vec<Contestant>,
+    promises: &[(Vec<&Hypothesis>, f64)],
+) -> Result<Vec<Contestant>> {
+    let fitter = contest.fitter;
+    let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
+        true => fitter.chained(fit, Budget::Rough),
+        false => Ok(fit),
+    };
+    let held_back = held_back(base, &fits, promises);
+    let mut runners = leading(contest, fits, (RACED, RACED));
+    held_back.into_iter().for_each(|place| runners[place].1 = true);
+    settle_rest(&mut runners, rough)?;
+    let mut fits = base.each(runners, rough)?;
+    contest.sort(&mut fits);
+    let fits = keep_first_of_each(fits);
+    let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
+    let finish = |(place, (fit, leads)): (usize, (Contestant, bool))| {
+        let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
+        // A leader that is far behind what stands already leads among what is no use.
+        let leads = leads && fit.hypotheses.len() > base.hypotheses.len();
+        // Beside a large residual few values count alone, and everything would be in sight.
+        let is_in_sight = place < RACED && contest.score(&fit) >= best - IN_SIGHT;
+        let may_win = (leads || is_in_sight) && may_gain;
+        if !may_win || contest.run.is_out_of_time() {
+            return Ok(fit);
+        }
+        // Starts are sought anew once the sizes are about right: a straight line underrates a curved effect.
+        let fit = fitter.carried_on(fitter.refollowed(fit, Budget::Rough)?, Budget::Usual)?;
+        // Beside what has a limited control already its place is known.
+        let is_new = limited(&fit.system) != limited(&base.system);
+        if is_new { fitter.with_begun(fit, Budget::Usual) } else { Ok(fit) }
+    };
+    let runners = leading(contest, fits, (FINALISTS, 1)).into_iter().enumerate().collect();
+    let mut fits = base.each(runners, finish)?;
+    contest.sort(&mut fits);
+    Ok(fits)
+}
+
+/// Whether each is among the first so many by score, or by sum of squares: a fit that is not at rest leaves what no noise would,
+/// and its score then says less of it than its sum of squares.
+fn leading(
+    contest: &Contest<'_>,
+    fits: Vec<Contestant>,
+    (by_score, by_squares): (usize, usize),
+) -> Vec<(Contestant, bool)> {
+    let first = |count: usize, value: &dyn Fn(&Contestant) -> f64| {
+        let mut order: Vec<usize> = (0..fits.len()).collect();
+        order.sort_by(|&a, &b| value(&fits[a]).total_cmp(&value(&fits[b])));
+        order.truncate(count);
+        order
+    };
+    let mut leaders = first(by_score, &|f| -contest.score(f));
+    leaders.extend(first(by_squares, &|f| f.evidence.squares()));
+    fits.into_iter().enumerate().map(|(place, fit)| (fit, leaders.contains(&place))).collect()
+}
+
+/// Has the first of the `runners` in each equation look for its level at rest by `rough`, and the others begin there.
+///
+/// What holds a machine at rest is the machine's own, whatever else stands beside it, and looking for it costs more than all else of a rough fit.
+/// Where the first finds no level above that in motion, there is nothing at rest that the others could have.
+fn settle_rest(
+    runners: &mut [(Contestant, bool)],
+    rough: impl Fn((Contestant, bool)) -> Result<Contestant>,
+) -> Result<()> {
+    let mut known: Vec<(usize, f64)> = Vec::new();
+    let mut order: Vec<usize> = (0..runners.len()).filter(|&place| runners[place].1).collect();
+    order.sort_by(|&a, &b| runners[a].0.evidence.squares().total_cmp(&runners[b].0.evidence.squares()));
+    for place in order {
+        let Some(rest) = Rest::of(&runners[place].0).filter(|rest| rest.ratio <= 1.0) else { continue };
+        match known.iter().find(|(state, _)| *state == rest.state) {
+            Some((_, ratio)) if *ratio > 1.0 => rest.set(&mut runners[place].0, *ratio),
+            Some(_) => runners[place].1 = false,
+            None => {
+                runners[place] = (rough((runners[place].0.clone(), true))?, false);
+                known.push((rest.state, Rest::of(&runners[place].0).map_or(1.0, |found| found.ratio)));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::fit::fitter::{Fitter, unsearched};
+    use crate::diagnose::fixture::{slider, slider_model};
+    use crate::diagnose::run::Run;
+    use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
+    use crate::model::System;
+    use crate::progress::Silent;
+    use crate::refine::Experiment;
+    use std::cell::Cell;
+
+    #[test]
+    fn the_first_runner_looks_for_the_level_at_rest_and_the_others_begin_there() {
+        let data = slider(1, |_, v, u| u - 3.0 * v, |time, run| 2.0 * (time + run).sin(), [0.002, 0.004], 60);
+        let system = System::new(&slider_model("u - 3*v")).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002, 0.004])).unwrap();
+        let nominal = Fitter::default().nominal(system, experiment, Vec::new(), Budget::Glance).unwrap();
+        let run = Run::new(&Silent, None);
+        let chosen = ["stiction".to_string(), "quadratic_drag".to_string()];
+        let choice = Choice { chosen: &chosen, ..Choice::default() };
+        let contest = Contest::new(&run, Fitter::default(), suspects(&nominal, &choice).unwrap().0, 2);
+        let fit = |ids: &[&str]| {
+            let of = |id: &&str| unsearched(contest.all().find(|h| h.id() == *id).unwrap());
+            let entrants: Vec<_> = ids.iter().map(of).collect();
+            contest.with_values(&nominal, &nominal, &entrants, &[], Budget::Glance).unwrap().unwrap()
+        };
+        let (alone, beside) = (fit(&["stiction"]), fit(&["quadratic_drag", "stiction"]));
+        for found in [2.0, 1.0] {
+            let mut runners = vec![(alone.clone(), true), (beside.clone(), true), (fit(&["quadratic_drag"]), true)];
+            for (runner, _) in &mut runners[..2] {
+                let rest = Rest::of(runner).unwrap();
+                runner.refined.parameters[rest.levels.0] = 0.4;
+                runner.refined.parameters[rest.levels.1] = 0.4;
+            }
+            let looked = Cell::new(0);
+            let rough = |(mut fit, _): (Contestant, bool)| {
+                looked.set(looked.get() + 1);
+                Rest::of(&fit).unwrap().set(&mut fit, found);
+                Ok(fit)
+            };
+            settle_rest(&mut runners, rough).unwrap();
+            assert_eq!(looked.get(), 1);
+            let ratios: Vec<f64> = runners[..2].iter().map(|(fit, _)| Rest::of(fit).unwrap().ratio).collect();
+            assert_eq!(ratios, [found, found]);
+            // One is done, and the other has something to go on from where the first found a level.
+            assert_eq!(runners[..2].iter().filter(|(_, runs)| *runs).count(), usize::from(found > 1.0));
+            assert!(runners[2].1);
+        }
+    }
+}
