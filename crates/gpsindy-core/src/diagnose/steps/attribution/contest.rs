@@ -254,7 +254,9 @@ mod tests {
     use super::*;
     use crate::diagnose::fit::fitter::unsearched;
     use crate::diagnose::fixture::{drive, fitted, slider, slider_model};
+    use crate::diagnose::report::Verdict;
     use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
+    use crate::diagnose::{Diagnose, hold_out};
     use crate::model::System;
     use crate::progress::Silent;
     use crate::refine::Experiment;
@@ -295,7 +297,22 @@ mod tests {
         };
         assert!(called(0.0).is_empty());
         let called = called(4.0);
-        assert!(["cogging", "end_stop"].iter().all(|id| called.iter().any(|found| found == id)), "{called:?}");
+        let marks = ["cogging", "end_stop", "linear_stiffness", "cubic_stiffness"];
+        assert!(marks.iter().all(|id| called.iter().any(|found| found == id)), "{called:?}");
+    }
+
+    #[test]
+    fn a_spring_that_pulls_a_slider_back_beside_dry_friction_is_named_where_no_rate_depends_on_its_place() {
+        let rate = |x: f64, v: f64, u: f64| u - 3.0 * v - 1.5 * x - 0.4 * (v / 0.02).tanh();
+        let data = slider(3, rate, |time, run| 2.0 * (0.9 * time + run).sin(), [0.002, 0.004], 300);
+        let (train, holdout) = hold_out(&data).unwrap();
+        let mut model = slider_model("u - 3*v");
+        model.states[0].unit = "m".into();
+        model.states[1].unit = "m/s".into();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let mut named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        named.sort_unstable();
+        assert_eq!((found.verdict, named), (Verdict::Explained, vec!["coulomb_friction", "linear_stiffness"]));
     }
 
     #[test]

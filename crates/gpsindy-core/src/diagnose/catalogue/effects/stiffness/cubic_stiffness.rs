@@ -20,13 +20,13 @@ pub(super) static DEFINITION: Definition = Definition {
     places: &[Place::Own, Place::Position],
     sense: &[],
     twins: &[(Effect::GravityLoad, experiment::LARGER), (Effect::LinearStiffness, experiment::LARGER)],
-    traits: Traits::PLAIN,
+    traits: Traits { marks_a_place: true, ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
     example: Example::of(example::SPRING, Drive::Released, 8.0, "x", &[("v", "-4*x - 0.2*v + 3*u - 5*x^3")]),
     in_mjcf: None,
-    about: "",
+    about: "Where no rate depends on the place, as on a rail, it is tested once no single effect leaves only noise.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -19,13 +19,13 @@ pub(super) static DEFINITION: Definition = Definition {
     places: &[Place::Position],
     sense: &[],
     twins: &[],
-    traits: Traits::PLAIN,
+    traits: Traits { marks_a_place: true, ..Traits::PLAIN },
     write,
     plant,
     reported: as_fitted,
     example: Example::of(example::CART, Drive::Steps, 10.0, "v", &[("v", "2*u - 0.8*v - 1.5*x")]),
     in_mjcf: Some("`stiffness` of the joint"),
-    about: "",
+    about: "Where no rate depends on the place, as on a rail, it is tested once no single effect leaves only noise.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
