@@ -18,9 +18,13 @@ pub(crate) fn places(model: &Model) -> Vec<&str> {
 }
 
 /// The place that `hypothesis` depends on, of those that no rate does.
-pub(crate) fn broken<'a>(hypothesis: &'a Hypothesis, places: &[&str]) -> Option<&'a str> {
+pub(crate) fn broken<'a>(hypothesis: &'a Hypothesis, places: &[impl AsRef<str>]) -> Option<&'a str> {
     match hypothesis.kind {
-        Kind::Catalogue(_) => hypothesis.variables.iter().map(String::as_str).find(|name| places.contains(name)),
+        Kind::Catalogue(_) => hypothesis
+            .variables
+            .iter()
+            .map(String::as_str)
+            .find(|name| places.iter().any(|place| place.as_ref() == *name)),
         Kind::Custom(_) | Kind::Nameless(_) => None,
     }
 }

@@ -70,7 +70,8 @@ pub(crate) const PROMISING: f64 = 0.5;
 /// Evidence (nats beyond BIC) that one more effect must bring: odds of 150, "very strong" to Kass and Raftery 1995. Convention.
 pub(crate) const CONVINCING: f64 = 5.0;
 
-/// Nats by which an effect of time is less expected beforehand: twenty to one that no machine knows when its log was begun. Argument.
+/// Nats by which an effect of time is less expected beforehand: twenty to one that no machine knows when its log was begun, and one that moves
+/// alike everywhere not where it is. Argument.
 pub(crate) const CLOCK: f64 = 3.0;
 
 /// The same where a variable shows the time, so that a function of time may be one of that variable: only their shapes part the two, and

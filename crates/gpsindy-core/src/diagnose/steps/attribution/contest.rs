@@ -2,6 +2,7 @@
 
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::catalogue::invariance::broken;
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::Rival;
@@ -29,6 +30,8 @@ pub(crate) struct Contest<'a> {
     /// Functions without a name.
     pub(crate) rivals: Vec<Rival>,
     pub(crate) scene: Scene,
+    /// Variables that say where the machine is, and that no rate depends on.
+    places: Vec<String>,
     /// Whether random forces are suspects.
     pub(crate) random: bool,
     /// Largest number of effects together.
@@ -39,8 +42,8 @@ pub(crate) struct Contest<'a> {
 impl<'a> Contest<'a> {
     /// A contest of so many suspects together at `most`.
     pub(crate) fn new(run: &'a Run<'a>, fitter: Fitter, suspects: Suspects, most: usize) -> Self {
-        let Suspects { hypotheses, behind, joint, rivals, scene, random } = suspects;
-        Self { run, hypotheses, behind, joint, rivals, scene, random, most, fitter }
+        let Suspects { hypotheses, behind, joint, rivals, scene, places, random } = suspects;
+        Self { run, hypotheses, behind, joint, rivals, scene, places, random, most, fitter }
     }
 
     /// Makes suspects of those that an effect of the `leaders` imitates, and where the first of them leaves more than noise of all others
@@ -108,19 +111,21 @@ impl<'a> Contest<'a> {
         Scene { window: base.experiment.longest_window(), ..self.scene.clone() }
     }
 
-    /// Log prior odds: families alike but for those of time, members alike within their family.
+    /// Log prior odds: families alike, members alike within their family. What depends on the time is less expected, and on a place just so where
+    /// the model is the same at every place.
     pub(crate) fn log_prior(&self, hypothesis: &Hypothesis) -> f64 {
         let mut families: BTreeMap<_, usize> = BTreeMap::new();
         for h in &self.hypotheses {
             *families.entry(h.family()).or_default() += 1;
         }
         let members = families.get(&hypothesis.family()).copied().unwrap_or(1);
-        let clock = match (hypothesis.family(), self.scene.clocks.is_empty()) {
-            (Family::Time, true) => CLOCK,
-            (Family::Time, false) => SHOWN_CLOCK,
-            _ => 0.0,
+        let is_unlike = hypothesis.family() == Family::Time || broken(hypothesis, &self.places).is_some();
+        let unlike = match (is_unlike, self.scene.clocks.is_empty()) {
+            (true, true) => CLOCK,
+            (true, false) => SHOWN_CLOCK,
+            (false, _) => 0.0,
         };
-        -((families.len().max(1) * members) as f64).ln() - clock
+        -((families.len().max(1) * members) as f64).ln() - unlike
     }
 
     /// Log prior odds of a contestant's effects.
@@ -293,6 +298,11 @@ mod tests {
             let run = Run::new(&Silent, None);
             let mut contest = Contest::new(&run, fitter, suspects(&nominal, &Choice::default()).unwrap().0, 6);
             let new = contest.calls_beside(&nominal);
+            if let Some(spring) = contest.hypotheses.iter().find(|h| h.id() == "linear_stiffness").cloned() {
+                let prior = contest.log_prior(&spring);
+                contest.places.clear();
+                assert!((contest.log_prior(&spring) - prior - CLOCK).abs() < 1e-9);
+            }
             contest.hypotheses[new].iter().map(|h| h.id().to_string()).collect::<Vec<_>>()
         };
         assert!(called(0.0).is_empty());

@@ -75,6 +75,7 @@ mod tests {
             joint: Vec::new(),
             rivals: Vec::new(),
             scene,
+            places: Vec::new(),
             random: false,
         };
         let contest = Contest::new(&run, fitter, suspects, 6);

@@ -25,6 +25,8 @@ pub(crate) struct Suspects {
     /// Functions without a name.
     pub(crate) rivals: Vec<Rival>,
     pub(crate) scene: Scene,
+    /// Variables that say where the machine is, and that no rate depends on.
+    pub(crate) places: Vec<String>,
     /// Whether random forces are suspects.
     pub(crate) random: bool,
 }
@@ -111,7 +113,8 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     let rivals = rival::enumerate(model, &scene, model.states.len());
     // The place of a machine that moves alike everywhere acts on nothing.
     scene.clocks.retain(|name| !places.contains(&name.as_str()));
-    Ok((Suspects { hypotheses, behind, joint, rivals, scene, random }, notes))
+    let places = places.into_iter().map(String::from).collect();
+    Ok((Suspects { hypotheses, behind, joint, rivals, scene, places, random }, notes))
 }
 
 /// Why an effect is no suspect at a place.
