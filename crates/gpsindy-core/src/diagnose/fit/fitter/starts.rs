@@ -28,22 +28,26 @@ impl Fitter {
     /// The same contestant, its fit carried on; of a simulator that steps for as long as that helps, since each fit hands what it found along
     /// the motion to one window more.
     pub(crate) fn chained(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
-        if contestant.system.engine().is_none() {
-            return self.carried_on(contestant, budget);
-        }
         let mut best = contestant;
         for _ in 0..CHAINED {
-            let before = best.evidence.squares();
-            let next = self.carried_on(best.clone(), budget)?;
-            let is_little = !(next.evidence.squares() < before * (1.0 - CHAIN_GAIN));
-            if next.evidence.squares() < before {
-                best = next;
-            }
-            if is_little {
+            let helps;
+            (best, helps) = self.linked(best, budget)?;
+            if !helps {
                 break;
             }
         }
         Ok(best)
+    }
+
+    /// One fit of such a chain, and whether another one may help.
+    pub(crate) fn linked(self, contestant: Contestant, budget: Budget) -> Result<(Contestant, bool)> {
+        if contestant.system.engine().is_none() {
+            return Ok((self.carried_on(contestant, budget)?, false));
+        }
+        let before = contestant.evidence.squares();
+        let next = self.carried_on(contestant.clone(), budget)?;
+        let after = next.evidence.squares();
+        Ok((if after < before { next } else { contestant }, after < before * (1.0 - CHAIN_GAIN)))
     }
 
     /// The same contestant with the starts that its windows' first samples determine, for fits that go on from it. The fit of a simulator that

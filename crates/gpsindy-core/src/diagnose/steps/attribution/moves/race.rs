@@ -5,7 +5,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::breakaway::Rest;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::begun::limited;
-use crate::diagnose::limits::{Budget, FINALISTS, HELD_BACK, IN_SIGHT, RACED};
+use crate::diagnose::limits::{BEHIND, Budget, CHAINED, FINALISTS, HELD_BACK, IN_SIGHT, RACED};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::error::Result;
 
@@ -32,15 +32,11 @@ pub(super) fn raced(
     promises: &[(Vec<&Hypothesis>, f64)],
 ) -> Result<Vec<Contestant>> {
     let fitter = contest.fitter;
-    let rough = |(fit, leads): (Contestant, bool)| match leads && !contest.run.is_out_of_time() {
-        true => fitter.chained(fit, Budget::Rough),
-        false => Ok(fit),
-    };
     let held_back = held_back(base, &fits, promises);
     let mut runners = leading(contest, fits, (RACED, RACED));
     held_back.into_iter().for_each(|place| runners[place].1 = true);
-    settle_rest(&mut runners, rough)?;
-    let mut fits = base.each(runners, rough)?;
+    settle_rest(&mut runners, |fit| fitter.carried_on(fit, Budget::Rough))?;
+    let mut fits = halved(contest, base, runners)?;
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
     let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
@@ -84,14 +80,37 @@ fn leading(
     fits.into_iter().enumerate().map(|(place, fit)| (fit, leaders.contains(&place))).collect()
 }
 
+/// The `runners` that run carried on roughly. Of a simulator that steps, whose fits form chains, the better half of those with as many effects
+/// goes on to the next fit, but for those that would end behind `base` even if every fit to come gained as much as the last.
+fn halved(contest: &Contest<'_>, base: &Contestant, mut runners: Vec<(Contestant, bool)>) -> Result<Vec<Contestant>> {
+    let on = |(fit, runs): (Contestant, bool)| match runs && !contest.run.is_out_of_time() {
+        true => contest.fitter.linked(fit, Budget::Rough),
+        false => Ok((fit, false)),
+    };
+    for left in (0..CHAINED).rev() {
+        let before: Vec<Option<f64>> = runners.iter().map(|(fit, runs)| runs.then(|| fit.evidence.squares())).collect();
+        if before.iter().all(Option::is_none) {
+            break;
+        }
+        runners = base.each(runners, on)?;
+        let after: Vec<f64> = runners.iter().map(|(fit, _)| fit.evidence.squares()).collect();
+        let effects: Vec<usize> = runners.iter().map(|(fit, _)| fit.hypotheses.len()).collect();
+        for (place, (_, runs)) in runners.iter_mut().enumerate() {
+            let Some(gain) = before[place].map(|before| before - after[place]) else { continue };
+            let peers = (0..after.len()).filter(|&peer| before[peer].is_some() && effects[peer] == effects[place]);
+            let ahead = peers.clone().filter(|&peer| after[peer] < after[place]).count();
+            let is_better_half = ahead == 0 || 2 * ahead < peers.count();
+            *runs &= is_better_half && after[place] - left as f64 * gain <= BEHIND * base.evidence.squares();
+        }
+    }
+    Ok(runners.into_iter().map(|(fit, _)| fit).collect())
+}
+
 /// Has the first of the `runners` in each equation look for its level at rest by `rough`, and the others begin there.
 ///
 /// What holds a machine at rest is the machine's own, whatever else stands beside it, and looking for it costs more than all else of a rough fit.
 /// Where the first finds no level above that in motion, there is nothing at rest that the others could have.
-fn settle_rest(
-    runners: &mut [(Contestant, bool)],
-    rough: impl Fn((Contestant, bool)) -> Result<Contestant>,
-) -> Result<()> {
+fn settle_rest(runners: &mut [(Contestant, bool)], rough: impl Fn(Contestant) -> Result<Contestant>) -> Result<()> {
     let mut known: Vec<(usize, f64)> = Vec::new();
     let mut order: Vec<usize> = (0..runners.len()).filter(|&place| runners[place].1).collect();
     order.sort_by(|&a, &b| runners[a].0.evidence.squares().total_cmp(&runners[b].0.evidence.squares()));
@@ -101,7 +120,7 @@ fn settle_rest(
             Some((_, ratio)) if *ratio > 1.0 => rest.set(&mut runners[place].0, *ratio),
             Some(_) => runners[place].1 = false,
             None => {
-                runners[place] = (rough((runners[place].0.clone(), true))?, false);
+                runners[place] = (rough(runners[place].0.clone())?, false);
                 known.push((rest.state, Rest::of(&runners[place].0).map_or(1.0, |found| found.ratio)));
             }
         }
@@ -146,7 +165,7 @@ mod tests {
                 runner.refined.parameters[rest.levels.1] = 0.4;
             }
             let looked = Cell::new(0);
-            let rough = |(mut fit, _): (Contestant, bool)| {
+            let rough = |mut fit: Contestant| {
                 looked.set(looked.get() + 1);
                 Rest::of(&fit).unwrap().set(&mut fit, found);
                 Ok(fit)
