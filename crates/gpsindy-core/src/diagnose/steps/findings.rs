@@ -125,6 +125,12 @@ impl Forcing {
     pub(crate) fn probability(&self) -> f64 {
         probability_of_random(self.p_value)
     }
+
+    /// Whether the likelihood has a peak at every force. Along an unstable motion a filter without forces loses the logs by its own straight lines,
+    /// and next to any force keeps them.
+    pub(crate) fn is_determined(&self) -> bool {
+        self.forces.iter().all(|force| force.covariance.iter().flatten().all(|value| value.is_finite()))
+    }
 }
 
 /// The same, from the chance of as large a function besides the forces.
@@ -166,4 +172,18 @@ pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant,
 /// Mean squared residual (noise units) that the nominal model leaves beyond noise.
 pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
     (nominal.evidence.misfit() - best.evidence.misfit().min(1.0)).max(NO_REST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_force_at_which_the_likelihood_has_no_peak_is_not_determined() {
+        let force =
+            |variance: f64| StatedProcess { state: 1, deviation: 1e-3, time: 2.0, covariance: [[variance; 2]; 2] };
+        let forcing = |forces| Forcing { forces, errors: vec![force(f64::NAN)], p_value: 0.5 };
+        assert!(forcing(vec![force(0.2)]).is_determined());
+        assert!(!forcing(vec![force(0.2), force(f64::NAN)]).is_determined());
+    }
 }

@@ -83,6 +83,9 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         return Ok(judged);
     }
     let forcing = found.stated(p_value);
+    if !forcing.is_determined() {
+        return Ok(judged);
+    }
     let found = found.rolled(contest)?;
     stage.advance()?;
     Ok(replaced(contest, judged, found, forcing, chance))
