@@ -68,6 +68,9 @@ pub(crate) const COUNTS: f64 = 0.01;
 /// rounding. Argument.
 pub(crate) const ON_JOINT: f64 = 0.02;
 
+/// Probability up to which an effect is not listed once more because it may act through another port: a report rounds it to 0 or 1 %. Convention.
+pub(crate) const UNLIKELY: f64 = 0.01;
+
 /// Probability above which a statement counts, in the verdict and in words. Argument.
 pub(crate) const LIKELY: f64 = 0.5;
 

@@ -9,6 +9,7 @@ use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::fit::moved::deviation;
 use crate::diagnose::fit::{breakaway, sampling};
 use crate::diagnose::limits::NO_REST;
+use crate::diagnose::limits::weigh::UNLIKELY;
 use crate::diagnose::report::{Cause, Parameter, Twin, finite};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::findings::{Outcome, Seat, StatedProcess, gap_size};
@@ -96,6 +97,7 @@ impl Causes<'_> {
         }
         let sound = self.credible[place] * is_real(best, *removed, best.added[place].len());
         let weights = weights(self.contest, fits, best);
+        let state = best.system.model().states[hypothesis.moves()].name.as_str();
         // The effect that each contestant has in this one's place.
         let differing = |fit: &Contestant| {
             let others: Vec<&Hypothesis> = best.hypotheses.iter().filter(|h| *h != hypothesis).collect();
@@ -120,7 +122,13 @@ impl Causes<'_> {
                     equivalent.push(id);
                 }
             } else if rest.len() < 3 {
-                rest.push(cause(self.confidence, fit, place, weight * sound, false, Vec::new()));
+                let other = cause(self.confidence, fit, place, weight * sound, false, Vec::new());
+                let of_twin = |twin: &Twin| is_again(&other, (&*twin.effect, &*twin.state, &*twin.variables));
+                let of_cause = |known: &Cause| is_again(&other, (&*known.effect, &*known.state, &*known.variables));
+                let of_own = is_again(&other, (hypothesis.id(), state, hypothesis.stated()));
+                if !(of_own || twins.iter().any(of_twin) || rest.iter().any(of_cause)) {
+                    rest.push(other);
+                }
             }
         }
         let mut stated = cause(self.confidence, best, place, class_weight * sound, self.keep, equivalent);
@@ -144,6 +152,12 @@ impl Causes<'_> {
         all.push(stated);
         all.extend(rest);
     }
+}
+
+/// Whether a cause is only another port for an effect that is listed already, and hardly likely there.
+fn is_again(cause: &Cause, (effect, state, variables): (&str, &str, &[String])) -> bool {
+    let is_same = cause.effect == effect && cause.state == state && cause.variables == variables;
+    is_same && cause.probability <= UNLIKELY
 }
 
 fn cause(
@@ -231,5 +245,25 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, pro
         stability: None,
         twins: Vec::new(),
         between_runs: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_is_listed_again_through_another_port_only_where_it_is_likely_there() {
+        let model = Model {
+            states: vec![crate::model::State::new("w", crate::expression::Expression::Number(0.0))],
+            ..Model::default()
+        };
+        let process = StatedProcess { state: 0, deviation: 1.0, time: 1.0, covariance: [[0.1, 0.0], [0.0, 0.1]] };
+        let at = |probability: f64| random_force(0.95, &model, probability, &process);
+        let own = ("process_noise", "w", &[][..]);
+        assert!(is_again(&at(1e-9), own) && is_again(&at(0.01), own));
+        assert!(!is_again(&at(0.2), own));
+        assert!(!is_again(&at(1e-9), ("drift", "w", &[][..])));
+        assert!(!is_again(&at(1e-9), ("process_noise", "w", &["w".to_string()][..])));
     }
 }
