@@ -21,47 +21,14 @@ pub(crate) fn settle(
     (point, budget): (&mut Point, Budget),
 ) -> Result<()> {
     let Some((level, rest)) = levels(fitted).filter(|_| system.engine().is_none()) else { return Ok(()) };
-    let widths = if budget.only_ranks() { &NARROWED[1..] } else { &NARROWED[2..] };
+    let mut widths = if budget.only_ranks() { &NARROWED[..] } else { &NARROWED[2..] };
     if point.parameters[rest] <= point.parameters[level] {
         let Some(parameters) = begun(system, experiment, (level, rest), free, point)? else { return Ok(()) };
         point.parameters = parameters;
+        widths = &NARROWED[1..];
     }
     point.initial = rested(system, experiment, &point.parameters, &point.initial);
     narrow(system, experiment, (level, rest), (free, widths), point)
-}
-
-/// A level at rest of a fit beside its level in motion.
-pub(crate) struct Rest {
-    /// The state whose rate they move.
-    pub(crate) state: usize,
-    /// The level at rest in levels in motion; one where it was not looked for.
-    pub(crate) ratio: f64,
-    /// The parameters that they are, that in motion first.
-    pub(crate) levels: (usize, usize),
-}
-
-impl Rest {
-    /// The first of a fit; none where nothing has one, or where an engine holds it.
-    pub(crate) fn of(fit: &Contestant) -> Option<Self> {
-        if fit.system.engine().is_some() {
-            return None;
-        }
-        let found = |(place, fitted): (usize, &Vec<(usize, Added)>)| Some((place, levels(fitted)?));
-        let (place, levels) = fit.added.iter().enumerate().find_map(found)?;
-        let parameters = &fit.refined.parameters;
-        Some(Self { state: fit.hypotheses[place].moves(), ratio: parameters[levels.1] / parameters[levels.0], levels })
-    }
-
-    /// Gives a fit whose levels are one this ratio.
-    pub(crate) fn set(&self, fit: &mut Contestant, ratio: f64) {
-        apart(&mut fit.refined.parameters, self.levels, ratio);
-    }
-}
-
-/// Puts levels that are one this ratio apart: it lies between the two.
-fn apart(parameters: &mut [f64], (level, rest): (usize, usize), ratio: f64) {
-    parameters[level] /= ratio.sqrt();
-    parameters[rest] = ratio * parameters[level];
 }
 
 /// The levels in motion and at rest among those that are fitted.
@@ -91,7 +58,9 @@ fn begun(
     let mut best = equal.clone();
     for ratio in RATIOS_AT_REST {
         let mut other = equal.0.clone();
-        apart(&mut other.parameters, (level, rest), ratio);
+        // Where the levels are one it lies between the two.
+        other.parameters[level] /= ratio.sqrt();
+        other.parameters[rest] = ratio * other.parameters[level];
         best = fitted(other)?.filter(|other| other.1 < best.1).unwrap_or(best);
     }
     let (mut point, _) = best;

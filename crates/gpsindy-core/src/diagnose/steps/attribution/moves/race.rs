@@ -2,7 +2,6 @@
 
 use super::{achieved, falls_short, promised};
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
-use crate::diagnose::fit::breakaway::Rest;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::begun::limited;
 use crate::diagnose::limits::{BEHIND, Budget, CHAINED, FINALISTS, HELD_BACK, IN_SIGHT, RACED};
@@ -35,7 +34,6 @@ pub(super) fn raced(
     let held_back = held_back(base, &fits, promises);
     let mut runners = leading(contest, fits, (RACED, RACED));
     held_back.into_iter().for_each(|place| runners[place].1 = true);
-    settle_rest(&mut runners, |fit| fitter.carried_on(fit, Budget::Rough))?;
     let mut fits = chained(contest, base, runners)?;
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
@@ -110,40 +108,9 @@ fn may_catch_up((squares, gain): (f64, f64), left: usize, ahead: f64) -> bool {
     squares - left as f64 * gain <= BEHIND * ahead
 }
 
-/// Has the first of the `runners` in each equation look for its level at rest by `rough`, and the others begin there.
-///
-/// What holds a machine at rest is the machine's own, whatever else stands beside it, and looking for it costs more than all else of a rough fit.
-/// Where the first finds no level above that in motion, there is nothing at rest that the others could have.
-fn settle_rest(runners: &mut [(Contestant, bool)], rough: impl Fn(Contestant) -> Result<Contestant>) -> Result<()> {
-    let mut known: Vec<(usize, f64)> = Vec::new();
-    let mut order: Vec<usize> = (0..runners.len()).filter(|&place| runners[place].1).collect();
-    order.sort_by(|&a, &b| runners[a].0.evidence.squares().total_cmp(&runners[b].0.evidence.squares()));
-    for place in order {
-        let Some(rest) = Rest::of(&runners[place].0).filter(|rest| rest.ratio <= 1.0) else { continue };
-        match known.iter().find(|(state, _)| *state == rest.state) {
-            Some((_, ratio)) if *ratio > 1.0 => rest.set(&mut runners[place].0, *ratio),
-            Some(_) => runners[place].1 = false,
-            None => {
-                runners[place] = (rough(runners[place].0.clone())?, false);
-                known.push((rest.state, Rest::of(&runners[place].0).map_or(1.0, |found| found.ratio)));
-            }
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::diagnose::fit::fitter::{Fitter, unsearched};
-    use crate::diagnose::fixture::{slider, slider_model};
-    use crate::diagnose::run::Run;
-    use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
-    use crate::model::System;
-    use crate::progress::Silent;
-    use crate::refine::Experiment;
-    use std::cell::Cell;
 
     #[test]
     fn a_runner_goes_on_while_its_last_gain_may_bring_it_to_the_leader() {
@@ -155,44 +122,5 @@ mod tests {
         assert!(!may_catch_up((62_300.0, 3500.0), 3, 20_700.0));
         // What comes no nearer, and what diverged.
         assert!(!may_catch_up((30_000.0, 0.0), 4, 20_000.0) && !may_catch_up((f64::NAN, f64::NAN), 4, 20_000.0));
-    }
-
-    #[test]
-    fn the_first_runner_looks_for_the_level_at_rest_and_the_others_begin_there() {
-        let data = slider(1, |_, v, u| u - 3.0 * v, |time, run| 2.0 * (time + run).sin(), [0.002, 0.004], 60);
-        let system = System::new(&slider_model("u - 3*v")).unwrap();
-        let experiment = Experiment::new(&system, &data, Some(&[0.002, 0.004])).unwrap();
-        let nominal = Fitter::default().nominal(system, experiment, Vec::new(), Budget::Glance).unwrap();
-        let run = Run::new(&Silent, None);
-        let chosen = ["stiction".to_string(), "quadratic_drag".to_string()];
-        let choice = Choice { chosen: &chosen, ..Choice::default() };
-        let contest = Contest::new(&run, Fitter::default(), suspects(&nominal, &choice).unwrap().0, 2);
-        let fit = |ids: &[&str]| {
-            let of = |id: &&str| unsearched(contest.all().find(|h| h.id() == *id).unwrap());
-            let entrants: Vec<_> = ids.iter().map(of).collect();
-            contest.with_values(&nominal, &nominal, &entrants, &[], Budget::Glance).unwrap().unwrap()
-        };
-        let (alone, beside) = (fit(&["stiction"]), fit(&["quadratic_drag", "stiction"]));
-        for found in [2.0, 1.0] {
-            let mut runners = vec![(alone.clone(), true), (beside.clone(), true), (fit(&["quadratic_drag"]), true)];
-            for (runner, _) in &mut runners[..2] {
-                let rest = Rest::of(runner).unwrap();
-                runner.refined.parameters[rest.levels.0] = 0.4;
-                runner.refined.parameters[rest.levels.1] = 0.4;
-            }
-            let looked = Cell::new(0);
-            let rough = |mut fit: Contestant| {
-                looked.set(looked.get() + 1);
-                Rest::of(&fit).unwrap().set(&mut fit, found);
-                Ok(fit)
-            };
-            settle_rest(&mut runners, rough).unwrap();
-            assert_eq!(looked.get(), 1);
-            let ratios: Vec<f64> = runners[..2].iter().map(|(fit, _)| Rest::of(fit).unwrap().ratio).collect();
-            assert_eq!(ratios, [found, found]);
-            // One is done, and the other has something to go on from where the first found a level.
-            assert_eq!(runners[..2].iter().filter(|(_, runs)| *runs).count(), usize::from(found > 1.0));
-            assert!(runners[2].1);
-        }
     }
 }
