@@ -162,12 +162,12 @@ impl Fitter {
                 let at = (&from.parameters[..], &free[..]);
                 unless_refused(refine.fit_on(system, experiment, at, &from.initial, from.kept.as_ref()))
             };
-            let Some(first) = fit(Budget::Glance.refine(), &Refined { kept: None, ..other.refined.clone() })? else {
-                continue;
+            // A simulator that steps would make its derivatives twice.
+            let first = match system.engine() {
+                Some(_) => Some(other.refined.clone()),
+                None => fit(Budget::Glance.refine(), &Refined { kept: None, ..other.refined.clone() })?,
             };
-            if first.cost > OUT_OF_REACH * best.refined.cost {
-                continue;
-            }
+            let Some(first) = first.filter(|first| first.cost <= OUT_OF_REACH * best.refined.cost) else { continue };
             let hopeless = BEHIND * best.refined.cost;
             let refine = Refine { hopeless, ..budget.refine_of(other.evidence.effective_count()) };
             let Some(refined) = fit(refine, &first)? else { continue };
