@@ -165,7 +165,7 @@ impl Fitter {
             // A simulator that steps would make its derivatives twice.
             let first = match system.engine() {
                 Some(_) => Some(other.refined.clone()),
-                None => fit(Budget::Glance.refine(), &Refined { kept: None, ..other.refined.clone() })?,
+                None => fit(Budget::Glance.refine(), &other.refined)?,
             };
             let Some(first) = first.filter(|first| first.cost <= OUT_OF_REACH * best.refined.cost) else { continue };
             let hopeless = BEHIND * best.refined.cost;

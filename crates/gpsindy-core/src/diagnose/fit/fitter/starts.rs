@@ -27,7 +27,7 @@ impl Fitter {
 
     /// The same contestant, its fit carried on; of a simulator that steps for as long as that helps, since each fit hands what it found along
     /// the motion to one window more.
-    pub(crate) fn chained(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+    fn chained(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let mut best = contestant;
         for _ in 0..CHAINED {
             let helps;

@@ -123,10 +123,10 @@ impl Causes<'_> {
                 }
             } else if rest.len() < 3 {
                 let other = cause(self.confidence, fit, place, weight * sound, false, Vec::new());
-                let of_twin = |twin: &Twin| is_again(&other, (&*twin.effect, &*twin.state, &*twin.variables));
-                let of_cause = |known: &Cause| is_again(&other, (&*known.effect, &*known.state, &*known.variables));
-                let of_own = is_again(&other, (hypothesis.id(), state, hypothesis.stated()));
-                if !(of_own || twins.iter().any(of_twin) || rest.iter().any(of_cause)) {
+                let twins = twins.iter().map(|t| (&*t.effect, &*t.state, &*t.variables));
+                let others = rest.iter().map(|c| (&*c.effect, &*c.state, &*c.variables));
+                let own = (hypothesis.id(), state, hypothesis.stated());
+                if !std::iter::once(own).chain(twins).chain(others).any(|known| is_again(&other, known)) {
                     rest.push(other);
                 }
             }
