@@ -27,7 +27,7 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     }
     let Suspected { nominal, first, nameless, detected, is_pinned } = suspected;
     let singles = first.singles();
-    let Found { nominal, best: found, mut round, is_lengthened, is_quieter } = search(contest, nominal, first)?;
+    let Found { nominal, best: found, mut round, rounds, is_lengthened, is_quieter } = search(contest, nominal, first)?;
     let Settled { nominal, mut best, rests, left, mut notes, is_moved } = settle(contest, nominal, &found)?;
     if is_lengthened && !notes.contains(&Note::Lengthened) {
         notes.push(Note::Lengthened);
@@ -39,7 +39,10 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     let is_structured = is_structured(&best, &left);
     // What was tried on other rollouts, or with another set of effects, says nothing of these.
     let is_known = !is_moved && best.has_effects_of(&found);
-    let again = |contest: &Contest<'_>, best: &Contestant| expand(contest, &nominal, best, "alternatives");
+    let again = |contest: &Contest<'_>, best: &Contestant| match rounds.at(contest, best).filter(|_| !is_moved) {
+        Some(known) => Ok(known.clone()),
+        None => expand(contest, &nominal, best, "alternatives"),
+    };
     if !is_known {
         round = again(contest, &best)?;
         // What longer rollouts leave, shorter ones did not ask for.

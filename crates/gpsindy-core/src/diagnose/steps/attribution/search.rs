@@ -20,10 +20,24 @@ pub(crate) struct Found {
     pub(crate) best: Contestant,
     /// The round that found none.
     pub(crate) round: Expansion,
+    /// The rounds before it on the same rollouts.
+    pub(crate) rounds: Rounds,
     /// Whether the rollouts are longer than those of the first round.
     pub(crate) is_lengthened: bool,
     /// Whether a column has less noise than in the first round.
     pub(crate) is_quieter: bool,
+}
+
+/// Rounds on the same rollouts, each with the set of effects that it was made at.
+#[derive(Default)]
+pub(crate) struct Rounds(Vec<(Contestant, Expansion)>);
+
+impl Rounds {
+    /// The round at the effects of `best`, where there was one at a fit as good as it.
+    pub(crate) fn at(&self, contest: &Contest<'_>, best: &Contestant) -> Option<&Expansion> {
+        let is_it = |known: &Contestant| known.has_effects_of(best) && contest.lead(best, known).abs() < SWAP;
+        self.0.iter().rfind(|(known, _)| is_it(known)).map(|(_, round)| round)
+    }
 }
 
 /// Moves from the nominal model to better sets of effects until none is left; `first` is the round at the nominal model.
@@ -31,7 +45,7 @@ pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expa
     let (mut nominal, mut best, mut round) = (nominal.clone(), nominal, first);
     let (mut is_lengthened, mut is_quieter) = (false, false);
     round.fits = with_scattered(contest, &nominal, round.fits)?;
-    let mut looked_at = nominal.evidence.misfit();
+    let (mut looked_at, mut rounds) = (nominal.evidence.misfit(), Rounds::default());
     for number in 1..=MOST_MOVES {
         let Some(next) = next(contest, &nominal, &best, &round)? else {
             let Some(more) = expand_behind(contest, &nominal, &best, &round)? else { break };
@@ -44,10 +58,11 @@ pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expa
             round.fits.clear();
             break;
         }
-        best = next;
+        rounds.0.push((std::mem::replace(&mut best, next), round.clone()));
         if let Some(quieter) = with_less_noise(contest, &nominal, &best)? {
             (nominal, best) = quieter;
             looked_at = nominal.evidence.misfit();
+            rounds = Rounds::default();
             is_quieter = true;
         }
         if contest.run.is_out_of_time() || best.evidence.misfit() < NO_REST {
@@ -58,13 +73,14 @@ pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expa
         if best.evidence.misfit() < MENDED * looked_at {
             if let Some(longer) = lengthen(contest, &nominal, &best, PILED)? {
                 (nominal, best) = longer;
+                rounds = Rounds::default();
                 is_lengthened = true;
             }
             looked_at = best.evidence.misfit();
         }
         round = expand(contest, &nominal, &best, &format!("move {number}"))?;
     }
-    Ok(Found { nominal, best, round, is_lengthened, is_quieter })
+    Ok(Found { nominal, best, round, rounds, is_lengthened, is_quieter })
 }
 
 /// Both on the noise that the better one leaves, where it was overstated: beside a gap the nominal model did not undercut it. Windows that a
