@@ -30,7 +30,7 @@ pub(crate) enum Sense {
     Placed(usize),
     /// The variable with this number is no length: a weight on an arm goes by the angle.
     Angle(usize),
-    /// The variable with this number is a control, or a current, a voltage or a speed, whose losses heat.
+    /// The variable with this number is a control that is no flow of matter, or a current, a voltage or a speed, whose losses heat.
     Lossy(usize),
     /// No parameter scales the whole equation: it would be the same suspect.
     NoScale,
@@ -53,7 +53,7 @@ impl Sense {
             Self::Moving => "the equation is not that of an amount, such as a voltage or a pressure",
             Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
             Self::Angle(_) => "the variable is not a length",
-            Self::Lossy(_) => "the variable is a control, or a current, a voltage or a speed",
+            Self::Lossy(_) => "the variable is a control that is no flow of matter, or a current, a voltage or a speed",
             Self::NoScale => "no parameter scales the whole equation",
             Self::NoTarget(_) => "the variable is not the target of a position servo",
             Self::Modes => "the model has equations, not a simulator that steps",
@@ -87,10 +87,10 @@ impl Sense {
                 let state = variables.get(index).and_then(|name| model.state_index(name));
                 state.is_none_or(|j| !is_length(&model.states[j].unit))
             }
-            Self::Lossy(index) => {
-                let state = variables.get(index).and_then(|name| model.state_index(name));
-                state.is_none_or(|j| is_lossy(&model.states[j].unit))
-            }
+            Self::Lossy(index) => variables.get(index).is_none_or(|name| match model.state_index(name) {
+                Some(j) => is_lossy(&model.states[j].unit),
+                None => model.control_index(name).is_none_or(|c| !is_flow(&model.controls[c].unit)),
+            }),
             Self::NoScale => !is_scaled(&model.states[state].equation, model),
             Self::NoTarget(index) => {
                 let control = variables.get(index).and_then(|name| model.control_index(name));
@@ -143,6 +143,14 @@ fn is_lossy(unit: &str) -> bool {
     let is_electrical = is_or_prefixed(unit, &['k', 'M', 'm', 'u', 'µ'], |unit| matches!(unit, "A" | "V"));
     let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "s" | "min" | "h");
     matches!(unit, "" | "rpm") || is_electrical || unit.split_once('/').is_some_and(is_rate)
+}
+
+/// Whether a unit is one of a flow of matter, or of a share that flows: its square heats nothing.
+fn is_flow(unit: &str) -> bool {
+    let Some((of, per)) = unit.split_once('/') else { return false };
+    let is_base = |name: &str| matches!(name, "1" | "g" | "t" | "mol" | "l" | "L" | "m^3" | "m3" | "m³");
+    matches!(per, "s" | "min" | "h" | "d" | "day")
+        && is_or_prefixed(of, &['k', 'M', 'm', 'u', 'µ', 'n', 'c', 'd', 'h'], is_base)
 }
 
 /// Whether a unit is one of a temperature.
@@ -232,6 +240,12 @@ mod tests {
         }
         for unit in ["mol/L", "g/L", "1/s", "m", "K", "rad"] {
             assert!(!is_lossy(unit), "{unit}");
+        }
+        for unit in ["mg/s", "kg/h", "mol/s", "L/min", "m^3/s", "1/h"] {
+            assert!(is_flow(unit), "{unit}");
+        }
+        for unit in ["m/s", "rad/s", "N", "W", "J/s", "V", "A", "N m", "", "mm/s"] {
+            assert!(!is_flow(unit), "{unit}");
         }
     }
 
