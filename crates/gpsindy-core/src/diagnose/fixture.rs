@@ -80,7 +80,8 @@ pub(crate) fn slider_model(rate: &str) -> Model {
 /// The fit of a model of one column to logs with noise of a known deviation, and what fitted it.
 pub(crate) fn fitted(model: &Model, data: &Dataset, noise: f64) -> (Fitter, Contestant) {
     let system = System::new(model).unwrap();
-    let experiment = Experiment::new(&system, data, Some(&[noise])).unwrap();
+    let columns = model.states.iter().filter(|state| data.index_of(&state.name).is_ok()).count();
+    let experiment = Experiment::new(&system, data, Some(&vec![noise; columns])).unwrap();
     let fitter = Fitter::default();
     (fitter, fitter.nominal(system, experiment, Vec::new(), Budget::Usual).unwrap())
 }

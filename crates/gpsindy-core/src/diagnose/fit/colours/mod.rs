@@ -2,6 +2,7 @@
 
 pub(crate) mod autoregression;
 pub(crate) mod cells;
+pub(crate) mod coherence;
 pub(crate) mod colour;
 pub(crate) mod noise;
 pub(crate) mod whitening;

@@ -6,21 +6,23 @@
 //! with the forces, or a camera's slow error would be a gust.
 
 mod account;
+mod alone;
 mod climb;
 mod singles;
 mod tune;
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
+use crate::diagnose::fit::colours::coherence::chance_of_coherence;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::filter::Filter;
 use crate::diagnose::limits::verify::LEFT;
 use crate::diagnose::limits::weigh::LIKELY;
-use crate::diagnose::limits::{Budget, CHANCE, CONVINCING, IN_SIGHT};
+use crate::diagnose::limits::{Budget, CHANCE, CONVINCING};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probability_of_random};
 use crate::error::Result;
 use account::Account;
-use std::cell::OnceCell;
+use alone::{Alone, Law};
 
 /// The verdict with random forces, where they are a better account of the training logs than what was found without them.
 ///
@@ -28,8 +30,10 @@ use std::cell::OnceCell;
 /// name or a function explains is not random.
 pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged> {
     let was_asked = std::mem::replace(&mut judged.was_asked_for_forces, true);
-    // Gusts may look like coloured noise, and no gap is detected; but a sensor's noise is of a size that is known.
-    let is_due = judged.detected.gap || judged.nominal.evidence.is_structured();
+    // Gusts may look like coloured noise, and no gap is detected; but a sensor's noise is of a size that is known, and its own.
+    let evidence = &judged.nominal.evidence;
+    let is_shared = || evidence.leaves_a_rest() && chance_of_coherence(&judged.nominal) < CHANCE;
+    let is_due = judged.detected.gap || evidence.is_structured() || is_shared();
     let is_moot = was_asked || !contest.random || !Filter::takes(&judged.nominal.system);
     if is_moot || !is_due || contest.run.is_out_of_time() {
         return Ok(judged);
@@ -48,7 +52,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     let alone = Alone::of(&judged.nominal);
     let has_account = has_effects && Filter::takes(&best.system);
     let part = if has_account { Account::in_part(contest, best)? } else { alone.part(contest)? };
-    let alone = Alone { rival: part.as_ref().map_or(f64::NEG_INFINITY, |part| part.score), ..alone };
+    let alone = alone.against(part.as_ref().map_or(f64::NEG_INFINITY, |part| part.score));
     let account =
         if has_account { part.map_or(Ok(None), |part| part.on_all(contest))? } else { alone.account(contest)? };
     let mut found = account_of(contest, account, &alone)?;
@@ -68,7 +72,14 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         found = account_of(contest, one, &alone)?.filter(|(found, _)| found.is_forced() || !has_effects);
     }
     stage.advance()?;
-    let Some((found, p_value)) = found else { return Ok(judged) };
+    let Some((found, p_value)) = found else {
+        // The noise of a sensor moves no other column.
+        let law = if judged.detected.gap { None } else { alone.law(contest)? };
+        return Ok(match law {
+            Some(law) => with_law(judged, law),
+            None => judged,
+        });
+    };
     let mut chance = 1.0;
     let is_account = if found.is_forced() {
         let plain = without_forces(contest, &judged)?;
@@ -91,39 +102,12 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     Ok(replaced(contest, judged, found, forcing, chance))
 }
 
-/// The nominal model beside random forces without any effect, which is looked for at most once: on a part of the readings, and on all.
-struct Alone<'a> {
-    nominal: &'a Contestant,
-    part: OnceCell<Option<Account>>,
-    account: OnceCell<Option<Account>>,
-    /// Score of what was found without forces, beside forces of its own on the same part.
-    rival: f64,
-}
-
-impl<'a> Alone<'a> {
-    fn of(nominal: &'a Contestant) -> Self {
-        Self { nominal, part: OnceCell::new(), account: OnceCell::new(), rival: f64::NEG_INFINITY }
-    }
-
-    fn part(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
-        once(&self.part, || Account::in_part(contest, self.nominal))
-    }
-
-    /// None where the part speaks against it already.
-    fn account(&self, contest: &Contest<'_>) -> Result<Option<Account>> {
-        let in_sight = |part: &Account| part.score > self.rival - IN_SIGHT;
-        let whole = || self.part(contest)?.filter(in_sight).map_or(Ok(None), |part| part.on_all(contest));
-        once(&self.account, whole)
-    }
-}
-
-/// What the cell holds, made where it is empty.
-fn once<T: Clone>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<T> {
-    if let Some(known) = cell.get() {
-        return Ok(known.clone());
-    }
-    let made = make()?;
-    Ok(cell.get_or_init(|| made).clone())
+/// The verdict with a gap that was taken for noise of the sensors.
+fn with_law(mut judged: Judged, law: Law) -> Judged {
+    judged.detected.gap = true;
+    judged.detected.p_value = judged.detected.p_value.min(law.chance);
+    judged.outcome.left = law.left;
+    judged
 }
 
 /// What was found where no law is left beside its random processes, and the chance of the best function besides.

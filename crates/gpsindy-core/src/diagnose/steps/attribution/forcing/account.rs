@@ -139,6 +139,13 @@ impl Account {
         self.processes.iter().any(|process| process.row().is_some())
     }
 
+    /// By how much the same readings speak more of it than of its fit with coloured noise on the columns alone; nothing where no filter takes that.
+    pub(super) fn lead_over_sensors(&self, contest: &Contest<'_>) -> Result<Option<f64>> {
+        let bare = Self::bare(contest, &self.fit, std::iter::empty(), self.most)?.and_then(Self::charged);
+        let plain = bare.map(|bare| bare.grown(contest, &columns(&self.fit))).transpose()?;
+        Ok(plain.map(|plain| self.score - plain.score))
+    }
+
     /// Whether all of its forces were seen to be random: one whose correlation time grows to the longest may be any function of the motion.
     pub(super) fn is_seen(&self, contest: &Contest<'_>) -> bool {
         let ends = |p: &Process| p.row().is_some() && range(contest, &self.fit, p.acts).ends_at(p);
@@ -251,7 +258,12 @@ impl Account {
 
     /// Chance that noise gives the best function without a name, in a row or in what a column reads, as large a gain.
     pub(super) fn functions(&self, contest: &Contest<'_>) -> Result<f64> {
-        let Some(found) = self.filtered(&self.processes, Pace::Samples) else { return Ok(0.0) };
+        Ok(self.law(contest)?.0)
+    }
+
+    /// The same, and which of the contest's functions is the best in the rows that its forces push.
+    pub(super) fn law(&self, contest: &Contest<'_>) -> Result<(f64, Option<usize>)> {
+        let Some(found) = self.filtered(&self.processes, Pace::Samples) else { return Ok((0.0, None)) };
         let experiment = &self.fit.experiment;
         let of_columns = rival::of_columns(self.fit.system.model(), &contest.scene, &experiment.columns);
         let along_positions = rival::along_positions(self.fit.system.model(), &contest.scene);
@@ -265,7 +277,9 @@ impl Account {
             Ok(gain_tail(with_fitted_level(gain, found.count), degrees, found.count, spent))
         };
         let chances = parallel::try_map(&all, chance)?;
-        Ok(Searches::of(chances.len()).pay(chances.into_iter().fold(1.0, f64::min)))
+        let is_pushed = |&place: &usize| self.processes.iter().any(|p| p.row() == Some(contest.rivals[place].state));
+        let best = (0..contest.rivals.len()).filter(is_pushed).min_by(|&a, &b| chances[a].total_cmp(&chances[b]));
+        Ok((Searches::of(chances.len()).pay(chances.into_iter().fold(1.0, f64::min)), best))
     }
 }
 
