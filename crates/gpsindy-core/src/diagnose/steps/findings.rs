@@ -150,6 +150,8 @@ pub(crate) struct Judged {
     pub(crate) forcing: Option<Forcing>,
     /// Whether it was asked for them.
     pub(crate) was_asked_for_forces: bool,
+    /// Columns of which the winner leaves an error of the sensor that lasts longer than differences of samples show.
+    pub(crate) sensors: Vec<usize>,
     /// What the user should know of the way to it.
     pub(crate) notes: Vec<Note>,
 }

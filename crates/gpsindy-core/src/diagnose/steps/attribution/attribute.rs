@@ -83,7 +83,16 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     };
     let seats = best.hypotheses.iter().zip(places).map(seat).collect();
     let outcome = Outcome { best, seats, singles, near: round.fits, left, screened: round.screened };
-    Ok(Judged { nominal, detected, nameless, outcome, forcing: None, was_asked_for_forces: false, notes })
+    Ok(Judged {
+        nominal,
+        detected,
+        nameless,
+        outcome,
+        forcing: None,
+        was_asked_for_forces: false,
+        sensors: Vec::new(),
+        notes,
+    })
 }
 
 /// Whether `next` is only another name for one of several effects beside a residual that is more than noise: none of them is believed much

@@ -40,6 +40,7 @@ impl Suspected {
             outcome,
             forcing: None,
             was_asked_for_forces: false,
+            sensors: Vec::new(),
             notes: Vec::new(),
         }
     }

@@ -8,6 +8,7 @@
 mod account;
 mod alone;
 mod climb;
+mod sensors;
 mod singles;
 mod tune;
 
@@ -23,6 +24,7 @@ use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probabili
 use crate::error::Result;
 use account::Account;
 use alone::{Alone, Law};
+use sensors::with_sensors;
 
 /// The verdict with random forces, where they are a better account of the training logs than what was found without them.
 ///
@@ -45,7 +47,7 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     let is_material = beyond(best) > LEFT * beyond(&judged.nominal);
     let is_asked = best.hypotheses.is_empty() || (is_left && is_material);
     if !is_asked {
-        return Ok(judged);
+        return with_sensors(contest, judged, None);
     }
     let stage = contest.run.stage("random forces", 4)?;
     let has_effects = !best.hypotheses.is_empty();
@@ -91,11 +93,12 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
         found.fit.hypotheses.is_empty() && !found.processes.is_empty()
     };
     if !is_account {
-        return Ok(judged);
+        let coloured = Some(found).filter(|found| !found.is_forced() && found.fit.has_effects_of(&judged.outcome.best));
+        return with_sensors(contest, judged, coloured);
     }
     let forcing = found.stated(p_value);
     if !forcing.is_determined() {
-        return Ok(judged);
+        return with_sensors(contest, judged, None);
     }
     let found = found.rolled(contest)?;
     stage.advance()?;

@@ -12,21 +12,23 @@ use crate::refine::{Experiment, Jacobian, Log, Point};
 /// What a floor is taken from where no runs repeat each other.
 pub(crate) const SENSORS: &str = "sensor noise";
 
-/// The floor of every column in its unit, and what it was taken from.
-pub(crate) fn of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'static str) {
+/// The floor of every column in its unit, and what it was taken from; `sensors`: columns of which an error with a memory is the sensor's own.
+pub(crate) fn of(best: &Contestant, experiment: &Experiment, sensors: &[usize]) -> (Vec<f64>, &'static str) {
     match between_runs(&experiment.logs, &experiment.noise) {
         Some(floor) => (floor, "repeated runs"),
-        None => (with_start(best, experiment, sensor_noise(best, &experiment.noise)), SENSORS),
+        None => (with_start(best, experiment, sensor_noise(best, &experiment.noise, sensors)), SENSORS),
     }
 }
 
 /// The sensor's noise by column in its unit: the winner's residual where a sensor may leave it (it then shows coloured noise, too), else the
 /// noise of differences.
-fn sensor_noise(best: &Contestant, noise: &[f64]) -> Vec<f64> {
-    let one = |((colour, &held_out), &train): ((&crate::diagnose::fit::colours::colour::Colour, &f64), &f64)| {
-        if colour.is_of_a_sensor() { train * colour.variance().sqrt() } else { held_out.min(train) }
+fn sensor_noise(best: &Contestant, noise: &[f64], sensors: &[usize]) -> Vec<f64> {
+    let one = |(c, (&held_out, &train)): (usize, (&f64, &f64))| {
+        let colour = &best.evidence.colours[c];
+        let is_of_a_sensor = colour.is_of_a_sensor() || sensors.contains(&c);
+        if is_of_a_sensor { train * colour.variance().sqrt() } else { held_out.min(train) }
     };
-    best.evidence.colours.iter().zip(noise).zip(&best.experiment.noise).map(one).collect()
+    noise.iter().zip(&best.experiment.noise).enumerate().map(one).collect()
 }
 
 /// The floor with what noise does to the starts: they are fitted to a few noisy samples, and the rollout carries their

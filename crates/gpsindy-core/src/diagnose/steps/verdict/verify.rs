@@ -2,6 +2,8 @@
 //!
 //! Every column is measured in units of its own noise, so that a column with a large range does not dominate.
 
+mod sums;
+
 use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::begun;
@@ -21,6 +23,7 @@ use crate::error::Result;
 use crate::refine::{Experiment, Log, Point};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
+use sums::{Block, floor_of_all, overall, reached, rms};
 
 /// Held-out rollouts of the nominal and of the corrected model.
 pub(crate) struct Verification {
@@ -92,20 +95,15 @@ struct Heldout {
     /// What noise leaves of every column, in units of the noise, and what it was taken from.
     floor: Vec<f64>,
     floor_source: &'static str,
-}
-
-/// Squared errors of one block of a run, in units of the noise: sums and counts by column.
-#[derive(Clone)]
-struct Block {
-    before: Vec<f64>,
-    after: Vec<f64>,
-    count: Vec<f64>,
+    /// Columns of which an error with a memory is the sensor's own.
+    sensors: Vec<usize>,
 }
 
 pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Result<Verification> {
     let (nominal, best) = (&judged.nominal, &judged.outcome.best);
     let system = &nominal.system;
-    let Heldout { experiment, moving, cut, floor, floor_source } = predictable(best, held_out(best, holdout)?);
+    let Heldout { experiment, moving, cut, floor, floor_source, .. } =
+        predictable(best, held_out(best, holdout, &judged.sensors)?);
     let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
     let is_computed = floor_source == floor::SENSORS;
     let (floor, slow) = if is_computed && !judged.detected.gap {
@@ -166,7 +164,7 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
 }
 
 /// The held-out logs, cut into rollouts that are as long as the corrected model can predict.
-fn held_out(best: &Contestant, holdout: &Dataset) -> Result<Heldout> {
+fn held_out(best: &Contestant, holdout: &Dataset, sensors: &[usize]) -> Result<Heldout> {
     let mut experiment = Experiment::new(&best.system, holdout, None)?;
     let known = &best.experiment;
     experiment.scale.clone_from(&known.scale);
@@ -195,8 +193,8 @@ fn held_out(best: &Contestant, holdout: &Dataset) -> Result<Heldout> {
             cut = Some(length);
         }
     }
-    let (floor, floor_source) = floor_of(best, &experiment);
-    Ok(Heldout { experiment, moving, cut, floor, floor_source })
+    let (floor, floor_source) = floor_of(best, &experiment, sensors);
+    Ok(Heldout { experiment, moving, cut, floor, floor_source, sensors: sensors.to_vec() })
 }
 
 /// The same in rollouts so short that the noise of a start does not grow beyond what the sensors add: longer ones show the start alone, and
@@ -205,7 +203,7 @@ fn predictable(best: &Contestant, mut heldout: Heldout) -> Heldout {
     let is_grown = |floor: &[f64], moving: &[usize]| moving.iter().any(|&c| floor[c] > GROWN);
     while heldout.floor_source == floor::SENSORS && is_grown(&heldout.floor, &heldout.moving) {
         let Some(experiment) = halved(&heldout.experiment) else { break };
-        let (floor, _) = floor_of(best, &experiment);
+        let (floor, _) = floor_of(best, &experiment, &heldout.sensors);
         heldout = Heldout { cut: Some(experiment.longest_window()), experiment, floor, ..heldout };
     }
     heldout
@@ -222,8 +220,8 @@ fn with_slow_errors(best: &Contestant, experiment: &Experiment, floor: Vec<f64>)
 }
 
 /// The floor in units of the noise, as everything here.
-fn floor_of(best: &Contestant, experiment: &Experiment) -> (Vec<f64>, &'static str) {
-    let (floor, source) = floor::of(best, experiment);
+fn floor_of(best: &Contestant, experiment: &Experiment, sensors: &[usize]) -> (Vec<f64>, &'static str) {
+    let (floor, source) = floor::of(best, experiment, sensors);
     (floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect(), source)
 }
 
@@ -257,35 +255,6 @@ fn rollouts(fitted: &Contestant, parameters: &[f64], experiment: &Experiment) ->
 /// Share of the gap that is closed: exact where there is a gap, and zero where there is none.
 fn closed(before: f64, after: f64, floor: f64) -> f64 {
     if before == after { 0.0 } else { (before - after) / (before - floor).max(NO_GAP * floor) }
-}
-
-fn overall(blocks: &[Block], pick: impl Fn(&Block) -> &Vec<f64>) -> f64 {
-    let sum: f64 = blocks.iter().flat_map(|b| pick(b).iter()).sum();
-    let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
-    (sum / count).sqrt()
-}
-
-/// The floor, of a column whose rollouts come out below it no more than they leave: it is carried along straight lines from the starts, which
-/// overrate what friction and stops take away again.
-fn reached(blocks: &[Block], floor: Vec<f64>) -> Vec<f64> {
-    let one = |(c, floor): (usize, f64)| {
-        let (before, after) = (rms(blocks, c, |b| b.before[c]), rms(blocks, c, |b| b.after[c]));
-        if before > floor && after < floor { after } else { floor }
-    };
-    floor.into_iter().enumerate().map(one).collect()
-}
-
-/// Root mean square of what `pick` sums up for column `c`.
-fn rms(blocks: &[Block], c: usize, pick: impl Fn(&Block) -> f64) -> f64 {
-    let count: f64 = blocks.iter().map(|b| b.count[c]).sum();
-    (blocks.iter().map(pick).sum::<f64>() / count).sqrt()
-}
-
-/// The floor over all columns, each as often as it was measured.
-fn floor_of_all(blocks: &[Block], floor: &[f64]) -> f64 {
-    let squares: f64 = blocks.iter().flat_map(|b| b.count.iter().zip(floor)).map(|(n, f)| n * f * f).sum();
-    let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
-    (squares / count).sqrt()
 }
 
 /// Errors in blocks of every rollout; columns that rest count nothing.

@@ -139,6 +139,15 @@ impl Account {
         self.processes.iter().any(|process| process.row().is_some())
     }
 
+    /// The columns that have coloured noise.
+    pub(super) fn columns(&self) -> Vec<usize> {
+        let column = |process: &Process| match process.acts {
+            Acts::Column(column) => Some(column),
+            Acts::Row(_) => None,
+        };
+        self.processes.iter().filter_map(column).collect()
+    }
+
     /// By how much the same readings speak more of it than of its fit with coloured noise on the columns alone; nothing where no filter takes that.
     pub(super) fn lead_over_sensors(&self, contest: &Contest<'_>) -> Result<Option<f64>> {
         let bare = Self::bare(contest, &self.fit, std::iter::empty(), self.most)?.and_then(Self::charged);

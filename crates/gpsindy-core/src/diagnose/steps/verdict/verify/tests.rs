@@ -134,7 +134,7 @@ fn held_out_rollouts_end_where_the_noise_of_their_starts_outgrows_that_of_the_se
         let model = Model { states: vec![State::new("x", Expression::parse(rate).unwrap())], ..Model::default() };
         let (_, nominal) = crate::diagnose::fixture::fitted(&model, &data, 0.01);
         let nominal = Contestant { experiment: whole_runs(nominal.experiment.clone()), ..nominal };
-        predictable(&nominal, held_out(&nominal, &data).unwrap()).experiment.longest_window()
+        predictable(&nominal, held_out(&nominal, &data, &[]).unwrap()).experiment.longest_window()
     };
     // An error grows by e in a third of a second, and falls by as much.
     assert!(length("3*x") < 2.0, "{}", length("3*x"));
