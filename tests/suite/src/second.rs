@@ -194,6 +194,12 @@ fn stop(menu: &mut Menu, row: usize, place: usize, draw: &mut Draw) {
     menu.push("end_stop", row, vec![z], move |s| Act::Contact { z, c: digits(stiff * s, 4), edge, side });
 }
 
+/// Whether a unit is one of a flow of matter, or of a share that flows, whose square heats nothing.
+fn is_flow(unit: &str) -> bool {
+    let Some((of, per)) = unit.split_once('/') else { return false };
+    matches!(of, "1" | "g" | "kg" | "mol" | "l" | "L" | "m^3" | "cm^3") && matches!(per, "s" | "min" | "h" | "d")
+}
+
 fn rates(menu: &mut Menu, frame: &Frame, draw: &mut Draw) {
     let (plant, survey) = (menu.plant, menu.survey);
     for index in 0..plant.parameters.len() {
@@ -220,6 +226,9 @@ fn rates(menu: &mut Menu, frame: &Frame, draw: &mut Draw) {
         for control in controls.filter(|&j| rows_of(plant, Variable::Control(j), &survey.points).contains(&row)) {
             let usual = digits(0.5 * survey.control_low[control].abs().max(survey.control_high[control].abs()), 3);
             let tau = digits(draw.uniform(0.1, 0.5) * (frame.span.1 - frame.span.0), 3);
+            if is_flow(&plant.controls[control].unit) {
+                continue;
+            }
             let variables = vec![variable, Variable::Control(control)];
             menu.push("thermal", row, variables, move |s| Act::Warming { index, control, c: digits(s, 4), tau, usual });
         }
