@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 /// where a single column is logged.
 pub(crate) fn chance_of_coherence(fit: &Contestant) -> f64 {
     let columns = fit.experiment.columns.len();
-    let white = whitened(fit, columns);
+    let white = whitened(fit);
     let pairs =
         (0..columns).flat_map(|one| (0..columns).filter(move |&other| other != one).map(move |other| (one, other)));
     let spent = fit.evidence.spent() / columns.max(1);
@@ -23,14 +23,13 @@ pub(crate) fn chance_of_coherence(fit: &Contestant) -> f64 {
 }
 
 /// The residuals of every window, less what the past of each column predicts, interleaved; missing ones are zero.
-fn whitened(fit: &Contestant, columns: usize) -> Vec<DVector<f64>> {
+fn whitened(fit: &Contestant) -> Vec<DVector<f64>> {
     let of = |(window, residuals): (usize, &Vec<f64>)| {
         let present: Vec<bool> = residuals.iter().map(|e| e.is_finite()).collect();
         let repeats = fit.experiment.repeats(&fit.experiment.windows[window]);
         let mut values =
             DVector::from_iterator(residuals.len(), residuals.iter().map(|&e| if e.is_finite() { e } else { 0.0 }));
         Whitener::new(&fit.evidence.colours, &present, &repeats).whiten(&mut values);
-        debug_assert_eq!(values.len() % columns.max(1), 0);
         values
     };
     fit.refined.residuals.iter().enumerate().map(of).collect()

@@ -24,7 +24,7 @@ use crate::diagnose::steps::findings::{Forcing, Judged, Outcome, Seat, probabili
 use crate::error::Result;
 use account::Account;
 use alone::{Alone, Law};
-use sensors::with_sensors;
+use sensors::{beside_sensors, with_sensors};
 
 /// The verdict with random forces, where they are a better account of the training logs than what was found without them.
 ///
@@ -35,9 +35,9 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
     // Gusts may look like coloured noise, and no gap is detected; but a sensor's noise is of a size that is known, and its own.
     let evidence = &judged.nominal.evidence;
     let is_shared = || evidence.leaves_a_rest() && chance_of_coherence(&judged.nominal) < CHANCE;
-    let is_due = judged.detected.gap || evidence.is_structured() || is_shared();
+    let is_due = || judged.detected.gap || evidence.is_structured() || is_shared();
     let is_moot = was_asked || !contest.random || !Filter::takes(&judged.nominal.system);
-    if is_moot || !is_due || contest.run.is_out_of_time() {
+    if is_moot || contest.run.is_out_of_time() || !is_due() {
         return Ok(judged);
     }
     let Outcome { best, left, near, .. } = &judged.outcome;
@@ -82,23 +82,24 @@ pub(crate) fn forced(contest: &Contest<'_>, mut judged: Judged) -> Result<Judged
             None => judged,
         });
     };
-    let mut chance = 1.0;
+    let (mut chance, mut plain) = (1.0, None);
     let is_account = if found.is_forced() {
-        let plain = without_forces(contest, &judged)?;
+        plain = without_forces(contest, &judged)?;
         // The odds of the evidence.
         chance = plain.as_ref().map_or(1.0, |plain| (plain.score - found.score).min(0.0).exp());
-        plain.is_some_and(|plain| found.score > plain.score + CONVINCING)
+        plain.as_ref().is_some_and(|plain| found.score > plain.score + CONVINCING)
     } else {
         // Coloured noise alone explains what the nominal model leaves, or stands beside causes that stay as they are.
         found.fit.hypotheses.is_empty() && !found.processes.is_empty()
     };
     if !is_account {
-        let coloured = Some(found).filter(|found| !found.is_forced() && found.fit.has_effects_of(&judged.outcome.best));
-        return with_sensors(contest, judged, coloured);
+        // No function is left beside what was found.
+        let is_plain = !found.is_forced() && found.fit.has_effects_of(&judged.outcome.best);
+        return if is_plain { Ok(beside_sensors(judged, &found)) } else { with_sensors(contest, judged, plain) };
     }
     let forcing = found.stated(p_value);
     if !forcing.is_determined() {
-        return with_sensors(contest, judged, None);
+        return with_sensors(contest, judged, plain);
     }
     let found = found.rolled(contest)?;
     stage.advance()?;

@@ -49,7 +49,13 @@ impl Account {
 
     /// `fit` with coloured noise on its columns, where that convinces.
     pub(super) fn unforced(contest: &Contest<'_>, fit: &Contestant) -> Result<Option<Self>> {
-        Self::of(contest, fit, &[])?.map(|bare| bare.grown(contest, &columns(fit))).transpose()
+        Self::coloured(contest, fit, whole_stretches(fit))
+    }
+
+    /// The same on so many samples.
+    fn coloured(contest: &Contest<'_>, fit: &Contestant, most: usize) -> Result<Option<Self>> {
+        let bare = Self::bare(contest, fit, std::iter::empty(), most)?.and_then(Self::charged);
+        bare.map(|bare| bare.grown(contest, &columns(fit))).transpose()
     }
 
     /// `fit` with random forces in its rows and coloured noise on its columns, where they convince; nothing where no filter takes it, nor where
@@ -150,8 +156,7 @@ impl Account {
 
     /// By how much the same readings speak more of it than of its fit with coloured noise on the columns alone; nothing where no filter takes that.
     pub(super) fn lead_over_sensors(&self, contest: &Contest<'_>) -> Result<Option<f64>> {
-        let bare = Self::bare(contest, &self.fit, std::iter::empty(), self.most)?.and_then(Self::charged);
-        let plain = bare.map(|bare| bare.grown(contest, &columns(&self.fit))).transpose()?;
+        let plain = Self::coloured(contest, &self.fit, self.most)?;
         Ok(plain.map(|plain| self.score - plain.score))
     }
 

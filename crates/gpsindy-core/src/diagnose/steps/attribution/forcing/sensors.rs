@@ -9,23 +9,36 @@ use crate::diagnose::steps::findings::{Judged, probability_of_random};
 use crate::error::Result;
 
 /// The verdict with the columns whose sensors err with a memory beside its causes: the logs speak of such an error, and no function of what moves
-/// is left beside it. `coloured`: the causes with coloured noise on the columns, where that is known.
-pub(super) fn with_sensors(contest: &Contest<'_>, mut judged: Judged, coloured: Option<Account>) -> Result<Judged> {
+/// is left beside it. `plain`: the causes with coloured noise alone, where that is known.
+pub(super) fn with_sensors(contest: &Contest<'_>, judged: Judged, plain: Option<Account>) -> Result<Judged> {
     let best = &judged.outcome.best;
-    let is_doubted = |c: &Colour| !c.is_of_a_sensor() && c.variance() < FAR;
     let has_causes = judged.detected.gap && !best.hypotheses.is_empty();
     if !has_causes || !best.evidence.colours.iter().any(is_doubted) || contest.run.is_out_of_time() {
         return Ok(judged);
     }
-    let Some(account) = coloured.map_or_else(|| Account::unforced(contest, best), |known| Ok(Some(known)))? else {
-        return Ok(judged);
-    };
-    let mut columns = account.columns();
-    columns.retain(|&column| is_doubted(&best.evidence.colours[column]));
-    if !columns.is_empty() && probability_of_random(account.functions(contest)?) >= LIKELY {
-        judged.sensors = columns;
-    }
-    Ok(judged)
+    let known = plain.filter(|plain| plain.fit.has_effects_of(best));
+    let plain = known.map_or_else(|| Account::unforced(contest, best), |known| Ok(Some(known)))?;
+    let Some(plain) = plain.filter(|plain| !doubted(&judged, plain).is_empty()) else { return Ok(judged) };
+    let is_random = probability_of_random(plain.functions(contest)?) >= LIKELY;
+    Ok(if is_random { beside_sensors(judged, &plain) } else { judged })
+}
+
+/// The verdict with the columns that have coloured noise in an account of its causes beside which no function is left.
+pub(super) fn beside_sensors(mut judged: Judged, plain: &Account) -> Judged {
+    judged.sensors = doubted(&judged, plain);
+    judged
+}
+
+/// The columns of coloured noise of which the causes leave more than differences of samples show.
+fn doubted(judged: &Judged, plain: &Account) -> Vec<usize> {
+    let mut columns = plain.columns();
+    columns.retain(|&column| is_doubted(&judged.outcome.best.evidence.colours[column]));
+    columns
+}
+
+/// Whether the sensor's part in it is in doubt.
+fn is_doubted(colour: &Colour) -> bool {
+    !colour.is_of_a_sensor() && colour.variance() < FAR
 }
 
 #[cfg(test)]
