@@ -106,12 +106,12 @@ pub(crate) fn closure(judged: &Judged, holdout: &Dataset, confidence: f64) -> Re
         predictable(best, held_out(best, holdout, &judged.sensors)?);
     let mut notes: Vec<Note> = cut.map(|length| Note::HoldoutRestarted { length }).into_iter().collect();
     let is_computed = floor_source == floor::SENSORS;
-    let (floor, slow) = if is_computed && !judged.detected.gap {
-        with_slow_errors(best, &experiment, floor)
-    } else {
-        (floor, Vec::new())
+    let (floor, slow) = match judged.detected.gap {
+        _ if !is_computed => (floor, Vec::new()),
+        true => (floor, judged.sensors.clone()),
+        false => with_slow_errors(best, &experiment, floor),
     };
-    notes.extend(slow);
+    notes.extend(slow.into_iter().map(|c| slow_error(best, &experiment, c)));
     let resting: Vec<usize> =
         (0..experiment.columns.len()).filter(|c| !moving.contains(c)).map(|c| experiment.columns[c]).collect();
     if !resting.is_empty() {
@@ -210,13 +210,21 @@ fn predictable(best: &Contestant, mut heldout: Heldout) -> Heldout {
 }
 
 /// The floor where no gap was found: all that the fit leaves of a column was taken for noise then, a slow error of its sensor, too, and no
-/// rollout misses by less. And what is to be said of columns where that is several times the noise that samples show beside each other.
-fn with_slow_errors(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> (Vec<f64>, Vec<Note>) {
-    let states = &best.system.model().states;
-    let left = |c: usize| best.evidence.colours[c].variance().sqrt() * best.experiment.noise[c] / experiment.noise[c];
-    let note = |c: usize| Note::SlowErrors { column: states[experiment.columns[c]].name.clone(), times: left(c) };
-    let notes = (0..floor.len()).filter(|&c| left(c) > SEVERAL).map(note).collect();
-    (floor.iter().enumerate().map(|(c, floor)| floor.max(left(c))).collect(), notes)
+/// rollout misses by less. And the columns where that is several times the noise that samples show beside each other.
+fn with_slow_errors(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> (Vec<f64>, Vec<usize>) {
+    let several = (0..floor.len()).filter(|&c| left(best, experiment, c) > SEVERAL).collect();
+    (floor.iter().enumerate().map(|(c, floor)| floor.max(left(best, experiment, c))).collect(), several)
+}
+
+/// What is to be said of a column whose sensor has a slow error.
+fn slow_error(best: &Contestant, experiment: &Experiment, c: usize) -> Note {
+    let column = best.system.model().states[experiment.columns[c]].name.clone();
+    Note::SlowErrors { column, times: left(best, experiment, c) }
+}
+
+/// What the fit leaves of a column, in units of the noise.
+fn left(best: &Contestant, experiment: &Experiment, c: usize) -> f64 {
+    best.evidence.colours[c].variance().sqrt() * best.experiment.noise[c] / experiment.noise[c]
 }
 
 /// The floor in units of the noise, as everything here.

@@ -58,5 +58,6 @@ mod tests {
         assert_eq!(found.verdict, Verdict::Explained, "{:?}", found.checks);
         let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
         assert_eq!(named, ["quadratic_drag"]);
+        assert!(found.notes.iter().any(|note| note.starts_with("what is left of w is ")), "{:?}", found.notes);
     }
 }
