@@ -72,6 +72,11 @@ impl Added {
         matches!(self.role, Role::Period | Role::Phase | Role::AtRest)
     }
 
+    /// Whether a trial may find it where no fit can walk to.
+    pub(crate) fn is_sought(&self) -> bool {
+        self.is_tried() || matches!(self.role, Role::Above | Role::Below | Role::Instant) || self.beyond().is_some()
+    }
+
     /// Where the end of a travel is that the logs never reached, which leaves it at `value`: far beyond them, so that a rollout of other
     /// logs does not meet it where only these logs end.
     pub(crate) fn out_of_reach(&self, value: f64) -> Option<f64> {
@@ -121,6 +126,18 @@ pub(crate) struct Applied {
     /// How many of them each hypothesis brought.
     pub(crate) parts: Vec<usize>,
     pub(crate) starts: Vec<Start>,
+}
+
+impl Applied {
+    /// The parameters that each hypothesis brought.
+    pub(crate) fn each(&self) -> impl Iterator<Item = &[(usize, Added)]> {
+        let mut rest = &self.fitted[..];
+        self.parts.iter().map(move |&count| {
+            let (own, later) = rest.split_at(count.min(rest.len()));
+            rest = later;
+            own
+        })
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,9 @@
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, NARROWED, OF_A_HIT, RATIOS_AT_REST, STEPS_AT_REST, WIDEST_AT_REST};
+use crate::diagnose::limits::{
+    Budget, CONVINCING, NARROWED, OF_A_HIT, RATIO_AT_REST, RATIOS_AT_REST, STEPS_AT_REST, WIDEST_AT_REST,
+};
 use crate::error::{Result, unless_refused};
 use crate::model::System;
 use crate::refine::{Experiment, Free, Point, Profile, guess_initial, misses};
@@ -36,7 +38,7 @@ fn levels(fitted: &[(usize, Added)]) -> Option<(usize, usize)> {
     fitted.windows(2).find(|pair| pair[1].1.role == Role::AtRest).map(|pair| (pair[0].0, pair[1].0))
 }
 
-/// The parameters with the best of several ratios of the levels on short rollouts; none where these can't be had or followed.
+/// The parameters with the best of many ratios of the levels on short rollouts; none where no ratio is convincing, or can be followed.
 fn begun(
     system: &System,
     experiment: &Experiment,
@@ -47,27 +49,49 @@ fn begun(
     let short = experiment.clone().with_windows_of(OF_A_HIT * experiment.longest_window());
     // Some of the windows stand for all of a long log.
     let short = if short.n_samples() > experiment.n_samples() { experiment.clone() } else { short };
-    let fitted = |mut point: Point| -> Result<Option<(Point, f64)>> {
+    let fitted = |mut point: Point| -> Result<Option<Point>> {
         point.initial = rested(system, &short, &point.parameters, &point.initial);
         let at = (&point.parameters[..], free);
         let found = unless_refused(Budget::Rough.refine().fit_on(system, &short, at, &point.initial, None))?;
-        Ok(found.map(|found| (Point { parameters: found.parameters, initial: found.initial }, found.cost)))
+        Ok(found.map(|found| Point { parameters: found.parameters, initial: found.initial }))
     };
     let start = Point { parameters: point.parameters.clone(), initial: guess_initial(system, &short) };
     let Some(equal) = fitted(start)? else { return Ok(None) };
-    let mut best = equal.clone();
-    for ratio in RATIOS_AT_REST {
-        let mut other = equal.0.clone();
-        // Where the levels are one it lies between the two.
-        other.parameters[level] /= ratio.sqrt();
-        other.parameters[rest] = ratio * other.parameters[level];
-        best = fitted(other)?.filter(|other| other.1 < best.1).unwrap_or(best);
+    let Some(costs) = unless_refused(costs_apart(system, &short, (level, rest), (free, &equal)))? else {
+        return Ok(None);
+    };
+    let Some((apart, least)) = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(None) };
+    // Most machines never rest, and what is gained must pay for a level and for the ratios. Where more than noise is left, values repeat each
+    // other: as many count alone as there is noise.
+    let count = short.n_values() as f64;
+    let gain = 0.5 * count * (count / least).min(1.0) * (costs[0].1 / least).ln();
+    if !(gain > CONVINCING + 0.5 * count.ln() + (costs.len() as f64).ln()) {
+        return Ok(None);
     }
-    let (mut point, _) = best;
-    if point.parameters[rest] > point.parameters[level] {
-        narrow(system, &short, (level, rest), (free, &NARROWED[..2]), &mut point)?;
-    }
+    let Some(mut point) = fitted(apart.clone())? else { return Ok(None) };
+    narrow(system, &short, (level, rest), (free, &NARROWED[..1]), &mut point)?;
     Ok(Some(point.parameters))
+}
+
+/// Points about one where the levels are `equal`, the level at rest ever higher from there on, and their costs once what else is `free` has
+/// taken a step.
+fn costs_apart(
+    system: &System,
+    experiment: &Experiment,
+    (level, rest): (usize, usize),
+    (free, equal): (&[Free], &Point),
+) -> Result<Vec<(Point, f64)>> {
+    let others: Vec<Free> = free.iter().filter(|f| ![level, rest].contains(&f.parameter)).cloned().collect();
+    let profile = Profile::new(system, experiment, (equal, &others), None, None)?;
+    let at = |step: usize| {
+        let mut parameters = equal.parameters.clone();
+        parameters[rest] = parameters[level] * RATIO_AT_REST.powi(step as i32);
+        let initial = rested(system, experiment, &parameters, &equal.initial);
+        Point { parameters, initial }
+    };
+    let points: Vec<Point> = (0..=RATIOS_AT_REST).map(at).collect();
+    let costs = profile.costs(&points);
+    Ok(points.into_iter().zip(costs).collect())
 }
 
 /// Moves either level to the best of ever finer lattices around it, of these `widths`, and what is free with it. Where the machine stops for a moment decides as

@@ -38,6 +38,8 @@ impl Searches {
 pub(crate) struct Entrant<'a> {
     pub(crate) hypothesis: &'a Hypothesis,
     pub(crate) searches: Searches,
+    /// Whether a fit in a round before looked for it by trial already.
+    pub(crate) is_tried: bool,
 }
 
 /// The nominal model with some hypotheses, and what its fit left over. Data only: [`Fitter`] makes it, [`Evidence`]
@@ -49,6 +51,9 @@ pub(crate) struct Contestant {
     pub(crate) hypotheses: Vec<Hypothesis>,
     /// The search that chose each hypothesis.
     pub(crate) searches: Vec<Searches>,
+    /// Whether what no fit can walk to was looked for by trial, for each hypothesis: ends, levels, instants, periods and exact forms. Beside
+    /// the same effect with one more they are near, and only the best of a round is worth another look.
+    pub(crate) tried: Vec<bool>,
     /// Parameters that each hypothesis brought: index in the model, and what is known of them.
     pub(crate) added: Vec<Vec<(usize, Added)>>,
     pub(crate) system: System,
@@ -138,11 +143,22 @@ impl Contestant {
         self
     }
 
-    /// Free parameters that have a value beyond their lower ends, and that value.
+    /// Parameters of the hypotheses whose ends, levels and exact forms were not looked for by trial.
+    pub(crate) fn untried(&self) -> impl Iterator<Item = &(usize, Added)> {
+        self.added.iter().zip(&self.tried).filter(|(_, is_tried)| !**is_tried).flat_map(|(added, _)| added)
+    }
+
+    /// Free parameters of these that have a value beyond their lower ends, and that value.
     pub(crate) fn beyond(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         let is_free = |index: usize| self.free.iter().any(|f| f.parameter == index);
-        let all = self.added.iter().flatten().filter(move |(index, _)| is_free(*index));
+        let all = self.untried().filter(move |(index, _)| is_free(*index));
         all.filter_map(|(index, added)| Some((*index, added.beyond()?)))
+    }
+
+    /// The same with all of that as it is: `is_tried`, or to be looked for once more.
+    pub(crate) fn with_trials(mut self, is_tried: bool) -> Self {
+        self.tried = vec![is_tried; self.hypotheses.len()];
+        self
     }
 
     /// Corners of dry friction that holds at rest, as a fit would free them.
@@ -157,7 +173,8 @@ impl Contestant {
     /// The effects at all places but those in `out`, with their values.
     pub(crate) fn entrants_without(&self, out: &[usize]) -> Vec<(Entrant<'_>, Vec<f64>)> {
         let kept = (0..self.hypotheses.len()).filter(|place| !out.contains(place));
-        let entrant = |i: usize| Entrant { hypothesis: &self.hypotheses[i], searches: self.searches[i] };
+        let entrant =
+            |i: usize| Entrant { hypothesis: &self.hypotheses[i], searches: self.searches[i], is_tried: false };
         kept.map(|i| (entrant(i), self.values(i))).collect()
     }
 

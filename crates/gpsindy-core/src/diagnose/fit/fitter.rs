@@ -53,6 +53,7 @@ impl Fitter {
         let nominal = Contestant {
             hypotheses: Vec::new(),
             searches: Vec::new(),
+            tried: Vec::new(),
             added: Vec::new(),
             system,
             experiment,
@@ -113,7 +114,9 @@ impl Fitter {
         let mut point = Point { parameters, initial };
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
-            tried::settle(base, (&system, &experiment), (&applied.fitted, &free), (&mut point, budget))?;
+            let new = applied.each().zip(entrants).filter(|(_, entrant)| !entrant.is_tried);
+            let untried: Vec<(usize, Added)> = new.flat_map(|(own, _)| own).cloned().collect();
+            tried::settle(base, (&system, &experiment), (&untried, &free), (&mut point, budget))?;
         }
         let Point { parameters, initial } = point;
         let kept = base.refined.kept.as_ref();
@@ -135,12 +138,8 @@ impl Fitter {
         let mut with = Contestant { system, experiment, free, refined, beginnings: None, ..base.clone() };
         with.hypotheses.extend(entrants.iter().map(|e| e.hypothesis.clone()));
         with.searches.extend(entrants.iter().map(|e| e.searches));
-        let mut rest = &applied.fitted[..];
-        for &count in &applied.parts {
-            let (own, later) = rest.split_at(count.min(rest.len()));
-            with.added.push(own.to_vec());
-            rest = later;
-        }
+        with.tried.extend(entrants.iter().map(|e| e.is_tried));
+        with.added.extend(applied.each().map(<[_]>::to_vec));
         self.judge(&mut with);
         if budget.only_ranks() { Ok(with) } else { self.beyond(with, budget) }
     }
@@ -177,7 +176,7 @@ impl Fitter {
                 best = other;
             }
         }
-        Ok(best)
+        Ok(best.with_trials(true))
     }
 
     /// The same contestant, its fit carried on.
@@ -188,7 +187,7 @@ impl Fitter {
 
     fn stepped_on(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         let experiment = Experiment { starts: starts(&contestant), ..contestant.experiment.clone() };
-        let Contestant { system, free, added, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
+        let Contestant { system, free, refined: Refined { parameters, initial, kept, .. }, .. } = &contestant;
         let mut point = Point { parameters: parameters.clone(), initial: initial.clone() };
         if system.engine().is_some() {
             point.initial =
@@ -196,7 +195,8 @@ impl Fitter {
         }
         // What was left out at the first step.
         if budget == Budget::Rough && system.engine().is_none() {
-            tried::settle(&contestant, (system, &experiment), (&added.concat(), free), (&mut point, budget))?;
+            let untried: Vec<(usize, Added)> = contestant.untried().cloned().collect();
+            tried::settle(&contestant, (system, &experiment), (&untried, free), (&mut point, budget))?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());
@@ -312,5 +312,5 @@ fn nearest(
 /// A hypothesis of the tests, which no search chose.
 #[cfg(test)]
 pub(crate) fn unsearched(hypothesis: &crate::diagnose::catalogue::hypothesis::Hypothesis) -> Entrant<'_> {
-    Entrant { hypothesis, searches: crate::diagnose::fit::contestant::Searches::NONE }
+    Entrant { hypothesis, searches: crate::diagnose::fit::contestant::Searches::NONE, is_tried: false }
 }

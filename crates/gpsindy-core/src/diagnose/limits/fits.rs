@@ -61,9 +61,10 @@ pub(crate) const SHARP: f64 = 0.1;
 /// Share of a rollout in which a machine hits a stop once: of ten hits each then has a start of its own. Argument.
 pub(crate) const OF_A_HIT: f64 = 0.1;
 
-/// Ratios of the level at rest to that in motion from which the others are fitted: machines have up to about three, and the lattices reach from
-/// one to the next. Argument.
-pub(crate) const RATIOS_AT_REST: [f64; 4] = [1.2, 1.6, 2.2, 3.0];
+/// Powers of a ratio of the level at rest to that in motion which are tried: machines have up to about three, and the lattice that follows
+/// reaches from one to the next. Argument.
+pub(crate) const RATIO_AT_REST: f64 = 1.1;
+pub(crate) const RATIOS_AT_REST: usize = 12;
 
 /// Largest ratio: a joint that takes more to start is jammed. Convention.
 pub(crate) const MOST_AT_REST: f64 = 5.0;

@@ -159,13 +159,14 @@ fn made(
     searches: Searches,
 ) -> Result<Option<Contestant>> {
     let new: Vec<Entrant<'_>> =
-        m.members.iter().map(|&h| Entrant { hypothesis: &contest.hypotheses[h], searches }).collect();
+        m.members.iter().map(|&h| Entrant { hypothesis: &contest.hypotheses[h], searches, is_tried: false }).collect();
     if let Some(applied) = m.applied.filter(|_| m.out.is_empty()) {
         let fit = contest.fitter.with(base, &new, applied, &m.values, Budget::Glance);
         return unless_refused(fit);
     }
     let kept = base.entrants_without(&m.out);
-    let entrants: Vec<Entrant<'_>> = kept.iter().map(|k| k.0).chain(new).collect();
+    let kept_on = kept.iter().map(|k| Entrant { is_tried: true, ..k.0 });
+    let entrants: Vec<Entrant<'_>> = kept_on.chain(new).collect();
     let own: Vec<f64> = kept.iter().flat_map(|k| k.1.iter().copied()).collect();
     let values: Vec<Vec<f64>> = m.values.iter().map(|values| [own.as_slice(), values].concat()).collect();
     contest.with_values(nominal, base, &entrants, &values, Budget::Glance)
@@ -182,7 +183,7 @@ fn with_simpler(
     if !fits.first().is_some_and(is_ahead) {
         return Ok(fits);
     }
-    let leader = at_rest(contest, fits[0].clone())?;
+    let leader = at_rest(contest, sought_again(contest, base, fits[0].clone())?)?;
     fits[0].clone_from(&leader);
     let Some(place) = leader.hypotheses.iter().rposition(|h| !base.hypotheses.contains(h)) else { return Ok(fits) };
     let mut simpler = contained(contest, nominal, &leader, place, &leader.entrants_without(&[place]))?;
@@ -204,13 +205,26 @@ fn with_simpler(
     Ok(keep_first_of_each(fits))
 }
 
+/// The fit after another look for what the effects that it shares with `base` have by trial: its new effect may have moved that.
+fn sought_again(contest: &Contest<'_>, base: &Contestant, mut fit: Contestant) -> Result<Contestant> {
+    let is_shared = |place: &usize| base.hypotheses.contains(&fit.hypotheses[*place]);
+    let shared: Vec<usize> = (0..fit.hypotheses.len()).filter(is_shared).collect();
+    shared.into_iter().for_each(|place| fit.tried[place] = false);
+    let has_more = fit.untried().any(|(_, added)| added.is_sought());
+    if !has_more || contest.run.is_out_of_time() {
+        return Ok(fit);
+    }
+    contest.fitter.carried_on(fit, Budget::Rough)
+}
+
 /// The fit carried on to the end, and once more from the starts that the logs show: others go on from it.
 fn at_rest(contest: &Contest<'_>, fit: Contestant) -> Result<Contestant> {
     if contest.run.is_out_of_time() {
         return Ok(fit);
     }
     let fitter = contest.fitter;
-    let fit = if fit.refined.converged { fit } else { fitter.carried_on(fit, Budget::Thorough)? };
+    let is_done = fit.refined.converged && fit.beyond().next().is_none();
+    let fit = if is_done { fit } else { fitter.carried_on(fit, Budget::Thorough)? };
     let fit = fitter.with_begun(fit, Budget::Usual)?;
     fitter.redrawn(fitter.restarted(fit, Budget::Usual)?, Budget::Usual)
 }
