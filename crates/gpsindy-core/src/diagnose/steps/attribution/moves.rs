@@ -35,13 +35,13 @@ struct Move<'a> {
 }
 
 /// Contestants one move away from `base`, best first, chosen by a survey of so many `searches`; none of them is carried to the end that is
-/// out of sight of the score of what is `known` to be there.
+/// out of sight of what is `known` already.
 pub(crate) fn moves(
     contest: &Contest<'_>,
     nominal: &Contestant,
     base: &Contestant,
     (survey, searches): (&Survey, Searches),
-    (stage, known): (&str, f64),
+    (stage, known): (&str, Option<&Contestant>),
 ) -> Result<Vec<Contestant>> {
     let bare = contest.fitter.with_beginnings(base)?;
     let base = &bare.clone().with_derivatives(survey.kept.as_ref());
@@ -97,9 +97,10 @@ pub(crate) fn moves(
     let fits = fits.into_iter().zip(own).filter_map(|(fit, own)| better([fit, own]));
     // What can't be followed to the end of the logs is no account of them.
     let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
-    let fits = raced(contest, base, fits, &promises)?;
+    let fits = raced(contest, (base, known), fits, &promises)?;
     contest.run.handed.add(fits.iter().filter_map(|fit| handed(base, fit, &promises)));
-    let is_in_sight = fits.first().is_some_and(|leader| contest.score(leader) > known - IN_SIGHT);
+    let ahead = known.map_or(f64::NEG_INFINITY, |known| contest.score(known));
+    let is_in_sight = fits.first().is_some_and(|leader| contest.score(leader) > ahead - IN_SIGHT);
     if contest.run.is_out_of_time() || !is_in_sight {
         return Ok(fits);
     }

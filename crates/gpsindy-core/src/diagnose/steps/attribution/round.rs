@@ -53,7 +53,7 @@ impl Expansion {
 
 /// Screens everything at `base` and fits what is promising; `stage` is what this is for.
 pub(crate) fn expand(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Expansion> {
-    expand_by(contest, nominal, base, (stage, None), f64::NEG_INFINITY)
+    expand_by(contest, nominal, base, (stage, None), None)
 }
 
 /// The round at the nominal model with what the `new` hypotheses add to it, which became suspects by it. Those that do not lead then wait
@@ -64,7 +64,7 @@ pub(crate) fn expand_further(
     first: Expansion,
     new: Range<usize>,
 ) -> Result<Expansion> {
-    let known = first.fits.iter().map(|fit| contest.score(fit)).fold(f64::NEG_INFINITY, f64::max);
+    let known = first.fits.iter().max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)));
     let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())), known)?;
     let mut all = first.with(contest, more.fits, more.searches);
     let stay = contest.dismisses(new.clone(), all.leaders());
@@ -89,7 +89,7 @@ pub(crate) fn expand_behind(
     if new.is_empty() {
         return Ok(None);
     }
-    let more = expand_by(contest, nominal, best, ("what stands behind", Some(new.clone())), contest.score(best))?;
+    let more = expand_by(contest, nominal, best, ("what stands behind", Some(new.clone())), Some(best))?;
     let mut all = round.clone().with(contest, more.fits, more.searches);
     contest.with_places(&mut all.screened);
     all.screened[new.clone()].clone_from_slice(&more.screened[new]);
@@ -101,7 +101,7 @@ fn expand_by(
     nominal: &Contestant,
     base: &Contestant,
     (stage, only): (&str, Option<Range<usize>>),
-    known: f64,
+    known: Option<&Contestant>,
 ) -> Result<Expansion> {
     if contest.run.is_out_of_time() {
         let none = vec![Summary::default(); contest.hypotheses.len() + contest.joint.len()];

@@ -4,7 +4,7 @@ use super::{achieved, falls_short, promised};
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::begun::limited;
-use crate::diagnose::limits::{BEHIND, Budget, CHAINED, FINALISTS, HELD_BACK, IN_SIGHT, RACED};
+use crate::diagnose::limits::{BEHIND, Budget, CHAINED, FINALISTS, HELD_BACK, IN_SIGHT, OUT_OF_REACH, RACED};
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::error::Result;
 
@@ -23,10 +23,11 @@ fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesi
     found.into_iter().take(HELD_BACK).map(|(place, _)| place).collect()
 }
 
-/// Fits after their first step, carried on as far as each is worth it; best first, one for each set of effects.
+/// Fits after their first step, carried on as far as each is worth it beside their `base` and the best that is `known`; best first, one for each
+/// set of effects.
 pub(super) fn raced(
     contest: &Contest<'_>,
-    base: &Contestant,
+    (base, known): (&Contestant, Option<&Contestant>),
     fits: Vec<Contestant>,
     promises: &[(Vec<&Hypothesis>, f64)],
 ) -> Result<Vec<Contestant>> {
@@ -37,11 +38,13 @@ pub(super) fn raced(
     let mut fits = chained(contest, base, runners)?;
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
-    let best = fits.first().map_or(f64::NEG_INFINITY, |f| contest.score(f)).max(contest.score(base));
+    let standing = || std::iter::once(base).chain(known);
+    let best = standing().chain(fits.first()).map(|fit| contest.score(fit)).fold(f64::NEG_INFINITY, f64::max);
+    let reach = OUT_OF_REACH * standing().map(|fit| fit.evidence.squares()).fold(f64::INFINITY, f64::min);
     let finish = |(place, (fit, leads)): (usize, (Contestant, bool))| {
         let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
         // A leader that is far behind what stands already leads among what is no use.
-        let leads = leads && fit.hypotheses.len() > base.hypotheses.len();
+        let leads = leads && fit.hypotheses.len() > base.hypotheses.len() && fit.evidence.squares() <= reach;
         // Beside a large residual few values count alone, and everything would be in sight.
         let is_in_sight = place < RACED && contest.score(&fit) >= best - IN_SIGHT;
         let may_win = (leads || is_in_sight) && may_gain;

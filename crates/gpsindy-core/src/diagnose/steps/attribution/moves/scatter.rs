@@ -68,10 +68,16 @@ pub(crate) fn scattered(contest: &Contest<'_>, fit: &Contestant) -> Result<Optio
         return Ok(None);
     }
     let parameter = fit.free[sizes[k]].parameter;
-    // The right form leaves nothing once its sizes are right; what an imitation leaves is smaller with more sizes, and still there.
-    let is_taken = |next: &Contestant| next.evidence.rest() < (1.0 - SUBSTITUTE) * fit.evidence.rest();
-    let Some(first) = round(contest, fit, parameter, Budget::Rough)?.filter(is_taken) else { return Ok(None) };
-    let found = settled(contest, first.clone(), parameter)?.unwrap_or(first);
+    let mut found = fit.clone();
+    for budget in std::iter::once(Budget::Rough).chain([Budget::Usual; OWN_ROUNDS]) {
+        let Some(next) = round(contest, &found, parameter, budget)? else { return Ok(None) };
+        // The right form leaves nothing once its sizes are right; what an imitation leaves is smaller with more sizes, and still there.
+        if next.evidence.leaves_a_rest() && next.evidence.rest() > (1.0 - SUBSTITUTE) * found.evidence.rest() {
+            return Ok(None);
+        }
+        let is_less = next.evidence.squares() < found.evidence.squares();
+        found = if is_less { next } else { break };
+    }
     Ok(Some(found).filter(|found| !found.evidence.leaves_a_rest() && contest.is_convincing(found, fit)))
 }
 
