@@ -182,6 +182,16 @@ impl Planting<'_> {
         }
     }
 
+    /// The same but in the equation of a variable of the hypothesis that is a state.
+    pub(crate) fn replace_beside(&mut self, index: usize, name: &str, by: &Expression) {
+        let kept = self.hypothesis.variables.get(index).and_then(|own| self.model.state_index(own));
+        let kept = kept.map(|state| (state, self.model.states[state].equation.clone()));
+        self.replace(name, by);
+        if let Some((state, equation)) = kept {
+            self.model.states[state].equation = equation;
+        }
+    }
+
     /// The column reads a form of the size `c` and what it `reads` now.
     pub(crate) fn read_as(&mut self, form: &str) -> Result<()> {
         let state = &self.model.states[self.hypothesis.state];

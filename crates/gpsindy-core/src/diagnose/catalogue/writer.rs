@@ -228,6 +228,16 @@ impl<'a> Writer<'a> {
         }
     }
 
+    /// The same but in the equation of a variable of the hypothesis that is a state.
+    pub(crate) fn replace_beside(&mut self, index: usize, name: &str, replacement: &Expression) {
+        let kept = self.hypothesis.variables.get(index).and_then(|own| self.model.state_index(own));
+        let kept = kept.map(|state| (state, self.model.states[state].equation.clone()));
+        self.replace(name, replacement);
+        if let Some((state, equation)) = kept {
+            self.model.states[state].equation = equation;
+        }
+    }
+
     /// Puts `replacement` in the place of a whole part, wherever it stands.
     pub(crate) fn replace_part(&mut self, whole: &Expression, replacement: &Expression) {
         let other = |part| if part == *whole { replacement.clone() } else { part };

@@ -40,7 +40,7 @@ pub(super) static DEFINITION: Definition = Definition {
         )
     },
     in_mjcf: None,
-    about: "It is tested only if the model declares a logged control that none of its equations uses, or a voltage or pressure that the equations of the control do not use: the column of the supply. A supply that is a state may lose to the control in its own equation.",
+    about: "It is tested only if the model declares a logged control that none of its equations uses, or a voltage or pressure that the equations of the control do not use: the column of the supply. The equation of a supply that is a state keeps the control as it is.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -49,7 +49,8 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let unit = writer.unit_of(1);
     let w0 = writer.add("w0", usual, usual, (0.1 * usual, 10.0 * usual), &unit);
     let scaled = writer.form("u*(w/w0)", &[("w0", w0)])?;
-    writer.replace(&drive.name, &scaled);
+    // What draws on a supply that is a state is the model's own.
+    writer.replace_beside(1, &drive.name, &scaled);
     Ok([1.0, 0.8, 1.25].map(|part| keep(&[part * usual])).into())
 }
 
@@ -58,6 +59,51 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     let swing = Expression::variable(planting.name(1)).over(Expression::Number(usual)).minus(Expression::Number(1.0));
     let symbols = [("u", Expression::variable(planting.name(0))), ("swing", swing)];
     let scaled = planting.written("u + c*swing*u", "c", &symbols)?;
-    planting.replace(&planting.name(0), &scaled);
+    planting.replace_beside(1, &planting.name(0), &scaled);
     Ok(Some(Size::within("c", String::new(), (0.05, 1.0), "the control follows the whole swing of its supply")))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fixture::model_of;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::model::Control;
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// A ram whose force goes with the pressure `p`, which the valve `u` draws down alike at every pressure; 50 Hz.
+    fn ram(run: u64) -> Run {
+        const FINE: f64 = 0.02 / 20.0;
+        let mut random = ChaCha8Rng::seed_from_u64(run);
+        let time: Vec<f64> = (0..600).map(|i| 0.02 * f64::from(i)).collect();
+        let (mut v, mut p, mut values) = (0.0, 90.0, Mat::zeros(time.len(), 3));
+        for i in 0..time.len() {
+            let u = ((i as u64 / 40 * 7 + 3 * run) % 9) as f64 / 4.0 - 1.0;
+            values[(i, 0)] = v + 0.01 * normal(&mut random);
+            values[(i, 1)] = p + 0.1 * normal(&mut random);
+            values[(i, 2)] = u;
+            for _ in 0..20 {
+                v += FINE * (4.0 * u * p / 80.0 - v);
+                p += FINE * (0.5 * (100.0 - p) - 25.0 * u * u);
+            }
+        }
+        Run { name: format!("{run}"), time, values }
+    }
+
+    #[test]
+    fn a_supply_that_is_a_state_is_named_alone_and_its_own_equation_keeps_the_control() {
+        let rates = [("v", "m/s", "4*u - v"), ("p", "bar", "0.5*(100 - p) - 25*u^2")];
+        let mut model = model_of(&rates);
+        model.controls = vec![Control::new("u")];
+        let data = Dataset::new(["v", "p", "u"].map(Channel::new).into(), (0..4).map(ram).collect()).unwrap();
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let causes: Vec<_> = found.included().map(|c| (c.effect.as_str(), c.parameters[0].value)).collect();
+        assert!(matches!(causes[..], [("supply", w0)] if (w0 - 80.0).abs() < 1.0), "{causes:?}");
+    }
 }
