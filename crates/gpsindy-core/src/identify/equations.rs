@@ -157,6 +157,19 @@ impl Equations {
         self.allowed.iter().map(Vec::len).sum()
     }
 
+    /// What distinguishes its model from others of the same states and controls, apart from the values of its parameters.
+    pub(crate) fn structure(&self) -> String {
+        let names = self.library.names();
+        let of = |s: usize| match &self.fixed[s] {
+            Some(given) => format!("= {given}"),
+            None => self.support.terms(s).iter().map(|&j| names[j]).collect::<Vec<_>>().join(" "),
+        };
+        let rates: Vec<String> = (0..self.n_states()).map(of).collect();
+        let late = |delay: &DelayValue| if delay.free { "free".into() } else { delay.value.to_string() };
+        let delays: Vec<String> = self.delays.iter().map(late).collect();
+        format!("{} | {}", rates.join("; "), delays.join(" "))
+    }
+
     /// Every delay that is estimated, with the number of its control.
     pub(crate) fn free_delays(&self) -> impl Iterator<Item = (usize, &DelayValue)> {
         self.delays.iter().enumerate().filter(|(_, d)| d.free)

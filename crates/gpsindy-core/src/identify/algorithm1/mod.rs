@@ -1,5 +1,6 @@
 //! The paper's Algorithm 1: smoothing, regression rows, one sparse regression per state; and the timing of the controls.
 
+pub(crate) mod made;
 pub(crate) mod regress;
 pub(crate) mod rows;
 pub(crate) mod second_opinion;

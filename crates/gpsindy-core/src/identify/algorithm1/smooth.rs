@@ -4,6 +4,7 @@ use crate::data::{Channel, Dataset, Run};
 use crate::differentiate::{Derivatives, Differentiation, SecondStage, central};
 use crate::error::{Error, Result};
 use crate::gp::Weakness;
+use crate::identify::algorithm1::made::Made;
 use crate::identify::algorithm1::second_opinion::smooth_columns;
 use crate::identify::algorithm1::track::Track;
 use crate::identify::limits::{LEAST_NOISE, MOST_STEPS, STEPS_PER_PACE, WINDOW_PACES, WINDOW_SAMPLES};
@@ -15,6 +16,7 @@ use crate::progress::Progress;
 use crate::refine::Hold;
 use crate::smooth::{Noise, Smoothed, SmoothedRun, Smoother};
 use faer::Mat;
+use std::sync::Arc;
 
 /// Median of the absolute value of a standard normal variable. Exact.
 const MEDIAN: f64 = 0.6745;
@@ -39,6 +41,8 @@ pub(crate) struct Motion {
     /// Shortest mean sampling period of a run, s.
     pub(crate) period: f64,
     pub(crate) notes: Vec<Note>,
+    /// The fits that were made to it, whatever the library.
+    pub(crate) made: Arc<Made>,
 }
 
 /// Smooths the states and, where the regression compares derivatives, differentiates them.
@@ -73,7 +77,7 @@ pub(crate) fn smooth(settings: &Identify, logs: &Logs, progress: &dyn Progress) 
     let spread = spreads(&tracks);
     let (scales, pace) = sizes(&tracks, &logs.frame.library, &spread, settings.hold.unwrap_or_default())?;
     let period = tracks.iter().map(|track| mean_period(&track.time)).fold(f64::INFINITY, f64::min);
-    Ok(Motion { tracks, derivatives, noise, kernels, scales, spread, pace, period, notes })
+    Ok(Motion { tracks, derivatives, noise, kernels, scales, spread, pace, period, notes, made: Arc::default() })
 }
 
 impl Motion {

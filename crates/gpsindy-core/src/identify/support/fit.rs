@@ -4,14 +4,15 @@
 
 use crate::data::Dataset;
 use crate::error::{Error, Result};
+use crate::identify::algorithm1::made::Made;
 use crate::identify::algorithm1::smooth::Motion;
 use crate::identify::algorithm1::track::Track;
 use crate::identify::equations::Equations;
-use crate::identify::evidence::{independent_share, price};
-use crate::identify::limits::{FLOOR, HOPELESS, NEAR_CLEAN, NO_WEIGHT, NOISE_ROUNDS, NOISE_SETTLED, USUAL};
+use crate::identify::evidence::price;
+use crate::identify::limits::{FLOOR, HOPELESS, NEAR_CLEAN, NO_WEIGHT, NOISE_ROUNDS, NOISE_SETTLED};
 use crate::identify::prepare::Logs;
 use crate::model::System;
-use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Refine, Window};
+use crate::refine::{Experiment, Free, Hold, Jacobian, Point, Window};
 
 /// What equations are fitted to, and how.
 pub(crate) struct Fitter<'a> {
@@ -30,6 +31,8 @@ pub(crate) struct Fitter<'a> {
     pub(crate) unmeasured: &'a [usize],
     /// Standard deviation of every smoothed state, 0 for one that does not move.
     pub(crate) spread: &'a [f64],
+    /// The fits that were made to these logs.
+    pub(crate) made: &'a Made,
 }
 
 /// A fitted set of equations.
@@ -94,6 +97,7 @@ impl<'a> Fitter<'a> {
             noise: motion.noise.clone(),
             tracks: &motion.tracks,
             scales: &motion.scales,
+            made: &motion.made,
         }
     }
 
@@ -140,22 +144,19 @@ impl<'a> Fitter<'a> {
                 |trial: &Trial| trial.windows.iter().position(|other| (other.log, other.first) == (w.log, w.first));
             near.and_then(|trial| place(trial).map(|k| trial.initial[k].clone()))
         };
-        let mut initial: Vec<Vec<f64>> =
-            experiment.windows.iter().map(|w| found(w).unwrap_or_else(|| self.start(&system, w))).collect();
+        let initial = experiment.windows.iter().map(|w| found(w).unwrap_or_else(|| self.start(&system, w))).collect();
         let free = self.free(equations);
-        let mut parameters = system.parameter_values();
+        let mut point = Point { parameters: system.parameter_values(), initial };
         let sizes: Vec<f64> = experiment.columns.iter().map(|&column| experiment.scale[column]).collect();
         let least: Vec<f64> = sizes.iter().map(|size| FLOOR * size).collect();
         let mut floor = least.clone();
         // Once with the noise assumed, and again if the residuals show another.
         for round in 0..NOISE_ROUNDS {
             let hopeless = rival.map_or(f64::INFINITY, |rival| HOPELESS * rival.cost_at(&noise));
-            let refined = Refine { hopeless, ..USUAL }.fit(&system, &experiment, &parameters, &free, Some(&initial))?;
-            parameters.clone_from(&refined.parameters);
-            initial.clone_from(&refined.initial);
-            let (squares, counts) = sums(&experiment, &refined.residuals);
+            let ended = self.ended(equations, (&system, &experiment), &point, &free, hopeless)?;
+            point = ended.point;
+            let (squares, counts) = (ended.squares, ended.counts);
             if round == 0 {
-                let point = Point { parameters: parameters.clone(), initial: initial.clone() };
                 floor = integration_errors(&system, &experiment, &point, (&squares, &counts), least.clone());
             }
             let found: Vec<f64> = (0..noise.len())
@@ -164,7 +165,7 @@ impl<'a> Fitter<'a> {
                         return noise[c];
                     }
                     let freedom = (counts[c]
-                        - (free.len() + initial.len() * experiment.scale.len()) as f64 / noise.len() as f64)
+                        - (free.len() + point.initial.len() * experiment.scale.len()) as f64 / noise.len() as f64)
                         .max(1.0);
                     (squares[c] / freedom).sqrt().max(floor[c])
                 })
@@ -172,32 +173,29 @@ impl<'a> Fitter<'a> {
             let settled = found.iter().zip(&noise).all(|(new, old)| (new / old - 1.0).abs() < NOISE_SETTLED);
             noise.clone_from(&found);
             experiment.noise.clone_from(&found);
-            let share = independent_share(&refined.residuals, noise.len());
             let n: f64 = counts.iter().sum();
             let mut fitted = equations.clone();
-            fitted.take(&parameters);
-            let scaled = |k: usize| refined.covariance[k][k].max(0.0).sqrt();
+            fitted.take(&point.parameters);
             let mut errors = vec![vec![0.0; equations.n_terms()]; equations.n_states()];
             for (k, (s, j)) in equations.support.iter().enumerate() {
-                errors[s][j] = scaled(k);
+                errors[s][j] = ended.errors[k];
             }
-            let delay_errors = (equations.support.len()..free.len()).map(scaled).collect();
-            let converged = refined.converged;
+            let delay_errors = ended.errors[equations.support.len()..].to_vec();
             let trial = Trial {
                 equations: fitted,
                 errors,
                 inclusion: Vec::new(),
                 delay_errors,
                 windows: experiment.windows.clone(),
-                initial: initial.clone(),
+                initial: point.initial.clone(),
                 noise: noise.clone(),
                 squares,
                 counts,
                 floor: floor.clone(),
                 sizes: sizes.clone(),
                 n_values: n,
-                share,
-                converged,
+                share: ended.share,
+                converged: ended.converged,
             };
             let is_beaten = || rival.is_some_and(|rival| self.lead(&trial, rival) < -NO_WEIGHT);
             if settled || round + 1 == NOISE_ROUNDS || is_beaten() {
@@ -385,7 +383,7 @@ fn largest_growth(system: &System, experiment: &Experiment, point: &Point) -> Re
 }
 
 /// Sum of squares and number of values of each column, in the column's unit.
-fn sums(experiment: &Experiment, residuals: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn sums(experiment: &Experiment, residuals: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let columns = experiment.noise.len();
     let (mut squares, mut counts) = (vec![0.0; columns], vec![0.0; columns]);
     for window in residuals {

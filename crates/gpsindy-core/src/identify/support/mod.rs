@@ -2,6 +2,7 @@
 
 mod by_rollout;
 mod consensus;
+mod ended;
 pub(crate) mod fit;
 mod lengthen;
 mod linear;

@@ -5,6 +5,7 @@
 
 use crate::data::{Dataset, Run};
 use crate::error::{Result, unless_cancelled};
+use crate::identify::algorithm1::made::Made;
 use crate::identify::equations::Equations;
 use crate::identify::limits::consensus::FOLLOWED;
 use crate::identify::limits::outlook::{AROUND, LEFT_OUT, LONGEST, REMARKED, REPLICATES, STARTS};
@@ -116,7 +117,8 @@ impl Scope<'_> {
         });
         let data = Dataset::new(fitter.data.channels().to_vec(), runs.collect())?;
         let longest = data.runs().iter().map(|run| run.time[run.n_samples() - 1] - run.time[0]).fold(0.0, f64::max);
-        let first = Fitter { data: &data, noise: fitter.noise.clone(), ..*fitter };
+        let made = Made::default();
+        let first = Fitter { data: &data, noise: fitter.noise.clone(), made: &made, ..*fitter };
         unless_cancelled(first.fit(&found.trial.equations, found.window.min(longest), Some(&found.trial)))
     }
 
