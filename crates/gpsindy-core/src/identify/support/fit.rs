@@ -258,16 +258,17 @@ impl<'a> Fitter<'a> {
     /// its spread.
     pub(crate) fn amplification(&self, trial: &Trial, window: f64) -> Result<f64> {
         let (system, experiment, point) = self.fitted(trial, window)?;
-        largest_growth(&system, &experiment, &point)
+        largest_growth(&system, &experiment, &point, false)
     }
 
-    /// The same of equations that were not fitted, from the smoothed states.
+    /// How much a difference between two starts grows on the way, at most, where the equations were not fitted and begin at the smoothed
+    /// states: after a burst all differences are small again.
     pub(crate) fn amplification_of(&self, equations: &Equations, window: f64) -> Result<f64> {
         let system = equations.model_with_parameters().compile()?;
         let experiment = self.experiment(&system, window, &self.noise)?;
         let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
         let point = Point { parameters: system.parameter_values(), initial };
-        largest_growth(&system, &experiment, &point)
+        largest_growth(&system, &experiment, &point, true)
     }
 
     /// By how much the evidence of `trial` is better than that of `other`; both count their values alike, by the larger
@@ -365,16 +366,18 @@ fn integration_errors(
     least.into_iter().enumerate().map(|(c, least)| least.max((apart[c] / counts[c].max(1.0)).sqrt())).collect()
 }
 
-/// How much a difference between two starts grows up to the ends of the windows, at most, each state in units of its spread.
-fn largest_growth(system: &System, experiment: &Experiment, point: &Point) -> Result<f64> {
+/// How much a difference between two starts grows up to the ends of the windows, or `anywhere` in them, at most, each state in units of its
+/// spread.
+fn largest_growth(system: &System, experiment: &Experiment, point: &Point, anywhere: bool) -> Result<f64> {
     let jacobian = Jacobian::new(system, experiment, point, &[])?;
     let (columns, scale) = (&experiment.columns, &experiment.scale);
     let mut largest = 0.0_f64;
     for block in &jacobian.blocks {
         let last = block.residual.len() - columns.len();
-        for (c, &column) in columns.iter().enumerate().filter(|(_, column)| **column < jacobian.n_states) {
-            for (j, from) in scale.iter().enumerate() {
-                let growth = block.derivative[(last + c, j)].abs() * experiment.noise[c] * from / scale[column];
+        for row in if anywhere { 0 } else { last }..block.residual.len() {
+            let (c, column) = (row % columns.len(), columns[row % columns.len()]);
+            for (j, from) in scale.iter().enumerate().filter(|_| column < jacobian.n_states) {
+                let growth = block.derivative[(row, j)].abs() * experiment.noise[c] * from / scale[column];
                 largest = largest.max(growth);
             }
         }

@@ -191,6 +191,23 @@ mod tests {
     }
 
     #[test]
+    fn a_difference_that_grows_and_shrinks_again_has_grown() {
+        // x' = u x with u = 1, then -1: at the end of the run a difference is as small as at its beginning.
+        let rate = |t: f64, x: &[f64]| vec![if t < 4.0 { x[0] } else { -x[0] }];
+        let control = |t: f64| vec![if t < 3.999 { 1.0 } else { -1.0 }];
+        let data = log(&["x", "u"], &[1.0], &rate, (0.1, 81), 0.0, &control, 1);
+        let settings = Identify { controls: vec!["u".into()], smoother: None, ..settings(&["x"]) };
+        let done = Algorithm1::run(&settings, &data, &Silent).unwrap();
+        let mut equations = done.logs.frame.clone();
+        let product = equations.library.index_of("x*u").unwrap();
+        let coefficients: Vec<f64> = (0..equations.n_terms()).map(|j| f64::from(u8::from(j == product))).collect();
+        equations.set(0, &coefficients);
+        let growth =
+            Scope::new(&settings, &done, &Silent).fitter(Hold::Zero).amplification_of(&equations, 8.0).unwrap();
+        assert!((growth / 4f64.exp() - 1.0).abs() < 0.02, "{growth}");
+    }
+
+    #[test]
     fn equations_that_leave_for_good_foretell_nothing_however_well_they_begin() {
         let data = log(&["x"], &[1.0], &|_, x| vec![-x[0]], (0.1, 100), 0.0, &|_| vec![], 1);
         let settings = settings(&["x"]);
