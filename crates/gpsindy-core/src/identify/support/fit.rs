@@ -102,7 +102,7 @@ impl<'a> Fitter<'a> {
     }
 
     /// The logs cut into windows of about `window` seconds.
-    fn experiment(&self, system: &System, window: f64, noise: &[f64]) -> Result<Experiment> {
+    pub(crate) fn experiment(&self, system: &System, window: f64, noise: &[f64]) -> Result<Experiment> {
         let mut experiment = Experiment::new(system, self.data, Some(noise))?.with_windows_of(window);
         experiment.substeps = self.substeps;
         experiment.hold = self.hold;
@@ -206,7 +206,7 @@ impl<'a> Fitter<'a> {
     }
 
     /// Smoothed states at the start of a window; 0 for what represents a logged derivative.
-    fn start(&self, system: &System, window: &Window) -> Vec<f64> {
+    pub(crate) fn start(&self, system: &System, window: &Window) -> Vec<f64> {
         let track = &self.tracks[window.log];
         let value = |s: usize| if s < track.mean.ncols() { track.mean[(window.first, s)] } else { 0.0 };
         (0..system.n_states()).map(value).collect()
@@ -252,23 +252,6 @@ impl<'a> Fitter<'a> {
             Err(Error::Diverged { .. }) => Ok(Some((None, still))),
             Err(error) => Err(error),
         }
-    }
-
-    /// How much a difference between two starts grows up to the ends of the windows of `trial`, at most, each state in units of
-    /// its spread.
-    pub(crate) fn amplification(&self, trial: &Trial, window: f64) -> Result<f64> {
-        let (system, experiment, point) = self.fitted(trial, window)?;
-        largest_growth(&system, &experiment, &point, false)
-    }
-
-    /// How much a difference between two starts grows on the way, at most, where the equations were not fitted and begin at the smoothed
-    /// states: after a burst all differences are small again.
-    pub(crate) fn amplification_of(&self, equations: &Equations, window: f64) -> Result<f64> {
-        let system = equations.model_with_parameters().compile()?;
-        let experiment = self.experiment(&system, window, &self.noise)?;
-        let initial = experiment.windows.iter().map(|w| self.start(&system, w)).collect();
-        let point = Point { parameters: system.parameter_values(), initial };
-        largest_growth(&system, &experiment, &point, true)
     }
 
     /// By how much the evidence of `trial` is better than that of `other`; both count their values alike, by the larger
@@ -364,25 +347,6 @@ fn integration_errors(
     let pairs = own.iter().zip(&finer).map(|(own, finer)| own.iter().zip(finer).map(|(a, b)| a - b).collect());
     let (apart, counts) = sums(experiment, &pairs.collect::<Vec<Vec<f64>>>());
     least.into_iter().enumerate().map(|(c, least)| least.max((apart[c] / counts[c].max(1.0)).sqrt())).collect()
-}
-
-/// How much a difference between two starts grows up to the ends of the windows, or `anywhere` in them, at most, each state in units of its
-/// spread.
-fn largest_growth(system: &System, experiment: &Experiment, point: &Point, anywhere: bool) -> Result<f64> {
-    let jacobian = Jacobian::new(system, experiment, point, &[])?;
-    let (columns, scale) = (&experiment.columns, &experiment.scale);
-    let mut largest = 0.0_f64;
-    for block in &jacobian.blocks {
-        let last = block.residual.len() - columns.len();
-        for row in if anywhere { 0 } else { last }..block.residual.len() {
-            let (c, column) = (row % columns.len(), columns[row % columns.len()]);
-            for (j, from) in scale.iter().enumerate().filter(|_| column < jacobian.n_states) {
-                let growth = block.derivative[(row, j)].abs() * experiment.noise[c] * from / scale[column];
-                largest = largest.max(growth);
-            }
-        }
-    }
-    Ok(largest)
 }
 
 /// Sum of squares and number of values of each column, in the column's unit.

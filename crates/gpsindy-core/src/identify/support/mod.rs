@@ -4,6 +4,7 @@ mod by_rollout;
 mod consensus;
 mod ended;
 pub(crate) mod fit;
+pub(crate) mod growth;
 mod lengthen;
 mod linear;
 mod moves;
