@@ -189,6 +189,20 @@ impl Equations {
         self.coefficients[s] = coefficients.to_vec();
     }
 
+    /// The same over the library of `frame`, which has no term in; none where that lacks one, or where free numbers are in use.
+    pub(crate) fn over(&self, frame: &Self) -> Option<Self> {
+        let names = self.library.names();
+        let mut equations = Self { delays: self.delays.clone(), ..frame.clone() };
+        for s in 0..self.n_states() {
+            let mut coefficients = vec![0.0; frame.n_terms()];
+            for &j in self.support.terms(s) {
+                coefficients[frame.library.index_of(names[j]).ok()?] = self.coefficients[s][j];
+            }
+            equations.set(s, &coefficients);
+        }
+        (self.free_numbers().is_empty() && equations.free_numbers().is_empty()).then_some(equations)
+    }
+
     /// Puts the terms number `support` of all candidates in, with these coefficients (n x p), and all others out.
     pub(crate) fn set_support(&mut self, support: &[usize], coefficients: &[Vec<f64>]) {
         let mut number = 0;

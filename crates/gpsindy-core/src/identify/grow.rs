@@ -10,6 +10,7 @@ use crate::identify::limits::{DEPENDENT_SHARE, EXACT, GROWN, MOST_GROWN, ON_COUR
 use crate::identify::notes::Note;
 use crate::identify::searched::Searched;
 use crate::identify::settings::Identify;
+use crate::identify::support::fit::{Fitter, Trial};
 use crate::identify::support::scope::{Member, Scope};
 use crate::library::{Library, LibrarySettings};
 use std::cmp::Ordering;
@@ -41,6 +42,9 @@ impl Scope<'_> {
         let done = Algorithm1::with_library_of(&settings, (self.logs, self.motion), self.progress);
         // None: a term that has no value somewhere on the smoothed path.
         let Some(done) = unless_cancelled(done)? else { return Ok(None) };
+        if !self.may_explain(base.1, &done)? {
+            return Ok(None);
+        }
         let mut done = settings.chosen(done, self.progress)?;
         if let (_, Some(base)) = base {
             done.timings = done.timings.of(base.hold);
@@ -54,6 +58,24 @@ impl Scope<'_> {
         let equations = member.as_ref().map_or(&done.regressed.equations, |member| &member.trial.equations);
         notes.push(grown_note(equations, &self.logs.frame.library));
         Ok(Some(Searched { settings, done, member, notes }))
+    }
+
+    /// Whether the terms of the library of `done` may explain enough of what `base` leaves: all but the noise, or so much that rollouts would
+    /// be clearly nearer. To first order no choice of terms leaves less than all of them together. Only of rollouts of whole runs is known what
+    /// they leave; shorter ones may hide it.
+    pub(crate) fn may_explain(&self, base: Option<&Member>, done: &Algorithm1) -> Result<bool> {
+        let Some(base) = base.filter(|base| base.window >= self.motion.longest_run() && base.trial.converged) else {
+            return Ok(true);
+        };
+        let trial = &base.trial;
+        let Some(equations) = trial.equations.over(&done.logs.frame) else { return Ok(true) };
+        let fitter = Fitter::new(&done.logs, &done.motion, base.hold);
+        let with_all = Trial { equations, ..trial.clone() };
+        let Some(linear) = unless_cancelled(fitter.linearise(&with_all, base.window))? else { return Ok(true) };
+        let (now, least) = linear.residuals();
+        let columns = trial.counts.iter().zip(&trial.noise).zip(&self.motion.noise);
+        let noise: f64 = columns.map(|((count, left), own)| count * (ON_COURSE * own / left).powi(2)).sum();
+        Ok(least <= noise || ON_COURSE * ON_COURSE * least < now)
     }
 
     /// Whether what another library led to predicts whole runs better than `base`; or as well, and leaves nothing, and explains the logs
@@ -130,9 +152,11 @@ fn larger(settings: &Identify, data: &Dataset) -> Result<Option<LibrarySettings>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::{Channel, Run};
     use crate::identify::result::Identification;
     use crate::identify::tests::log;
     use crate::progress::Silent;
+    use faer::Mat;
 
     fn logged(names: &[&str], start: &[f64], rate: &dyn Fn(&[f64]) -> Vec<f64>, noise: f64) -> Dataset {
         log(names, start, &|_, x| rate(x), (0.1, 200), noise, &|_| vec![], 5)
@@ -152,6 +176,40 @@ mod tests {
             Note::Grown { terms } => Some(&terms[..]),
             _ => None,
         })
+    }
+
+    /// Whether the terms of the larger library may explain what `terms` (with coefficients, state by state) leave of whole runs.
+    fn may_explain(data: &Dataset, states: &[&str], terms: &[(&str, f64)]) -> bool {
+        let states = states.iter().map(ToString::to_string).collect();
+        let settings = Identify { states, smoother: None, ..Identify::default() };
+        let done = Algorithm1::run(&settings, data, &Silent).unwrap();
+        let mut equations = done.logs.frame.clone();
+        for (s, (term, value)) in terms.iter().enumerate() {
+            let place = equations.library.index_of(term).unwrap();
+            let coefficients: Vec<f64> =
+                (0..equations.n_terms()).map(|j| if j == place { *value } else { 0.0 }).collect();
+            equations.set(s, &coefficients);
+        }
+        let scope = Scope::new(&settings, &done, &Silent);
+        let (hold, window) = (done.timings.best.hold, done.motion.longest_run());
+        let trial = scope.fitter(hold).fit(&equations, window, None).unwrap();
+        let base = Member { trial, window, hold, rival: None };
+        let library = larger(&settings, data).unwrap().unwrap();
+        let more = Identify { library, ..settings.clone() };
+        let more = Algorithm1::with_library_of(&more, (&done.logs, &done.motion), &Silent).unwrap();
+        scope.may_explain(Some(&base), &more).unwrap()
+    }
+
+    #[test]
+    fn what_all_terms_together_leave_is_left_by_every_choice_of_them() {
+        // A wave of 20 rad/s on a decay: no terms of the state explain it.
+        let wave = |i: usize, _: usize| (-0.05 * i as f64).exp() + 0.05 * (0.05 * 20.0 * i as f64).sin();
+        let time = (0..200).map(|i| 0.05 * i as f64).collect();
+        let run = Run { name: "wave".into(), time, values: Mat::from_fn(200, 1, wave) };
+        let shaken = Dataset::new(vec![Channel::new("x")], vec![run]).unwrap();
+        assert!(!may_explain(&shaken, &["x"], &[("x", -1.0)]));
+        let swing = logged(&["q", "w"], &[1.0, 0.0], &|x| vec![x[1], -2.0 * x[0].sin()], 0.0);
+        assert!(may_explain(&swing, &["q", "w"], &[("w", 1.0), ("q", -1.8)]));
     }
 
     #[test]

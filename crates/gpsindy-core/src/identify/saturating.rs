@@ -76,7 +76,11 @@ impl Searched {
                 }
             }
             scope.keep_going()?;
-            tried.extend(best);
+            if let Some(best) = best
+                && scope.may_explain(Some(base), &best.2)?
+            {
+                tried.push(best);
+            }
         }
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, settings, done) in tried.into_iter().take(KEPT) {

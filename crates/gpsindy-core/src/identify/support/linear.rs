@@ -121,6 +121,12 @@ impl Linear {
         active.iter().chain(&self.always).copied().collect()
     }
 
+    /// Sum of squares that the terms in use leave, and the one that all candidates together leave.
+    pub(crate) fn residuals(&self) -> (f64, f64) {
+        let left = |terms: &[usize]| self.problem.refit(terms).residual;
+        (left(&self.with_always(&self.active)), left(&(0..self.problem.n_terms()).collect::<Vec<usize>>()))
+    }
+
     /// All single moves from `active` with what they would change in the evidence, best first.
     pub(crate) fn moves(&self, active: &[usize]) -> Vec<(f64, Vec<usize>)> {
         self.moves_of(&self.gains, active)
