@@ -8,7 +8,8 @@
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{
-    Budget, CHAIN_GAIN, CONVINCING, NARROWED, OF_A_HIT, RATIO_AT_REST, RATIOS_AT_REST, STEPS_AT_REST, WIDEST_AT_REST,
+    Budget, CHAIN_GAIN, CONVINCING, NARROWED, OF_A_HIT, POOR, RATIO_AT_REST, RATIOS_AT_REST, STEPS_AT_REST,
+    WIDEST_AT_REST,
 };
 use crate::error::{Result, unless_refused};
 use crate::model::System;
@@ -61,11 +62,12 @@ fn begun(
         return Ok(None);
     };
     let Some((apart, least)) = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(None) };
-    // Most machines never rest, and what is gained must pay for a level and for the ratios. Where more than noise is left, values repeat each
+    // Most machines never rest. Where more than noise is left, what is gained must pay for a level and for the ratios, and values repeat each
     // other: as many count alone as there is noise. Far above it they say little, and the squares must fall by what is worth a fit.
     let count = short.n_values() as f64;
     let gain = 0.5 * count * (count / least).min(1.0) * (costs[0].1 / least).ln();
-    let is_convincing = gain > CONVINCING + 0.5 * count.ln() + (costs.len() as f64).ln();
+    let price = if *least > POOR * count { 0.5 * count.ln() + (costs.len() as f64).ln() } else { 0.0 };
+    let is_convincing = gain > CONVINCING + price;
     if !(is_convincing || *least < (1.0 - CHAIN_GAIN) * costs[0].1) {
         return Ok(None);
     }

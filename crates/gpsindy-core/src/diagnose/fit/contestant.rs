@@ -66,6 +66,11 @@ pub(crate) struct Contestant {
     pub(crate) beginnings: Option<Arc<Vec<Vec<f64>>>>,
 }
 
+/// Whether parameters of a hypothesis are sought anew beside every other one: a level at rest, whose neighbourhood any other effect moves.
+pub(crate) fn moves_in_jumps(added: &[(usize, Added)]) -> bool {
+    added.iter().any(|(_, added)| added.role == Role::AtRest)
+}
+
 /// A contestant with its residuals and their derivatives at its fit: where straight lines start.
 pub(crate) struct Linearised<'a> {
     pub(crate) contestant: &'a Contestant,
@@ -145,7 +150,8 @@ impl Contestant {
 
     /// Parameters of the hypotheses whose ends, levels and exact forms were not looked for by trial.
     pub(crate) fn untried(&self) -> impl Iterator<Item = &(usize, Added)> {
-        self.added.iter().zip(&self.tried).filter(|(_, is_tried)| !**is_tried).flat_map(|(added, _)| added)
+        let is_open = |(added, is_tried): &(&Vec<(usize, Added)>, &bool)| !**is_tried || moves_in_jumps(added);
+        self.added.iter().zip(&self.tried).filter(is_open).flat_map(|(added, _)| added)
     }
 
     /// Free parameters of these that have a value beyond their lower ends, and that value.
