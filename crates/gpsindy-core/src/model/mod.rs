@@ -289,6 +289,16 @@ impl Model {
         self.states.iter().position(|s| s.name == name)
     }
 
+    /// Puts `by` in the place of `name` wherever it acts, but in the equation of the state number `kept`.
+    pub(crate) fn replace(&mut self, name: &str, by: &Expression, kept: Option<usize>) {
+        for (number, state) in self.states.iter_mut().enumerate() {
+            if kept != Some(number) {
+                state.equation = state.equation.substitute(name, by);
+            }
+            state.measured = state.measured.as_ref().map(|m| m.substitute(name, by));
+        }
+    }
+
     /// Position of the control `name`.
     pub fn control_index(&self, name: &str) -> Option<usize> {
         self.controls.iter().position(|c| c.name == name)

@@ -176,20 +176,13 @@ impl Planting<'_> {
     }
 
     pub(crate) fn replace(&mut self, name: &str, by: &Expression) {
-        for state in &mut self.model.states {
-            state.equation = state.equation.substitute(name, by);
-            state.measured = state.measured.as_ref().map(|m| m.substitute(name, by));
-        }
+        self.model.replace(name, by, None);
     }
 
     /// The same but in the equation of a variable of the hypothesis that is a state.
     pub(crate) fn replace_beside(&mut self, index: usize, name: &str, by: &Expression) {
         let kept = self.hypothesis.variables.get(index).and_then(|own| self.model.state_index(own));
-        let kept = kept.map(|state| (state, self.model.states[state].equation.clone()));
-        self.replace(name, by);
-        if let Some((state, equation)) = kept {
-            self.model.states[state].equation = equation;
-        }
+        self.model.replace(name, by, kept);
     }
 
     /// The column reads a form of the size `c` and what it `reads` now.

@@ -222,20 +222,13 @@ impl<'a> Writer<'a> {
 
     /// Puts `replacement` in the place of `name`, wherever it acts.
     pub(crate) fn replace(&mut self, name: &str, replacement: &Expression) {
-        for state in &mut self.model.states {
-            state.equation = state.equation.substitute(name, replacement);
-            state.measured = state.measured.as_ref().map(|m| m.substitute(name, replacement));
-        }
+        self.model.replace(name, replacement, None);
     }
 
     /// The same but in the equation of a variable of the hypothesis that is a state.
     pub(crate) fn replace_beside(&mut self, index: usize, name: &str, replacement: &Expression) {
         let kept = self.hypothesis.variables.get(index).and_then(|own| self.model.state_index(own));
-        let kept = kept.map(|state| (state, self.model.states[state].equation.clone()));
-        self.replace(name, replacement);
-        if let Some((state, equation)) = kept {
-            self.model.states[state].equation = equation;
-        }
+        self.model.replace(name, replacement, kept);
     }
 
     /// Puts `replacement` in the place of a whole part, wherever it stands.

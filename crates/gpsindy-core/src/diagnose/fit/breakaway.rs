@@ -3,7 +3,7 @@
 //! A control that is held changes its force in steps, so that a machine at rest lets go with one of them or with another: how the logs are
 //! missed changes in jumps when the level at rest moves, and a fit that follows derivatives leaves it where it is. And a machine that lets go
 //! at another step is elsewhere from then on. So ratios of the two levels are tried between starts of their own (multiple shooting, Bock
-//! 1983), where the other parameters are fitted to each; the best goes on to the whole rollouts on ever finer lattices.
+//! 1983), about a fit in which the levels are one; the best, if it is worth it, is fitted and goes on to the whole rollouts on ever finer lattices.
 
 use crate::diagnose::catalogue::hypothesis::{Added, Role};
 use crate::diagnose::fit::contestant::Contestant;

@@ -42,6 +42,13 @@ pub(crate) struct Entrant<'a> {
     pub(crate) is_tried: bool,
 }
 
+impl<'a> Entrant<'a> {
+    /// One that is still to be looked for by trial.
+    pub(crate) fn new(hypothesis: &'a Hypothesis, searches: Searches) -> Self {
+        Self { hypothesis, searches, is_tried: false }
+    }
+}
+
 /// The nominal model with some hypotheses, and what its fit left over. Data only: [`Fitter`] makes it, [`Evidence`]
 /// judges it.
 ///
@@ -51,8 +58,8 @@ pub(crate) struct Contestant {
     pub(crate) hypotheses: Vec<Hypothesis>,
     /// The search that chose each hypothesis.
     pub(crate) searches: Vec<Searches>,
-    /// Whether what no fit can walk to was looked for by trial, for each hypothesis: ends, levels, instants, periods and exact forms. Beside
-    /// the same effect with one more they are near, and only the best of a round is worth another look.
+    /// Whether what no fit can walk to was looked for by trial, for each hypothesis: ends, instants, periods and exact forms. Beside the same
+    /// effect with one more they are near, and only the best of a round is worth another look.
     pub(crate) tried: Vec<bool>,
     /// Parameters that each hypothesis brought: index in the model, and what is known of them.
     pub(crate) added: Vec<Vec<(usize, Added)>>,
@@ -66,9 +73,10 @@ pub(crate) struct Contestant {
     pub(crate) beginnings: Option<Arc<Vec<Vec<f64>>>>,
 }
 
-/// Whether parameters of a hypothesis are sought anew beside every other one: a level at rest, whose neighbourhood any other effect moves.
-pub(crate) fn moves_in_jumps(added: &[(usize, Added)]) -> bool {
-    added.iter().any(|(_, added)| added.role == Role::AtRest)
+/// Whether the parameters that a hypothesis `added` are still to be looked for by trial. A level at rest is beside every other effect: any of
+/// them moves where it is.
+pub(crate) fn is_open(is_tried: bool, added: &[(usize, Added)]) -> bool {
+    !is_tried || added.iter().any(|(_, added)| added.role == Role::AtRest)
 }
 
 /// A contestant with its residuals and their derivatives at its fit: where straight lines start.
@@ -150,8 +158,7 @@ impl Contestant {
 
     /// Parameters of the hypotheses whose ends, levels and exact forms were not looked for by trial.
     pub(crate) fn untried(&self) -> impl Iterator<Item = &(usize, Added)> {
-        let is_open = |(added, is_tried): &(&Vec<(usize, Added)>, &bool)| !**is_tried || moves_in_jumps(added);
-        self.added.iter().zip(&self.tried).filter(is_open).flat_map(|(added, _)| added)
+        self.added.iter().zip(&self.tried).filter(|(added, tried)| is_open(**tried, added)).flat_map(|(added, _)| added)
     }
 
     /// Free parameters of these that have a value beyond their lower ends, and that value.
@@ -161,9 +168,9 @@ impl Contestant {
         all.filter_map(|(index, added)| Some((*index, added.beyond()?)))
     }
 
-    /// The same with all of that as it is: `is_tried`, or to be looked for once more.
-    pub(crate) fn with_trials(mut self, is_tried: bool) -> Self {
-        self.tried = vec![is_tried; self.hypotheses.len()];
+    /// The same with all of that looked for.
+    pub(crate) fn all_tried(mut self) -> Self {
+        self.tried.fill(true);
         self
     }
 
@@ -179,8 +186,7 @@ impl Contestant {
     /// The effects at all places but those in `out`, with their values.
     pub(crate) fn entrants_without(&self, out: &[usize]) -> Vec<(Entrant<'_>, Vec<f64>)> {
         let kept = (0..self.hypotheses.len()).filter(|place| !out.contains(place));
-        let entrant =
-            |i: usize| Entrant { hypothesis: &self.hypotheses[i], searches: self.searches[i], is_tried: false };
+        let entrant = |i: usize| Entrant::new(&self.hypotheses[i], self.searches[i]);
         kept.map(|i| (entrant(i), self.values(i))).collect()
     }
 

@@ -7,7 +7,7 @@ pub(crate) use starts::standing_out;
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied};
 use crate::diagnose::fit::breakaway::rested;
-use crate::diagnose::fit::contestant::{Contestant, Entrant, moves_in_jumps};
+use crate::diagnose::fit::contestant::{Contestant, Entrant, is_open};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
 use crate::diagnose::fit::{by_run, tried};
@@ -114,7 +114,7 @@ impl Fitter {
         let mut point = Point { parameters, initial };
         // A search by trial costs more than all else of a first step, and most suspects take no second one. Along straight lines it is cheap.
         if budget != Budget::Glance || system.engine().is_some() {
-            let new = applied.each().zip(entrants).filter(|(own, entrant)| !entrant.is_tried || moves_in_jumps(own));
+            let new = applied.each().zip(entrants).filter(|(own, entrant)| is_open(entrant.is_tried, own));
             let untried: Vec<(usize, Added)> = new.flat_map(|(own, _)| own).cloned().collect();
             tried::settle(base, (&system, &experiment), (&untried, &free), (&mut point, budget))?;
         }
@@ -176,7 +176,7 @@ impl Fitter {
                 best = other;
             }
         }
-        Ok(best.with_trials(true))
+        Ok(best.all_tried())
     }
 
     /// The same contestant, its fit carried on.
@@ -312,5 +312,5 @@ fn nearest(
 /// A hypothesis of the tests, which no search chose.
 #[cfg(test)]
 pub(crate) fn unsearched(hypothesis: &crate::diagnose::catalogue::hypothesis::Hypothesis) -> Entrant<'_> {
-    Entrant { hypothesis, searches: crate::diagnose::fit::contestant::Searches::NONE, is_tried: false }
+    Entrant::new(hypothesis, crate::diagnose::fit::contestant::Searches::NONE)
 }

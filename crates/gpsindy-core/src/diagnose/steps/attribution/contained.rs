@@ -23,7 +23,7 @@ pub(crate) fn contained(
     let narrow = contained.filter_map(|&effect| narrow(contest, base, wide, effect, &values));
     let new = narrow.filter(|(hypothesis, _)| !best.hypotheses.contains(hypothesis));
     let sets = new.map(|(hypothesis, own)| {
-        let entrant = Entrant { hypothesis, searches: best.searches[place], is_tried: false };
+        let entrant = Entrant::new(hypothesis, best.searches[place]);
         others.iter().cloned().chain([(entrant, own)]).collect::<Vec<_>>()
     });
     let fits = base.each(sets.collect(), |effects| contest.again_with(base, best, &effects))?;

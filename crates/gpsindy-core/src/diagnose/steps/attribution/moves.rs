@@ -159,8 +159,7 @@ fn made(
     m: &Move<'_>,
     searches: Searches,
 ) -> Result<Option<Contestant>> {
-    let new: Vec<Entrant<'_>> =
-        m.members.iter().map(|&h| Entrant { hypothesis: &contest.hypotheses[h], searches, is_tried: false }).collect();
+    let new: Vec<Entrant<'_>> = m.members.iter().map(|&h| Entrant::new(&contest.hypotheses[h], searches)).collect();
     if let Some(applied) = m.applied.filter(|_| m.out.is_empty()) {
         let fit = contest.fitter.with(base, &new, applied, &m.values, Budget::Glance);
         return unless_refused(fit);

@@ -15,7 +15,7 @@ pub(crate) fn kept(contest: &Contest<'_>, mut judged: Judged) -> Judged {
     let applied = rival.apply(outcome.best.system.model(), &contest.scene);
     let hypothesis = Hypothesis::nameless(rival);
     let start = vec![0.0; applied.fitted.len()];
-    let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::of(contest.rivals.len()), is_tried: false };
+    let entrant = Entrant::new(&hypothesis, Searches::of(contest.rivals.len()));
     if let Ok(fit) = contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual) {
         outcome.seats.push(Seat { hypothesis: hypothesis.clone(), alternatives: Vec::new(), removed: left.energy });
         outcome.best = fit;

@@ -64,8 +64,7 @@ pub(crate) fn expand_further(
     first: Expansion,
     new: Range<usize>,
 ) -> Result<Expansion> {
-    let known = first.fits.iter().max_by(|a, b| contest.score(a).total_cmp(&contest.score(b)));
-    let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())), known)?;
+    let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())), first.fits.first())?;
     let mut all = first.with(contest, more.fits, more.searches);
     let stay = contest.dismisses(new.clone(), all.leaders());
     all.fits.retain(|fit| !fit.hypotheses.iter().any(|h| contest.is_waiting(h)));

@@ -93,7 +93,7 @@ mod tests {
         let both: [&Hypothesis; 2] = [find("viscous_friction"), find("cubic_stiffness")];
         let applied = joint::apply(&both, &model, &contest.scene).unwrap();
         let entrants = [30, 70].map(Searches::of);
-        let entrants = [0, 1].map(|i| Entrant { hypothesis: both[i], searches: entrants[i], is_tried: false });
+        let entrants = [0, 1].map(|i| Entrant::new(both[i], entrants[i]));
         let best = fitter.with(&nominal, &entrants, &applied, &[vec![0.3, 0.3]], Budget::Usual).unwrap();
         let rest = contest.without_each(&nominal, &best, Budget::Usual).unwrap().swap_remove(0).unwrap();
         assert_eq!(rest.searches_beyond(&nominal), Searches::of(70));

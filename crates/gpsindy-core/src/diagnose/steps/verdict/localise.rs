@@ -105,7 +105,7 @@ fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Cont
     let applied = rival.apply(outcome.best.system.model(), &contest.scene);
     let hypothesis = Hypothesis::nameless(rival);
     let start = vec![0.0; applied.fitted.len()];
-    let entrant = Entrant { hypothesis: &hypothesis, searches: Searches::NONE, is_tried: false };
+    let entrant = Entrant::new(&hypothesis, Searches::NONE);
     let fitted = contest.fitter.with(&outcome.best, &[entrant], &applied, &[start], Budget::Usual);
     fitted.unwrap_or_else(|_| outcome.best.clone())
 }

@@ -46,7 +46,7 @@ impl Account {
         promises.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         promises.truncate(BESIDE_FORCES);
         let fit = |Promise { hypothesis, value, .. }: Promise<'_>| {
-            let entrant = Entrant { hypothesis, searches, is_tried: false };
+            let entrant = Entrant::new(hypothesis, searches);
             contest.with_values(nominal, nominal, &[entrant], &[vec![value]], Budget::Glance)
         };
         Ok(nominal.each(promises, fit)?.into_iter().flatten().collect())

@@ -68,16 +68,13 @@ pub(crate) fn scattered(contest: &Contest<'_>, fit: &Contestant) -> Result<Optio
         return Ok(None);
     }
     let parameter = fit.free[sizes[k]].parameter;
-    let mut found = fit.clone();
-    for budget in std::iter::once(Budget::Rough).chain([Budget::Usual; OWN_ROUNDS]) {
-        let Some(next) = round(contest, &found, parameter, budget)? else { return Ok(None) };
-        // The right form leaves nothing once its sizes are right; what an imitation leaves is smaller with more sizes, and still there.
-        if next.evidence.leaves_a_rest() && next.evidence.rest() > (1.0 - SUBSTITUTE) * found.evidence.rest() {
-            return Ok(None);
-        }
-        let is_less = next.evidence.squares() < found.evidence.squares();
-        found = if is_less { next } else { break };
-    }
+    // The right form leaves nothing once its sizes are right; what an imitation leaves is smaller with more sizes, and still there.
+    let is_taken = |before: &Contestant, next: &Contestant| {
+        !next.evidence.leaves_a_rest() || next.evidence.rest() <= (1.0 - SUBSTITUTE) * before.evidence.rest()
+    };
+    let first = round(contest, fit, parameter, Budget::Rough)?.filter(|first| is_taken(fit, first));
+    let Some(first) = first else { return Ok(None) };
+    let found = settled(contest, first.clone(), parameter, &is_taken)?.unwrap_or(first);
     Ok(Some(found).filter(|found| !found.evidence.leaves_a_rest() && contest.is_convincing(found, fit)))
 }
 
@@ -85,19 +82,24 @@ pub(crate) fn scattered(contest: &Contest<'_>, fit: &Contestant) -> Result<Optio
 pub(crate) fn resettled(contest: &Contest<'_>, fit: Contestant) -> Result<Contestant> {
     let mut fit = fit;
     for parameter in differing(&fit.experiment) {
-        fit = settled(contest, fit.clone(), parameter)?.unwrap_or(fit);
+        fit = settled(contest, fit.clone(), parameter, &|_, _| true)?.unwrap_or(fit);
     }
     Ok(fit)
 }
 
 /// The fit with a value of `parameter` by recording: by straight lines from where it is, round by round, all else fitted on. The joint value is
-/// the mean over the recordings.
-fn settled(contest: &Contest<'_>, fit: Contestant, parameter: usize) -> Result<Option<Contestant>> {
+/// the mean over the recordings. It ends where a round lowers the squares no more, or is not `worth` the next.
+fn settled(
+    contest: &Contest<'_>,
+    fit: Contestant,
+    parameter: usize,
+    worth: &dyn Fn(&Contestant, &Contestant) -> bool,
+) -> Result<Option<Contestant>> {
     let mut best: Option<Contestant> = None;
     for _ in 0..OWN_ROUNDS {
         let at = best.as_ref().unwrap_or(&fit);
         let Some(next) = round(contest, at, parameter, Budget::Usual)? else { break };
-        if !(next.evidence.squares() < at.evidence.squares()) {
+        if !(next.evidence.squares() < at.evidence.squares() && worth(at, &next)) {
             break;
         }
         best = Some(next);

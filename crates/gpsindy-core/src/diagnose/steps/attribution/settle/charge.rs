@@ -34,7 +34,7 @@ pub(crate) fn charge_tolerated(
         let Some(hypothesis) = contest.hypotheses.iter().find(is_its) else { return Ok(None) };
         // It was chosen among the parameters with a tolerance.
         let searches = Searches::of(best.free.len());
-        causes.push((Entrant { hypothesis, searches, is_tried: false }, vec![best.refined.parameters[index]]));
+        causes.push((Entrant::new(hypothesis, searches), vec![best.refined.parameters[index]]));
     }
     causes.extend(best.entrants_without(&[]));
     let free = nominal.free.iter().filter(|f| !charged.contains(&f.parameter)).cloned().collect();
