@@ -103,6 +103,8 @@ pub fn score(system: &System, data: &Dataset, settings: &Scoring, progress: &dyn
     }
     let logged = logged_columns(system, data)?;
     let deviations = deviations(data, &logged);
+    let largest = logged.iter().map(|&(_, column)| largest(data, column)).fold(0.0, f64::max);
+    let settings = &Scoring { simulate: settings.simulate.beside(largest), ..*settings };
     let n_runs = data.runs().len();
     let tallies: Vec<[Tally; 3]> = parallel::try_map(data.runs().iter().enumerate(), |(i, run)| {
         let subject = Subject::new(system, settings, data, run, &logged)?;
@@ -127,17 +129,19 @@ fn logged_columns(system: &System, data: &Dataset) -> Result<Vec<(usize, usize)>
 
 /// Standard deviation of every compared column; 0 where it is a rest that only rounding moves.
 fn deviations(data: &Dataset, logged: &[(usize, usize)]) -> Vec<f64> {
-    let largest = |column: usize| {
-        let values = data.runs().iter().flat_map(|run| run.column(column));
-        values.filter(|v| !v.is_nan()).fold(0.0, |m: f64, v| m.max(v.abs()))
-    };
-    let of_all = logged.iter().map(|&(_, column)| largest(column)).fold(0.0, f64::max);
+    let of_all = logged.iter().map(|&(_, column)| largest(data, column)).fold(0.0, f64::max);
     let of = |&(_, column): &(usize, usize)| {
         let deviation = deviation(data, column);
-        let rounding = (ROUNDING * of_all).max(8.0 * f64::EPSILON * largest(column));
+        let rounding = (ROUNDING * of_all).max(8.0 * f64::EPSILON * largest(data, column));
         if deviation > rounding { deviation } else { 0.0 }
     };
     logged.iter().map(of).collect()
+}
+
+/// Largest size in a column over all runs, missing cells left out.
+fn largest(data: &Dataset, column: usize) -> f64 {
+    let values = data.runs().iter().flat_map(|run| run.column(column));
+    values.filter(|v| !v.is_nan()).fold(0.0, |largest: f64, v| largest.max(v.abs()))
 }
 
 /// Standard deviation of a column over all runs, missing cells left out.

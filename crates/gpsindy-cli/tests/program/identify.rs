@@ -276,6 +276,21 @@ fn polynomials_that_are_too_few_get_help_unless_the_library_is_given() {
 }
 
 #[test]
+fn the_unit_of_a_column_makes_no_model_poor() {
+    let folder = Folder::new();
+    for unit in [1e-30, 1.0, 1e12, 1e30] {
+        let x = |t: f64, i: u32| unit * ((-t).exp() + 0.002 * ((f64::from(i) * 0.618_034).fract() - 0.5));
+        let rows: String =
+            (0..200).map(|i| (0.05 * f64::from(i), i)).map(|(t, i)| format!("{t},{:e}\n", x(t, i))).collect();
+        folder.write("log.csv", &format!("t,x\n{rows}"));
+        let ran = folder.run("identify log.csv --state x --json").done();
+        let result: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!(terms(&result, 0), ["x"], "{unit}");
+        assert!(!ran.stderr.contains("diverge") && !result["notes"].to_string().contains("diverge"), "{unit}: {ran:?}");
+    }
+}
+
+#[test]
 fn a_poor_model_says_so_first_and_ends_with_status_1() {
     let folder = Folder::new();
     // The digits of multiples of the golden ratio: nothing foretells them.

@@ -4,7 +4,7 @@
 //! shows in its quotient with the coefficient alone.
 
 use crate::data::Dataset;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Operator, Tape};
 use crate::identify::equations::Equations;
 use crate::identify::limits::numbers::{AT_A_BOUND, VISIBLE};
@@ -78,14 +78,35 @@ impl Extent {
 }
 
 impl Identify {
+    /// The equations and the terms that were given.
+    fn given(&self) -> Result<Vec<Expression>> {
+        let terms = self.library.extra.iter().map(|text| Expression::parse(text)).collect::<Result<Vec<_>>>()?;
+        Ok(self.constraints.fixed.iter().map(|fixed| fixed.equation.clone()).chain(terms).collect())
+    }
+
+    /// That every free number stands in an equation or a term that was given: nothing else can say its value.
+    pub(crate) fn check_numbers(&self) -> Result<()> {
+        if self.library.numbers.is_empty() {
+            return Ok(());
+        }
+        let named: Vec<String> = self.given()?.iter().flat_map(Expression::variables).collect();
+        match self.library.numbers.iter().find(|number| !named.contains(&number.name)) {
+            None => Ok(()),
+            Some(idle) => Err(Error::Range {
+                name: idle.name.clone(),
+                expected: "in a term or an equation that is given, as it is a free number".into(),
+                found: "it in none".into(),
+            }),
+        }
+    }
+
     /// These settings with a range for every free number that has none, where the logs say in what range it shows.
     pub(crate) fn with_numbers_bounded(&self, data: &Dataset) -> Result<Option<Self>> {
         if !self.library.numbers.iter().any(FreeNumber::is_unnamed) {
             return Ok(None);
         }
-        let terms = self.library.extra.iter().map(|text| Expression::parse(text)).collect::<Result<Vec<_>>>()?;
-        let given: Vec<&Expression> =
-            self.constraints.fixed.iter().map(|fixed| &fixed.equation).chain(&terms).collect();
+        let parts = self.given()?;
+        let given: Vec<&Expression> = parts.iter().collect();
         let bounded = |number: &FreeNumber| match number.is_unnamed() {
             true => self.bounded(number, &given, data),
             false => number.clone(),
@@ -227,6 +248,23 @@ mod tests {
         let settings = Identify { library: named(number), constraints, ..Identify::default() };
         let bounded = settings.with_numbers_bounded(&data).unwrap().unwrap_or(settings);
         (bounded.library.numbers[0].start, bounded.library.numbers[0].bounds)
+    }
+
+    #[test]
+    fn a_number_that_stands_nowhere_is_refused() {
+        let with = |equation: &str, extra: &[&str]| {
+            let fixed = vec![Fixed::parse(equation).unwrap()];
+            let extra = extra.iter().map(ToString::to_string).collect();
+            let library = LibrarySettings { extra, ..named("h") };
+            let constraints = Constraints { fixed, ..Constraints::default() };
+            Identify { library, constraints, ..Identify::default() }.check_numbers()
+        };
+        assert!(with("x' = h*v", &[]).is_ok() && with("x' = v", &["x/(h + x)"]).is_ok());
+        let refused = with("x' = v", &["x^3"]).unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "`h` must be in a term or an equation that is given, as it is a free number, found it in none"
+        );
     }
 
     #[test]

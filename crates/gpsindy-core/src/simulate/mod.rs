@@ -78,7 +78,8 @@ pub struct Simulate {
     pub tolerance: f64,
     /// Steps after which an integration gives up; default 2,000,000.
     pub max_steps: usize,
-    /// Size of a state at which an integration counts as diverged, in the state's unit; default 1e12.
+    /// Size of a state at which an integration counts as diverged, in the state's unit; default 1e12. It is at least a million times the
+    /// largest start, or `bound` times that.
     pub bound: f64,
 }
 
@@ -106,7 +107,16 @@ pub struct Rollout {
     pub stiff_from: Option<f64>,
 }
 
+/// Growth beyond what was logged, or beyond the start, that still counts as no divergence: no unit of a column makes a rollout diverge.
+/// Convention.
+const FAR: f64 = 1e6;
+
 impl Simulate {
+    /// The same beside logs with values up to `largest`.
+    pub(crate) fn beside(self, largest: f64) -> Self {
+        Self { bound: self.bound.max(self.bound.min(FAR) * largest), ..self }
+    }
+
     /// Simulates the whole run from `initial` (n) at its first sample.
     ///
     /// # Errors
@@ -131,8 +141,9 @@ impl Simulate {
         range: Range<usize>,
     ) -> Result<Rollout> {
         self.check(system, excitation, initial, &range)?;
+        let settings = &self.beside(initial.iter().fold(0.0, |largest, v| largest.max(v.abs())));
         if system.engine().is_some() {
-            return stepped::rollout(self, system, excitation, initial, range);
+            return stepped::rollout(settings, system, excitation, initial, range);
         }
         let n = system.n_states();
         let time = &excitation.time()[range];
@@ -163,7 +174,7 @@ impl Simulate {
             }
         };
         let mut x = initial.to_vec();
-        let march = integrate::march(self, &mut rates, &mut x, (start, end), time, &mut accept)?;
+        let march = integrate::march(settings, &mut rates, &mut x, (start, end), time, &mut accept)?;
         if end == last {
             for j in 0..n {
                 states[(time.len() - 1, j)] = x[j];

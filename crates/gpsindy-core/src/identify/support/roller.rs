@@ -23,7 +23,10 @@ impl<'a> Roller<'a> {
     pub(crate) fn new(motion: &'a Motion, equations: &Equations, hold: Hold) -> Result<Self> {
         // The steps of the fits: an approximation may lead to where accurate ones would never end.
         let method = Method::RungeKutta4 { substeps: motion.substeps() };
-        let simulate = Simulate { hold, method, ..Simulate::default() };
+        let logged =
+            motion.tracks.iter().flat_map(|track| (0..track.mean.ncols()).flat_map(|s| track.mean.col_as_slice(s)));
+        let largest = logged.fold(0.0, |largest: f64, v| largest.max(v.abs()));
+        let simulate = Simulate { hold, method, ..Simulate::default() }.beside(largest);
         Ok(Self { motion, system: equations.model().compile()?, simulate })
     }
 
