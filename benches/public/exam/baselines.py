@@ -24,7 +24,6 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-import pysindy
 from scipy.optimize import least_squares
 
 import gpsindy
@@ -126,6 +125,8 @@ def candidates(case, state):
 
 
 def discrepancy(case):
+    import pysindy
+
     smooth = pysindy.SmoothedFiniteDifference()
     slopes = [smooth._differentiate(x, t) for t, x, _ in case.train]
     missing = np.vstack([s - case.model.derivative(x, u, t) for s, (t, x, u) in zip(slopes, case.train)])

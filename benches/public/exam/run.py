@@ -3,7 +3,8 @@
     python benches/public/exam/run.py --programs target/release --out out/exam [--seed-from 2000000] [--cases 20]
 
 The suite is drawn by `gpsindy-suite` of the version that `--programs` holds; the same version and seeds give the same bytes, and the
-page of the table says their SHA-256. The answers are moved out of the suite before any method starts. Methods: gpsindy, and the two
+page of the table says their SHA-256. What the table shows is kept in `--out`/exam.json; the one of the page is
+benches/public/results/exam.json. The answers are moved out of the suite before any method starts. Methods: gpsindy, and the two
 of `baselines.py`. What is done already is not done again. Needs numpy, scipy, gpsindy and pysindy in the Python that runs this.
 """
 
@@ -17,6 +18,7 @@ import sys
 from pathlib import Path
 
 BASELINES = Path(__file__).with_name("baselines.py")
+KEYS = ("right_verdict", "detected", "false_alarms", "right_cause_state", "top_1", "top_3", "several_found", "wrongly_explained")
 
 
 def digest(suite):
@@ -28,8 +30,15 @@ def digest(suite):
     return found.hexdigest()
 
 
-def rate(entry):
-    return f"{entry['hits']} of {entry['of']}" if entry["of"] else "-"
+def table(kept):
+    """Markdown: every rate of every method."""
+
+    def rate(hits, of):
+        return f"{hits} of {of}" if of else "-"
+
+    rows = ["| method | " + " | ".join(key.replace("_", " ") for key in KEYS) + " |", "| --- |" + " --- |" * len(KEYS)]
+    rows += [f"| {method} | " + " | ".join(rate(*card[key]) for key in KEYS) + " |" for method, card in kept["methods"].items()]
+    return "\n".join(rows)
 
 
 def main():
@@ -63,10 +72,13 @@ def main():
         reports = ["--reports", str(asked.out / method), "--out", str(card)]
         subprocess.run([*score, *reports], check=True, stdout=subprocess.DEVNULL)
         cards[method] = json.loads((card / "scorecard.json").read_text(encoding="utf-8"))
-    keys = ("right_verdict", "detected", "false_alarms", "right_cause_state", "top_1", "top_3", "several_found", "wrongly_explained")
-    print("| method | " + " | ".join(key.replace("_", " ") for key in keys) + " |\n| --- |" + " --- |" * len(keys))
-    for method, card in cards.items():
-        print(f"| {method} | " + " | ".join(rate(card[key]) for key in keys) + " |")
+    kept = {
+        "seeds": [asked.seed_from, asked.seed_from + asked.cases],
+        "sha256": digest(suite),
+        "methods": {method: {key: [card[key]["hits"], card[key]["of"]] for key in KEYS} for method, card in cards.items()},
+    }
+    (asked.out / "exam.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    print(table(kept))
 
 
 if __name__ == "__main__":
