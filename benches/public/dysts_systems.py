@@ -10,7 +10,8 @@ since.
 Every method sees one trajectory after a transient of 5 periods: `--samples` of them, 100 a period, each state with white
 noise of `--noise` standard deviations. A library of all monomials up to the degree of the system (at least 3) is given to
 everyone. What counts: whether exactly the true terms were found, the largest relative error of a true coefficient, and the
-processor time.
+processor time. `rates` is how the equations predict the rates along the true motion of as many samples more: the sum of squared errors
+by the sum of squares, the largest one of a state.
 
 Methods: `gpsindy`, the command line as it comes; `pysindy`, as it comes with that degree; `pysindy-esindy`, bagged and
 smoothed, with the threshold of the best held-out last quarter of derivatives.
@@ -23,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
 import resource
@@ -101,6 +103,31 @@ def trajectory(system, samples):
     return times, solve_ivp(side, (0, times[-1]), settled, t_eval=times, method="LSODA", rtol=1e-11, atol=1e-11).y.T
 
 
+def continued(system, last, samples):
+    """True states of as many samples behind `last`, and their rates."""
+    import numpy as np
+    from scipy.integrate import solve_ivp
+
+    side = right_side(system["name"])
+    times = np.arange(samples) * (system["period"] / PER_PERIOD)
+    states = solve_ivp(side, (0, times[-1]), last, t_eval=times, method="LSODA", rtol=1e-9, atol=1e-9).y.T
+    return states, np.array([side(0.0, state) for state in states])
+
+
+def missed_rates(found, numbers, states, rates):
+    """Sum of squared errors of the rates by the sum of squares, the largest one of a state."""
+    import numpy as np
+
+    scope = {name: getattr(np, name) for name in ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "abs", "sign")}
+    scope |= {**numbers, **dict(zip(NAMES, states.T))}
+    shares = []
+    for side, true in zip(found, rates.T):
+        # The terms are what the methods print, a power as `^`.
+        predicted = sum((v * eval(term.replace("^", "**"), {"__builtins__": {}}, scope) for term, v in side.items()), 0.0 * true)
+        shares.append(float(((predicted - true) ** 2).sum() / max((true**2).sum(), 1e-300)))
+    return max(shares)
+
+
 def learn_gpsindy(x, t, degree):
     names = NAMES[: x.shape[1]]
     with tempfile.TemporaryDirectory() as folder:
@@ -123,7 +150,8 @@ def learn_gpsindy(x, t, degree):
     found = json.loads(done.stdout)
     record = found["model"]["identification"]
     sides = [{term: v for term, v in zip(record["terms"], row) if v != 0} for row in record["coefficients"]]
-    return sides, {"status": done.returncode, "notes": found["notes"]}
+    numbers = {number["name"]: number["value"] for number in found["model"].get("parameter", [])}
+    return sides, {"status": done.returncode, "notes": found["notes"]}, numbers
 
 
 def learn_pysindy(x, t, degree):
@@ -132,7 +160,7 @@ def learn_pysindy(x, t, degree):
     library = pysindy.PolynomialLibrary(degree=degree)
     model = pysindy.SINDy(feature_library=library)
     model.fit(x, t=t)
-    return named(library, model.coefficients()), {}
+    return named(library, model.coefficients()), {}, {}
 
 
 def learn_esindy(x, t, degree):
@@ -158,7 +186,7 @@ def learn_esindy(x, t, degree):
             return np.inf
 
     best = fit(min((0.01, 0.03, 0.1, 0.3, 1.0), key=error), x, t)
-    return named(library, best.coefficients()), {}
+    return named(library, best.coefficients()), {}, {}
 
 
 def named(library, coefficients):
@@ -193,12 +221,15 @@ def job(system, asked, method, results):
     x = true + asked["noise"] * true.std(axis=0) * generator.standard_normal(true.shape)
     begun = processor_time()
     try:
-        found, more = LEARN[method](x, times, max(3, system["degree"]))
+        found, more, numbers = LEARN[method](x, times, max(3, system["degree"]))
+        spent = processor_time() - begun
         exact, error = judge(found, system["terms"])
-        line = {"exact": exact, "error": error, **more}
+        missed = missed_rates(found, numbers, *continued(system, true[-1], asked["samples"]))
+        line = {"exact": exact, "error": error, "rates": missed if math.isfinite(missed) else None, **more}
     except Exception as failure:
-        line = {"exact": False, "error": None, "note": f"{type(failure).__name__}: {failure}"[:200]}
-    results.put({**line, "processor": round(processor_time() - begun, 2)})
+        spent = processor_time() - begun
+        line = {"exact": False, "error": None, "rates": None, "note": f"{type(failure).__name__}: {failure}"[:200]}
+    results.put({**line, "processor": round(spent, 2)})
 
 
 def within(limit, *arguments):
@@ -216,7 +247,7 @@ def within(limit, *arguments):
     try:
         line = results.get(timeout=limit)
     except Exception:
-        line = {"exact": False, "error": None, "processor": None, "note": f"no answer within {limit} s"}
+        line = {"exact": False, "error": None, "rates": None, "processor": None, "note": f"no answer within {limit} s"}
     process.terminate()
     process.join()
     return {**line, "seconds": round(time.monotonic() - begun, 1)}

@@ -12,7 +12,8 @@ Every method is given the same structure: the position and its unlogged velocity
 starting values. A free run sees the inputs and the first state alone. Error: root mean square over the whole test log, in
 the unit of the table.
 
-Methods: `gpsindy`, the command line as it comes; `pysindy`, degree and terms the same, the velocity and the derivatives
+Methods: `gpsindy`, the command line as it comes; `gpsindy-structure`, with the physical structure of the system and every number in it
+free, for the tanks alone: the upper level is not logged; `pysindy`, degree and terms the same, the velocity and the derivatives
 from smoothed differences, the threshold of the best free run over the last quarter of the training log.
 
 A line a job stands in `--out`; a run that was interrupted goes on where it was. Needs numpy, scipy; pysindy for the peer.
@@ -32,12 +33,25 @@ from pathlib import Path
 
 from jobs import carried_on
 
-METHODS = ("gpsindy", "pysindy")
+METHODS = ("gpsindy", "gpsindy-structure", "pysindy")
 # Files, the position, every so many samples, degree of the library, further terms, factor and unit of the error.
 SYSTEMS = {
     "emps": ("train", "test_pulses", "q", 10, 1, ("sign(w)",), 1e3, "mm"),
     "silverbox": ("multisine", "arrow", "y", 1, 3, (), 1e3, "mV"),
     "tanks": ("train", "test", "y", 1, 3, (), 1.0, "V"),
+}
+
+# What is known of a system: its states, the range of its sensor, and equations whose numbers are free within ranges.
+STRUCTURES = {
+    "tanks": {
+        "--state": ("y,h",),
+        "--range": ("y=:10",),
+        "--free": ("b=0.01:1,d=0:20,m=0.001:1,c=0.1:100,k=0.0001:1,a=-0.1:0.1,q=0.001:1,e=0.001:1,r=0:1",),
+        "--fix": (
+            "y' = sqrt(max(h, 0)) - b*sqrt(max(y + d, 0)) + c*max(h - m, 0) - r*max(y - 10, 0)",
+            "h' = k*u + a - q*sqrt(max(h, 0)) - e*max(h - m, 0)",
+        ),
+    }
 }
 
 
@@ -57,7 +71,7 @@ def write(path, names, columns):
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-def run_gpsindy(train, test, position, degree, terms):
+def run_gpsindy(train, test, position, options):
     import numpy as np
 
     program = os.environ.get("GPSINDY", "gpsindy")
@@ -65,20 +79,7 @@ def run_gpsindy(train, test, position, degree, terms):
         folder = Path(name)
         write(folder / "train.csv", ("t", position, "u"), train)
         write(folder / "test.csv", ("t", position, "u"), test)
-        command = [
-            program,
-            "identify",
-            "train.csv",
-            "--state",
-            f"{position},w",
-            "--control",
-            "u",
-            "--fix",
-            f"{position}' = w",
-        ]
-        command += ["--degree", str(degree), "--threads", "1", "--json", "--out", "model.toml"]
-        for term in terms:
-            command += ["--term", term]
+        command = [program, "identify", "train.csv", "--control", "u", *options, "--threads", "1", "--json", "--out", "model.toml"]
         learnt = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if not learnt.stdout.strip():
             raise RuntimeError(learnt.stderr.strip()[-300:])
@@ -92,6 +93,17 @@ def run_gpsindy(train, test, position, degree, terms):
         lines = rolled.stdout.splitlines()
         place = lines[0].split(",").index(position)
         return np.array([float(line.split(",")[place]) for line in lines[1:]]), about
+
+
+def as_it_comes(position, degree, terms):
+    """The options that give the position and its unlogged velocity."""
+    options = ["--state", f"{position},w", "--fix", f"{position}' = w", "--degree", str(degree)]
+    return options + [part for term in terms for part in ("--term", term)]
+
+
+def structure(system):
+    """The options that give all that is known of `system`."""
+    return [part for option, values in STRUCTURES[system].items() for value in values for part in (option, value)]
 
 
 def run_pysindy(train, test, position, degree, terms):
@@ -147,7 +159,11 @@ def job(folder, system, method):
     test = read(folder / f"{test_name}.csv", position, stride)
     begun = processor_time()
     try:
-        found, about = (run_gpsindy if method == "gpsindy" else run_pysindy)(train, test, position, degree, terms)
+        if method == "pysindy":
+            found, about = run_pysindy(train, test, position, degree, terms)
+        else:
+            options = as_it_comes(position, degree, terms) if method == "gpsindy" else structure(system)
+            found, about = run_gpsindy(train, test, position, options)
         usable = found is not None and np.isfinite(found).all()
         about["error"] = factor * float(np.sqrt(np.mean((found - test[1]) ** 2))) if usable else None
         about["mean"] = factor * float(test[1].std())
@@ -182,13 +198,18 @@ def main():
     parser.add_argument("--systems", nargs="+", choices=list(SYSTEMS), help="default: those that FOLDER holds")
     parser.add_argument("--out", type=Path, default=Path("out/nonlinear.jsonl"))
     asked = parser.parse_args()
-    if "gpsindy" in asked.methods and not shutil.which(os.environ.get("GPSINDY", "gpsindy")):
+    if any(method.startswith("gpsindy") for method in asked.methods) and not shutil.which(os.environ.get("GPSINDY", "gpsindy")):
         parser.error("the program `gpsindy` is not on the path; name it in the variable GPSINDY")
     warnings.simplefilter("ignore")
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", RAYON_NUM_THREADS="1")
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     systems = asked.systems or [name for name in SYSTEMS if (asked.data / name).is_dir()]
-    jobs = (({"system": system, "method": method},) for system in systems for method in asked.methods)
+    jobs = (
+        ({"system": system, "method": method},)
+        for system in systems
+        for method in asked.methods
+        if method != "gpsindy-structure" or system in STRUCTURES
+    )
     lines = carried_on(asked.out, jobs, lambda about: job(asked.data / about["system"], **about))
     print(table(lines))
 

@@ -30,12 +30,17 @@ def test_a_bad_model_counts_as_silent_only_without_a_note(monkeypatch):
     assert not page.is_worse_than_the_mean("odebench", {**line, "generalisation": 0.3})
     assert not page.is_worse_than_the_mean("mdbench", line)
     assert page.is_worse_than_the_mean("mdbench", {**line, "nmse": None})
+    chaos = {"rates": 1.2, "status": 0, "notes": ["small differences grow a million times within 3 s: the motion is chaotic"]}
+    assert page.is_worse_than_the_mean("dysts", chaos) and page.is_silent("dysts", chaos)
+    assert not page.is_silent("dysts", {**chaos, "status": 1})
+    assert not page.is_silent("dysts", {**chaos, "notes": ["the refinement stopped before it converged"]})
+    assert page.is_worse_than_the_mean("dysts", {"rates": None}) and not page.is_silent("dysts", {"rates": None})
 
 
 @pytest.mark.parametrize("name", ["odebench", "mdbench", "dysts", "nonlinear"])
 def test_every_job_of_a_results_file_is_there_once(name):
     lines = [json.loads(line) for line in (PUBLIC / f"results/{name}.jsonl").read_text(encoding="utf-8").splitlines()]
-    levels = ("noise", "kept", "snr")
+    levels = ("noise", "kept", "samples", "snr")
     jobs = [(line["system"], line["method"], *(line.get(level) for level in levels)) for line in lines]
     assert lines and len(set(jobs)) == len(jobs)
 
@@ -60,3 +65,17 @@ def test_an_interrupted_run_goes_on_where_it_was(monkeypatch, tmp_path):
     assert ran == [1, "interrupted", 2, 3]
     assert [line["value"] for line in lines] == [10, 20, 30]
     assert jobs.lines_of(tmp_path / "out.jsonl") == lines
+
+
+def test_missed_rates_are_those_of_the_printed_terms(monkeypatch):
+    monkeypatch.syspath_prepend(str(PUBLIC))
+    import dysts_systems
+    import numpy as np
+
+    x, y = np.array([0.5, 1.0, 2.0]), np.array([2.0, -1.0, 0.3])
+    rates = np.column_stack([3 * x**2 * y - 1, x / (0.7 + x)])
+    found = [{"x^2*y": 3.0, "1": -1.0}, {"(x/(h_x + x))": 1.0}]
+    missed = dysts_systems.missed_rates(found, {"h_x": 0.7}, np.column_stack([x, y]), rates)
+    assert missed < 1e-20
+    # The worst state counts, and an equation without a term predicts no motion.
+    assert abs(dysts_systems.missed_rates([found[0], {}], {}, np.column_stack([x, y]), rates) - 1) < 1e-12
