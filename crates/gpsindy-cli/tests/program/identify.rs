@@ -276,6 +276,18 @@ fn polynomials_that_are_too_few_get_help_unless_the_library_is_given() {
 }
 
 #[test]
+fn terms_that_the_logs_hardly_distinguish_are_in_the_summary() {
+    let folder = Folder::new();
+    let ran = folder.run(&format!("identify {} --state hare,lynx --out m.toml", data("hare_lynx.csv"))).done();
+    assert!(
+        ran.stdout.contains("\n  hare': hare*lynx^2 could also be hare*lynx, as far as these logs show\n"),
+        "{ran:?}"
+    );
+    let clear = folder.run(&format!("identify {} --state x1,x2 --out n.toml", data("lotka_volterra.csv"))).done();
+    assert!(!clear.stdout.contains("could also be"), "{clear:?}");
+}
+
+#[test]
 fn the_unit_of_a_column_makes_no_model_poor() {
     let folder = Folder::new();
     for unit in [1e-30, 1.0, 1e12, 1e30] {
@@ -365,6 +377,7 @@ fn mistakes_in_states_and_degree_are_named() {
         ("--state t,hare", "`t` is the time column and cannot be a state; leave it out"),
         ("--state hare --degree -1", "expected a whole number from 0 to 9"),
         ("--state hare --degree two", "expected a whole number from 0 to 9"),
+        ("--state hare --free h --term hare^2", "`h` must be in a term or an equation that is given"),
     ] {
         let ran = folder.run(&format!("identify {log} {options}"));
         assert!(ran.status == 2 && ran.stderr.contains(expected), "{options}: {ran:?}");

@@ -68,6 +68,9 @@ pub(super) fn poor(found: &Identification) -> Option<String> {
     })
 }
 
+/// Exchangeable terms that the summary names at most; the JSON result has all.
+const EXCHANGES: usize = 5;
+
 /// Share of the variance that rollouts over whole runs may miss without a warning: more than half of it is not followed.
 const MISSED: f64 = 0.5;
 
@@ -126,6 +129,9 @@ pub(crate) fn summary_of(logs: &str, found: &Identification, fit: Option<&Fit>) 
     for number in &found.model.parameters {
         let error = number.tolerance.map_or("-".into(), |share| short(share * number.value.abs()));
         text += &format!("  {}: {}, std error {error}\n", number.name, short(number.value));
+    }
+    for pair in found.outlook.iter().flat_map(|outlook| &outlook.exchangeable).take(EXCHANGES) {
+        text += &format!("  {}': {} could also be {}, as far as these logs show\n", pair.state, pair.term, pair.other);
     }
     let mut rows = vec![["  state", "noise", "rollout rmse", "relative", "fit"].map(String::from).to_vec()];
     for (s, state) in found.states.iter().enumerate() {
