@@ -55,6 +55,10 @@ pub(crate) const GROSS: [f64; 4] = [0.1, 0.3, 3.0, 10.0];
 pub(crate) const LOOKED: usize = 8;
 pub(crate) const GROSSEST: usize = 2;
 
+/// Levels of dry friction that are tried in equations, in typical rates of their row: what is less hardly ever holds a machine, and a straight line
+/// reaches it; what is more never lets go of it. Argument.
+pub(crate) const HOLDING: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+
 /// Most effects in one equation: more of them fit any curve. Convention.
 pub(crate) const MOST_PER_EQUATION: usize = 4;
 

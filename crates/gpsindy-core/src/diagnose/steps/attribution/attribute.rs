@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{CONVINCING, MOST_MOVES, NAMED, SWAP};
+use crate::diagnose::limits::{MOST_MOVES, NAMED, SWAP};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
@@ -11,7 +11,7 @@ use crate::diagnose::steps::attribution::moves::scatter::resettled;
 use crate::diagnose::steps::attribution::places::{self, Place};
 use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_behind};
 use crate::diagnose::steps::attribution::screen::nameless;
-use crate::diagnose::steps::attribution::search::{Found, richer, search};
+use crate::diagnose::steps::attribution::search::{Found, is_exchange, richer, search};
 use crate::diagnose::steps::attribution::settle::{Settled, settle};
 use crate::diagnose::steps::attribution::simplify::{is_structured, strongest};
 use crate::diagnose::steps::findings::{Judged, Left, Outcome, Seat, counts};
@@ -93,14 +93,6 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
         sensors: Vec::new(),
         notes,
     })
-}
-
-/// Whether `next` is only another name for one of several effects beside a residual that is more than noise: none of them is believed much
-/// there, and what is one move away from the one set is one move away from the other.
-fn is_exchange(contest: &Contest<'_>, best: &Contestant, next: &Contestant) -> bool {
-    let own = best.hypotheses.len();
-    let leaves_a_rest = best.evidence.leaves_a_rest();
-    leaves_a_rest && own > 1 && next.hypotheses.len() == own && contest.lead(next, best) <= CONVINCING
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.

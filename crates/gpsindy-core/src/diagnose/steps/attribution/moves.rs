@@ -9,12 +9,13 @@ mod race;
 pub(crate) mod scatter;
 
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
+use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
 use crate::diagnose::handed::{Handed, Member};
 use crate::diagnose::limits::{Budget, IN_SIGHT, SUBSTITUTE};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
-use crate::diagnose::steps::attribution::gross::gross;
+use crate::diagnose::steps::attribution::gross::{Gross, gross};
 use crate::diagnose::steps::attribution::survey::Survey;
 use crate::error::{Result, unless_refused};
 use choice::{chosen, has_room, is_worth_a_fit};
@@ -46,9 +47,13 @@ pub(crate) fn moves(
     let bare = contest.fitter.with_beginnings(base)?;
     let base = &bare.clone().with_derivatives(survey.kept.as_ref());
     let mut moves = chosen(contest, base, survey);
-    moves.extend(gross(contest, base, survey).into_iter().filter_map(|gross| {
+    let gross = gross(contest, base, survey)?;
+    let holds = |gross: &&Gross| contest.hypotheses[gross.hypothesis].is(Effect::CoulombFriction);
+    let holding: Vec<&Hypothesis> =
+        gross.iter().filter(holds).map(|gross| &contest.hypotheses[gross.hypothesis]).collect();
+    moves.extend(gross.into_iter().filter_map(|gross| {
         let applied = &survey.suspects[gross.hypothesis].as_ref()?.applied;
-        let (members, values, promised) = (vec![gross.hypothesis], vec![vec![gross.value]], gross.gain);
+        let (members, values, promised) = (vec![gross.hypothesis], vec![gross.values], gross.gain);
         Some(Move { members, out: Vec::new(), applied: Some(applied), values, promised })
     }));
     if survey.is_partial && !base.hypotheses.is_empty() {
@@ -97,7 +102,7 @@ pub(crate) fn moves(
     let fits = fits.into_iter().zip(own).filter_map(|(fit, own)| better([fit, own]));
     // What can't be followed to the end of the logs is no account of them.
     let fits: Vec<Contestant> = fits.filter(|fit| fit.evidence.misfit().is_finite()).collect();
-    let fits = raced(contest, (base, known), fits, &promises)?;
+    let fits = raced(contest, (base, known), fits, (&promises, &holding))?;
     contest.run.handed.add(fits.iter().filter_map(|fit| handed(base, fit, &promises)));
     let ahead = known.map_or(f64::NEG_INFINITY, |known| contest.score(known));
     let is_in_sight = fits.first().is_some_and(|leader| contest.score(leader) > ahead - IN_SIGHT);

@@ -1,7 +1,7 @@
 //! Search: from one set of effects to a better one, a move at a time, on rollouts that grow as the model gets better.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
+use crate::diagnose::limits::{Budget, CONVINCING, MENDED, MOST_MOVES, NAMED, NO_REST, PILED, SWAP};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::lengthen::lengthen;
 use crate::diagnose::steps::attribution::moves::scatter::with_scattered;
@@ -56,6 +56,10 @@ pub(crate) fn search(contest: &mut Contest<'_>, nominal: Contestant, first: Expa
         // A round that was cut short has fitted neither its leaders nor what they stand beside to the end.
         if is_richer && !best.hypotheses.is_empty() && contest.run.is_out_of_time() {
             round.fits.clear();
+            break;
+        }
+        if is_exchange(contest, &best, &next) {
+            round.fits.push(std::mem::replace(&mut best, next));
             break;
         }
         rounds.0.push((std::mem::replace(&mut best, next), round.clone()));
@@ -118,6 +122,12 @@ pub(crate) fn better<'f>(contest: &Contest<'_>, best: &Contestant, fits: &'f [Co
     let is_simpler = |fit: &&Contestant| fit.hypotheses.len() < own && !contest.is_convincing(best, fit);
     let richer = richer(contest, other.unwrap_or(best), fits.iter());
     richer.or(other).or_else(|| contest.best(fits.iter().filter(is_simpler)))
+}
+
+/// Whether `next` is only another name for one of several effects: what is one move away from the one set is one move away from the other.
+pub(crate) fn is_exchange(contest: &Contest<'_>, best: &Contestant, next: &Contestant) -> bool {
+    let own = best.hypotheses.len();
+    own > 1 && next.hypotheses.len() == own && contest.lead(next, best) <= CONVINCING
 }
 
 /// The best of the fits with more effects that convince beside `leader`, the best with as many as there are: two in the place of a

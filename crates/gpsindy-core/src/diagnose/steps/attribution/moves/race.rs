@@ -24,17 +24,19 @@ fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesi
 }
 
 /// Fits after their first step, carried on as far as each is worth it beside their `base` and the best that is `known`; best first, one for each
-/// set of effects.
+/// set of effects. Those with a friction that is `holding` the machine go on in any case: it gets there in many steps.
 pub(super) fn raced(
     contest: &Contest<'_>,
     (base, known): (&Contestant, Option<&Contestant>),
     fits: Vec<Contestant>,
-    promises: &[(Vec<&Hypothesis>, f64)],
+    (promises, holding): (&[(Vec<&Hypothesis>, f64)], &[&Hypothesis]),
 ) -> Result<Vec<Contestant>> {
     let fitter = contest.fitter;
     let held_back = held_back(base, &fits, promises);
     let mut runners = leading(contest, fits, (RACED, RACED));
     held_back.into_iter().for_each(|place| runners[place].1 = true);
+    let holds = |fit: &Contestant| fit.hypotheses.iter().any(|h| holding.contains(&h));
+    runners.iter_mut().for_each(|(fit, runs)| *runs |= holds(fit));
     let mut fits = chained(contest, base, runners)?;
     contest.sort(&mut fits);
     let fits = keep_first_of_each(fits);
@@ -44,7 +46,8 @@ pub(super) fn raced(
     let finish = |(place, (fit, leads)): (usize, (Contestant, bool))| {
         let may_gain = !fit.refined.converged || fit.beyond().next().is_some();
         // A leader that is far behind what stands already leads among what is no use.
-        let leads = leads && fit.hypotheses.len() > base.hypotheses.len() && fit.evidence.squares() <= reach;
+        let leads =
+            (leads || holds(&fit)) && fit.hypotheses.len() > base.hypotheses.len() && fit.evidence.squares() <= reach;
         // Beside a large residual few values count alone, and everything would be in sight.
         let is_in_sight = place < RACED && contest.score(&fit) >= best - IN_SIGHT;
         let may_win = (leads || is_in_sight) && may_gain;
