@@ -3,7 +3,7 @@
 //! In `x/(h + x)`, an h below a hundredth of the spread of x changes nothing that is logged, and one above a hundred times the largest x
 //! shows in its quotient with the coefficient alone.
 
-use crate::data::Dataset;
+use crate::data::{Channel, Dataset};
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Function, Operator, Tape};
 use crate::identify::equations::Equations;
@@ -84,13 +84,15 @@ impl Identify {
         Ok(self.constraints.fixed.iter().map(|fixed| fixed.equation.clone()).chain(terms).collect())
     }
 
-    /// That every free number stands in an equation or a term that was given: nothing else can say its value.
-    pub(crate) fn check_numbers(&self) -> Result<()> {
+    /// That every free number stands in an equation or a term that was given: nothing else can say its value. One with the name of a column is
+    /// refused by the library, which says so.
+    pub(crate) fn check_numbers(&self, columns: &[Channel]) -> Result<()> {
         if self.library.numbers.is_empty() {
             return Ok(());
         }
         let named: Vec<String> = self.given()?.iter().flat_map(Expression::variables).collect();
-        match self.library.numbers.iter().find(|number| !named.contains(&number.name)) {
+        let is_idle = |name: &String| !named.contains(name) && columns.iter().all(|column| column.name != *name);
+        match self.library.numbers.iter().find(|number| is_idle(&number.name)) {
             None => Ok(()),
             Some(idle) => Err(Error::Range {
                 name: idle.name.clone(),
@@ -225,7 +227,7 @@ impl Equations {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::data::{Channel, Run};
+    use crate::data::Run;
     use crate::identify::tests::log;
     use crate::library::{Constraints, Fixed};
     use crate::progress::Silent;
@@ -257,7 +259,7 @@ mod tests {
             let extra = extra.iter().map(ToString::to_string).collect();
             let library = LibrarySettings { extra, ..named("h") };
             let constraints = Constraints { fixed, ..Constraints::default() };
-            Identify { library, constraints, ..Identify::default() }.check_numbers()
+            Identify { library, constraints, ..Identify::default() }.check_numbers(&[Channel::new("x")])
         };
         assert!(with("x' = h*v", &[]).is_ok() && with("x' = v", &["x/(h + x)"]).is_ok());
         let refused = with("x' = v", &["x^3"]).unwrap_err().to_string();

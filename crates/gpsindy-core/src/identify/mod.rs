@@ -55,7 +55,7 @@ impl Identify {
     /// # Errors
     /// Unknown columns, settings out of range, too few samples; a request to stop.
     pub fn fit(&self, data: &Dataset, progress: &dyn Progress) -> Result<Identification> {
-        self.check_numbers()?;
+        self.check_numbers(data.channels())?;
         if let Some(bounded) = self.with_numbers_bounded(data)?.filter(|bounded| bounded.library != self.library) {
             return bounded.fit(data, progress);
         }
