@@ -1,6 +1,6 @@
 //! A contestant: the nominal model with some hypotheses written into it, its fit to the training logs and the residual.
 
-use crate::diagnose::catalogue::hypothesis::{Added, Hypothesis, Role};
+use crate::diagnose::catalogue::hypothesis::{Added, Applied, Hypothesis, Role};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
@@ -113,6 +113,15 @@ impl Contestant {
     /// Starts of states that hypotheses added, in each window: none where the log's past determines them.
     pub(crate) fn added_starts(&self) -> usize {
         self.system.n_states() - self.nominal_states() - self.system.followers().len()
+    }
+
+    /// The model with hypotheses written into it, and its parameters, those of the contestant where the fit has them.
+    pub(crate) fn written(&self, applied: &Applied) -> Result<(System, Vec<f64>)> {
+        let system = System::with_simulator(&applied.model, self.system.simulator().cloned())?;
+        let system = system.with_followers(self.nominal_states())?;
+        let (mut parameters, own) = (system.parameter_values(), &self.refined.parameters);
+        parameters[..own.len()].copy_from_slice(own);
+        Ok((system, parameters))
     }
 
     /// The model with the fitted values in place.

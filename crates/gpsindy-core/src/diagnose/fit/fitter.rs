@@ -74,10 +74,7 @@ impl Fitter {
         values: &[Vec<f64>],
         budget: Budget,
     ) -> Result<Contestant> {
-        let system = System::with_simulator(&applied.model, base.system.simulator().cloned())?
-            .with_followers(base.nominal_states())?;
-        let mut parameters = system.parameter_values();
-        parameters[..base.refined.parameters.len()].copy_from_slice(&base.refined.parameters);
+        let (system, parameters) = base.written(applied)?;
         let mut free = base.free.clone();
         // What is already beyond its lower end stays there.
         let stays = |place: usize, added: &Added| {

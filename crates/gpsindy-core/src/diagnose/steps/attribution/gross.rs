@@ -11,7 +11,6 @@ use crate::diagnose::limits::{CONVINCING, GROSS, GROSSEST, HOLDING, LOOKED};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::survey::{Screened, Survey};
 use crate::error::{Result, unless_refused};
-use crate::model::System;
 use crate::refine::{Experiment, Point, costs, guess_initial};
 
 /// A suspect that is far from nothing nearer to the logs.
@@ -115,12 +114,9 @@ fn held(base: &Contestant, screened: &Screened) -> Result<Option<(Vec<f64>, f64)
     let Some(first) = applied.starts.first().and_then(|start| start.columns.first()) else { return Ok(None) };
     let Some(typical) = applied.fitted.first().map(|(_, added)| added.scale) else { return Ok(None) };
     let of_level = |level: f64| [&[level], &first[1..]].concat();
-    let system = System::with_simulator(&applied.model, base.system.simulator().cloned())?;
-    let system = system.with_followers(base.nominal_states())?;
-    let own = &base.refined.parameters;
+    let (system, nothing) = base.written(applied)?;
     let point = |level: f64, initial: &Vec<Vec<f64>>| {
-        let mut parameters = system.parameter_values();
-        parameters[..own.len()].copy_from_slice(own);
+        let mut parameters = nothing.clone();
         applied.fitted.iter().zip(of_level(level)).for_each(|((index, _), value)| parameters[*index] = value);
         Point { parameters, initial: initial.clone() }
     };
@@ -151,6 +147,7 @@ mod tests {
     use crate::diagnose::run::Run;
     use crate::diagnose::steps::attribution::screen::screen;
     use crate::diagnose::steps::attribution::suspects::{Choice, suspects};
+    use crate::model::System;
     use crate::progress::Silent;
 
     /// What is gross about an oscillator whose friction has this level, 1/s^2.
