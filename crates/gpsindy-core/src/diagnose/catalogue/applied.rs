@@ -36,6 +36,8 @@ pub(crate) enum Role {
     AtRest,
     /// When something happens, s: an extremum of its own in every rollout, so it is also looked for by trial.
     Instant,
+    /// Delay of a command that a simulator holds over its own steps: the outputs jump from one step to the next, so it is found by trial.
+    Late,
     /// How long something takes, or at what speed or frequency it happens. At an end of its range, which is that of what logs can show, its effect
     /// is another one that has no such scale, or none.
     Scale,
@@ -53,7 +55,14 @@ impl Added {
             Role::Corner => Some(0.0),
             Role::Above => Some(self.upper + far),
             Role::Below => Some(self.lower - far),
-            Role::Plain | Role::Angle | Role::Period | Role::Phase | Role::AtRest | Role::Instant | Role::Scale => None,
+            Role::Plain
+            | Role::Angle
+            | Role::Period
+            | Role::Phase
+            | Role::AtRest
+            | Role::Instant
+            | Role::Late
+            | Role::Scale => None,
         }
     }
 
@@ -69,7 +78,7 @@ impl Added {
 
     /// Whether it is found by trial, and the fit leaves it where it is.
     pub(crate) fn is_tried(&self) -> bool {
-        matches!(self.role, Role::Period | Role::Phase | Role::AtRest)
+        matches!(self.role, Role::Period | Role::Phase | Role::AtRest | Role::Late)
     }
 
     /// Whether a trial may find it where no fit can walk to.

@@ -146,6 +146,15 @@ impl<'a> Writer<'a> {
         corner
     }
 
+    /// Adds the delay of a command, s.
+    pub(crate) fn add_delay(&mut self, symbol: &str, longest: f64) -> Expression {
+        let delay = self.add(symbol, 0.0, self.scene.period, (0.0, longest), "s");
+        if self.model.calls_simulator() {
+            self.assign(Role::Late);
+        }
+        delay
+    }
+
     /// Adds the level of dry friction at rest, the parameter before it being that in motion: found by trial.
     pub(crate) fn add_level_at_rest(&mut self, symbol: &str, scale: f64, unit: &str) -> Expression {
         let rest = self.add(symbol, 0.0, scale, POSITIVE, unit);

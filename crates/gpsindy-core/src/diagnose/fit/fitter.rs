@@ -6,10 +6,11 @@ mod starts;
 pub(crate) use starts::standing_out;
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied};
-use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::contestant::{Contestant, Entrant, is_open};
 use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::lagging::{scale_lagging, with_lagging};
+use crate::diagnose::fit::tried::breakaway::rested;
+use crate::diagnose::fit::tried::late;
 use crate::diagnose::fit::{by_run, tried};
 use crate::diagnose::limits::{BEHIND, Budget, FAR, HOPELESS, OUT_OF_REACH, START_SAMPLES};
 use crate::error::{Result, unless_refused};
@@ -194,6 +195,10 @@ impl Fitter {
         if budget == Budget::Rough && system.engine().is_none() {
             let untried: Vec<(usize, Added)> = contestant.untried().cloned().collect();
             tried::settle(&contestant, (system, &experiment), (&untried, free), (&mut point, budget))?;
+        }
+        if !budget.only_ranks() {
+            let all: Vec<(usize, Added)> = contestant.added.iter().flatten().cloned().collect();
+            late::settle(&contestant, (system, &experiment), (&all, free), (&mut point, budget))?;
         }
         let at = (&point.parameters[..], &free[..]);
         let refine = budget.refine_of(contestant.evidence.effective_count());

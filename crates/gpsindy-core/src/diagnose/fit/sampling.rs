@@ -93,6 +93,7 @@ pub(crate) fn least_distinguished(experiment: &Experiment, added: &Added, value:
         | Role::Corner
         | Role::AtRest
         | Role::Instant
+        | Role::Late
         | Role::Scale
         | Role::Above
         | Role::Below => None,

@@ -134,6 +134,15 @@ pub(crate) const DIFFERENCE: f64 = 1e-5;
 /// How far from where a fit has it an instant is looked for, in hundredths of the logs: starts are three of them apart. Argument.
 pub(crate) const AROUND_INSTANT: f64 = 4.0;
 
+/// How far from where its start has it a delay that acts in whole steps is looked for, as a share of it: the starts are half of it apart. Argument.
+pub(crate) const AROUND_DELAY: f64 = 0.5;
+
+/// At most so many values of it are tried at first, by how much finer each further lattice is, and parts of a step on the last. A machine's own delay
+/// is no whole number of steps; a sixteenth of one moves a joint by less than its noise. Argument.
+pub(crate) const DELAYS: f64 = 16.0;
+pub(crate) const FINER_DELAYS: f64 = 4.0;
+pub(crate) const PART_OF_STEP: f64 = 16.0;
+
 /// Moments that are tried there, and then between the neighbours of the best: eighths of a thousandth of the logs, from which a fit goes on. Argument.
 pub(crate) const INSTANTS: usize = 64;
 pub(crate) const FINER_INSTANTS: usize = 20;

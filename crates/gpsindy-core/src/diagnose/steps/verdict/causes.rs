@@ -7,7 +7,8 @@ use crate::diagnose::fit::by_run;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::evidence::normal_quantile;
 use crate::diagnose::fit::moved::deviation;
-use crate::diagnose::fit::{breakaway, sampling};
+use crate::diagnose::fit::sampling;
+use crate::diagnose::fit::tried::{breakaway, late};
 use crate::diagnose::limits::NO_REST;
 use crate::diagnose::limits::weigh::UNLIKELY;
 use crate::diagnose::report::{Cause, Parameter, Twin, finite};
@@ -177,8 +178,10 @@ fn cause(
         .map(|(index, added)| {
             let value = added.stated(fit.refined.parameters[*index]);
             let least_distinguished = || {
+                let tried = (*index, added.clone());
                 sampling::least_distinguished(&fit.experiment, added, value)
-                    .or_else(|| breakaway::least_distinguished(fit, &(*index, added.clone()), z * z))
+                    .or_else(|| breakaway::least_distinguished(fit, &tried, z * z))
+                    .or_else(|| late::least_distinguished(fit, &tried, z * z))
             };
             let width = deviation(fit, *index).map(|d| z * d).or_else(least_distinguished).unwrap_or(f64::NAN);
             Parameter {

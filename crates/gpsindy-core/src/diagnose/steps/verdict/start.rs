@@ -4,10 +4,10 @@
 //! state on the beginning of the rollout, where its residual is weighted by its own size and colour. A correct model thus
 //! finds its initial state to a fraction of the noise; a wrong one cannot shift it to hide its errors.
 
-use crate::diagnose::fit::breakaway::rested;
 use crate::diagnose::fit::colours::colour::colours;
 use crate::diagnose::fit::fitter::standing_out;
 use crate::diagnose::fit::lagging::with_lagging;
+use crate::diagnose::fit::tried::breakaway::rested;
 use crate::diagnose::limits::Budget;
 use crate::diagnose::limits::start::{
     BEGINNING, FEWEST_SAMPLES, LONGER_PARABOLA, PARABOLA_OFF, PARABOLA_ROUGH, SHORTEST_PARABOLA, START_ROUNDS,

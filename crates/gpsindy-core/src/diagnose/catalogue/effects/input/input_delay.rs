@@ -36,7 +36,7 @@ pub(super) static DEFINITION: Definition = Definition {
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let drive = writer.drive()?;
     let longest = 0.3 * writer.scene.duration;
-    let tau = writer.add("tau", 0.0, writer.scene.period, (0.0, longest), "s");
+    let tau = writer.add_delay("tau", longest);
     writer.replace(&drive.name, &Expression::Call(Function::Delay, vec![drive.u, tau]));
     Ok(writer.times(1.5, 14))
 }
