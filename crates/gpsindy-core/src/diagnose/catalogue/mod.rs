@@ -17,6 +17,6 @@ pub(crate) mod list;
 pub(crate) mod place;
 pub(crate) mod planting;
 pub(crate) mod rival;
-mod sense;
+pub(crate) mod sense;
 pub(crate) mod site;
 mod writer;

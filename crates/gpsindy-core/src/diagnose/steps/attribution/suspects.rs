@@ -7,11 +7,14 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::invariance;
 use crate::diagnose::catalogue::joint;
 use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::catalogue::place::Family;
 use crate::diagnose::catalogue::rival::{self, Rival};
+use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::outputs::scene_of;
 use crate::diagnose::notes::Note;
 use crate::diagnose::parts::Part;
+use crate::diagnose::steps::logs::noise::moves;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -86,12 +89,20 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     // The equations of a simulator that is no text don't say what they depend on.
     let known = nominal.system.simulator().is_none();
     let places = if known && !choice.places && !choice.senseless { invariance::places(model) } else { Vec::new() };
+    let still = still(nominal);
+    let rests = |h: &Hypothesis| {
+        let is_of_place = matches!(h.family(), Family::Stiffness | Family::Coupling);
+        is_of_place && h.variables.iter().any(|name| still.contains(name))
+    };
     let mut ruled_out: BTreeMap<Rule, BTreeSet<String>> = BTreeMap::new();
     let mut hypotheses = Vec::new();
     for hypothesis in all {
         let place = invariance::broken(&hypothesis, &places).filter(|_| !hypothesis.marks_a_place());
         let place = place.map(|place| Rule::Place(place.to_string()));
-        let sense = || hypothesis.broken_sense(model, &scene).filter(|_| !choice.senseless);
+        let sense = || {
+            let broken = hypothesis.broken_sense(model, &scene);
+            broken.or_else(|| rests(&hypothesis).then_some(Sense::Moves(0))).filter(|_| !choice.senseless)
+        };
         match place.or_else(|| sense().map(|sense| Rule::Sense(sense.words()))) {
             Some(rule) => _ = ruled_out.entry(rule).or_default().insert(hypothesis.id().to_string()),
             None => hypotheses.push(hypothesis),
@@ -115,6 +126,14 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     scene.clocks.retain(|name| !places.contains(&name.as_str()));
     let places = places.into_iter().map(String::from).collect();
     Ok((Suspects { hypotheses, behind, joint, rivals, scene, places, random }, notes))
+}
+
+/// States whose columns never move: where such a place is, a spring, a weight or another axis is a constant, which has a name of its own.
+fn still(nominal: &Contestant) -> Vec<String> {
+    let experiment = &nominal.experiment;
+    let columns = experiment.columns.iter().enumerate();
+    let still = columns.filter(|(column, _)| !moves(&experiment.logs, *column));
+    still.map(|(_, &state)| nominal.system.model().states[state].name.clone()).collect()
 }
 
 /// Why an effect is no suspect at a place.

@@ -1,6 +1,7 @@
 //! The noise of every column and the outliers in it, from the logs alone.
 
 use crate::diagnose::catalogue::excited::repeats::{Repeats, readings};
+use crate::diagnose::limits::verify::LOG_DIGITS;
 use crate::diagnose::limits::{BENT, OF_MEDIAN, OUTLIER, SPIKE_LIKE, TRIMMED};
 use crate::refine::{Log, present};
 
@@ -27,18 +28,26 @@ pub(crate) fn noise_levels(logs: &[Log], n_columns: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Gives columns that never change, which say nothing of their noise, the largest noise of the columns of the same unit: a joint at rest is
+/// Gives columns that never move, which say nothing of their noise, the largest noise of the columns of the same unit: a joint at rest is
 /// read by the same kind of sensor. Without such a column it is a billionth of what counts as large there.
+///
+/// All that such a column says is where it rests, which is one reading and not as many as there are rows: its noise is larger by the root
+/// of their number. Else a joint that rests a little off its command would be nearly all of a gap.
 pub(crate) fn still_levels(noise: &mut [f64], logs: &[Log], units: &[&str], scale: &[f64]) {
-    let is_still = |column: usize| {
-        let mut values = logs.iter().flat_map(|l| l.measured[column].iter()).filter(|v| v.is_finite());
-        values.next().is_none_or(|first| values.all(|v| v == first))
-    };
-    let still: Vec<bool> = (0..noise.len()).map(is_still).collect();
+    let still: Vec<bool> = (0..noise.len()).map(|column| !moves(logs, column)).collect();
     for column in (0..noise.len()).filter(|&c| still[c]) {
         let alike = (0..noise.len()).filter(|&c| !still[c] && units[c] == units[column]).map(|c| noise[c]);
-        noise[column] = alike.fold(noise[column].max(1e-9 * scale[column]), f64::max);
+        let readings = logs.iter().flat_map(|l| &l.measured[column]).filter(|v| v.is_finite()).count();
+        noise[column] = alike.fold(noise[column].max(1e-9 * scale[column]), f64::max) * (readings.max(1) as f64).sqrt();
     }
+}
+
+/// Whether a column moves in any log by more than one step of its sensor, or the rounding of its digits.
+pub(crate) fn moves(logs: &[Log], column: usize) -> bool {
+    let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
+    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let size = low.abs().max(high.abs());
+    high - low > (1.0 + LOG_DIGITS) * resolution(logs, column).max(LOG_DIGITS * size)
 }
 
 /// Share of the values of each column that are readings.
@@ -174,8 +183,9 @@ mod tests {
         let mut noise = noise_levels(&logs, 4);
         let alone = noise.clone();
         still_levels(&mut noise, &logs, &["rad", "rad", "V", "rad/s"], &[1.0, 1.0, 2.0, 1.0]);
-        assert_eq!((noise[0], noise[1], noise[3]), (alone[0], alone[0], alone[3]));
-        assert_eq!(noise[2], alone[2], "without a column of its unit as it was");
+        let all = 600_f64.sqrt();
+        assert_eq!((noise[0], noise[1], noise[3]), (alone[0], all * alone[0], alone[3]));
+        assert_eq!(noise[2], all * alone[2], "without a column of its unit by its own size");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::diagnose::run::Run;
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::affordable::affordable;
 use crate::diagnose::steps::logs::check;
-use crate::diagnose::steps::logs::noise::{news, noise_levels, remove_outliers, still_levels};
+use crate::diagnose::steps::logs::noise::{moves, news, noise_levels, remove_outliers, still_levels};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
 use crate::error::Result;
 use crate::excitation::{choose, excitation, variance};
@@ -94,7 +94,7 @@ fn with_less_noise(fitter: Fitter, mut nominal: Contestant, budget: Budget) -> R
 }
 
 /// The noise of the columns where differences of samples overstate it, as they do where the motion is faster than the samples: a fit cannot
-/// leave less than noise. `None` where they do nowhere.
+/// leave less than noise. `None` where they do nowhere. A column that never moves has that of one reading.
 pub(crate) fn quieter(nominal: &Contestant) -> Option<Vec<f64>> {
     let Contestant { experiment, refined, .. } = nominal;
     let columns = experiment.noise.len();
@@ -105,9 +105,9 @@ pub(crate) fn quieter(nominal: &Contestant) -> Option<Vec<f64>> {
         sum / count.max(1) as f64
     };
     let shares: Vec<f64> = (0..columns).map(mean).collect();
-    let lower = |(noise, share): (&f64, &f64)| if OVERSTATED.contains(share) { noise * share.sqrt() } else { *noise };
-    let is_lower = shares.iter().any(|share| OVERSTATED.contains(share));
-    is_lower.then(|| experiment.noise.iter().zip(&shares).map(lower).collect())
+    let is_overstated = |c: usize| OVERSTATED.contains(&shares[c]) && moves(&experiment.logs, c);
+    let lower = |c: usize| if is_overstated(c) { experiment.noise[c] * shares[c].sqrt() } else { experiment.noise[c] };
+    (0..columns).any(is_overstated).then(|| (0..columns).map(lower).collect())
 }
 
 /// The experiment of a diagnosis: noise, outliers, hold, windows and steps chosen; and what is left of the logs.

@@ -8,19 +8,17 @@ use crate::data::Dataset;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::fitter::begun;
 use crate::diagnose::fit::outputs::outputs;
-use crate::diagnose::limits::verify::{
-    ALLOWED, BLOCKS, DRAWS, GROWN, LEFT, LOG_DIGITS, LOST, LOST_NOISE, NO_GAP, RARELY, SEVERAL,
-};
+use crate::diagnose::limits::verify::{ALLOWED, BLOCKS, DRAWS, GROWN, LEFT, LOST, LOST_NOISE, NO_GAP, RARELY, SEVERAL};
 use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
 use crate::diagnose::steps::findings::Judged;
-use crate::diagnose::steps::logs::noise::{noise_levels, remove_outliers, resolution};
+use crate::diagnose::steps::logs::noise::{moves, noise_levels, remove_outliers};
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halved};
 use crate::diagnose::steps::verdict::spread::{self, Spread};
 use crate::diagnose::steps::verdict::start::{beginnings, starts};
 use crate::diagnose::steps::verdict::{curves, floor, own_size};
 use crate::error::Result;
-use crate::refine::{Experiment, Log, Point};
+use crate::refine::{Experiment, Point};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use sums::{Block, floor_of_all, overall, reached, rms};
@@ -231,14 +229,6 @@ fn left(best: &Contestant, experiment: &Experiment, c: usize) -> f64 {
 fn floor_of(best: &Contestant, experiment: &Experiment, sensors: &[usize]) -> (Vec<f64>, &'static str) {
     let (floor, source) = floor::of(best, experiment, sensors);
     (floor.iter().zip(&experiment.noise).map(|(floor, noise)| floor / noise).collect(), source)
-}
-
-/// Whether a column moves in any log by more than one step of its sensor, or the rounding of its digits.
-pub(crate) fn moves(logs: &[Log], column: usize) -> bool {
-    let values = || logs.iter().flat_map(|l| l.measured[column].iter().copied()).filter(|v| v.is_finite());
-    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    let size = low.abs().max(high.abs());
-    high - low > (1.0 + LOG_DIGITS) * resolution(logs, column).max(LOG_DIGITS * size)
 }
 
 /// Outputs of a model on the held-out logs, in the column's unit: one list a window, columns beside each other.
