@@ -31,7 +31,7 @@ const FLOORS: &[(&str, &[&[&str]])] = &[
             &["catalogue"],
             &["fit"],
             &["steps"],
-            &["power", "design"],
+            &["power", "design", "conformal"],
             &["mod", "fixture"],
         ],
     ),

@@ -7,6 +7,7 @@ use crate::figures::{Charts, residual_curve, residual_trace, signal};
 use crate::metadata::metadata;
 use crate::numbers::{number, p_value, percent, percent_closed, span, with_deviation, with_unit};
 use crate::provenance::{self, Provenance};
+use crate::sets::set_sentence;
 use crate::words::{
     cause_name, cause_place, effect_meaning, equivalents, excluded_name, interval, left_sentence, listed,
     parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
@@ -204,6 +205,7 @@ fn causes(report: &Diagnosis) -> Markup {
             } @else {
                 ol.causes { @for cause in report.causes.iter().filter(|c| c.included || c.probability >= WORTH) { (one_cause(report, cause)) } }
             }
+            @if let Some(set) = set_sentence(report) { p { (set) } }
             (by_joint(report))
             (parameters(report))
             (excluded(report))

@@ -22,6 +22,7 @@ mod pictures;
 mod power;
 mod provenance;
 pub mod scorecard;
+mod sets;
 mod summary;
 mod words;
 

@@ -2,6 +2,7 @@
 
 use crate::numbers::{number, number_or, p_value, percent, span, with_deviation, with_unit};
 use crate::provenance::Provenance;
+use crate::sets::set_sentence;
 use crate::words::{
     between_sentence, cause_name, cause_place, closure_sentence, equivalents, excluded_name, interval, is_random,
     left_sentence, listed, parameter_meaning, stability_sentence, verdict_name, verdict_sentence,
@@ -30,6 +31,9 @@ pub fn summary_with(report: &Diagnosis, provenance: &Provenance, width: usize, c
     verdict(report, &mut text);
     place(report, time_unit, &mut text);
     which(report, &mut text);
+    if let Some(set) = set_sentence(report) {
+        text.say("Set", &set);
+    }
     text.list("By joint", &report.by_part.iter().map(|row| format!("{}: {}", row.part, row.says)).collect::<Vec<_>>());
     excluded(report, &mut text);
     closure(report, time_unit, &mut text);

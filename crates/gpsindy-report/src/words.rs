@@ -37,7 +37,7 @@ pub(crate) fn effect_name(id: &str) -> String {
 /// What the effect does, for a reader who meets it first here; empty where the id is a user's own.
 pub(crate) fn effect_meaning(id: &str) -> &'static str {
     match id {
-        "function" => "A curve fitted to the remaining residual: structure that no effect of the catalogue describes.",
+        "function" => "Structure in the residual that no effect of the catalogue describes.",
         _ => Effect::from_id(id).map_or("", Effect::meaning),
     }
 }
@@ -53,7 +53,7 @@ pub(crate) fn cause_name(cause: &Cause) -> String {
 }
 
 /// The effect and what it acts on or depends on.
-fn with_variables(effect: &str, name: &str, variables: &str) -> String {
+pub(crate) fn with_variables(effect: &str, name: &str, variables: &str) -> String {
     match Effect::from_id(effect) {
         Some(Effect::ParameterError) => format!("{name} {variables}"),
         Some(effect) if effect.acts_on_input() || effect.acts_on_parameter() => format!("{name} of {variables}"),

@@ -6,6 +6,7 @@
 
 mod by_part;
 mod catalogue;
+pub mod conformal;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::panic)]
 mod contract;
@@ -37,6 +38,7 @@ pub use power::settings::Power;
 pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
+use crate::diagnose::conformal::Conditions;
 use crate::diagnose::limits::{CONFIDENCE, CONFIDENCES, SEARCHED, TRAINED};
 use crate::error::{Error, Result};
 use crate::model::unit::{has_seconds, in_time_unit};
@@ -274,7 +276,22 @@ impl Diagnose {
         let judged = reconsider_hold(&mut contest, &prepared, judged)?;
         let judged = forced(&contest, judged)?.with_structure();
         let judged = if self.keep_function { nameless::kept(&contest, judged) } else { judged };
-        self.reported(contest, prepared, judged)
+        let (mut diagnosed, found) = self.reported(contest, prepared, judged)?;
+        conformal::state(&mut diagnosed.diagnosis, &self.conditions(system, logs[0]));
+        Ok((diagnosed, found))
+    }
+
+    /// What the coverage of a set of causes depends on besides the report.
+    fn conditions(&self, system: &System, train: &Dataset) -> Conditions {
+        let lists = [&self.effects, &self.without];
+        let has_chosen = lists.iter().any(|ids| !ids.is_empty()) || !self.custom.is_empty() || !self.only.is_empty();
+        let has_more = self.allow_place || self.all_suspects || !self.model_error.is_empty();
+        Conditions {
+            has_usual_suspects: !has_chosen && !has_more && self.most_effects == Self::default().most_effects,
+            steps: system.engine().is_some(),
+            states: system.model().states.len(),
+            samples: train.runs().iter().map(|run| run.n_samples()).sum(),
+        }
     }
 
     /// The report on what was found: verified on held-out logs, located, written into the model and weighed.

@@ -11,10 +11,12 @@ mod figures;
 mod gap;
 mod part;
 mod power;
+mod set;
 mod time_unit;
 mod work;
 
 use super::limits::CONFIDENCE;
+pub(crate) use cause::FUNCTION;
 pub use cause::{BetweenRuns, Cause, Excluded, ModelParameter, Parameter, RunValue, Stability, Twin};
 pub use check::Check;
 pub use closure::{Closure, ClosureState};
@@ -25,7 +27,7 @@ pub use figures::{
 pub use gap::{Gap, GapRegion, GapState, GapWindow, Unexplained};
 pub use part::{Bound, PartFound};
 pub use power::{PowerEffect, PowerNoise, PowerNull, PowerReport, PowerRival, PowerTrial};
-
+pub use set::{PredictionSet, SetCalibration, SetCause};
 pub use work::StageWork;
 
 #[cfg(feature = "serde")]
@@ -63,6 +65,12 @@ pub struct Diagnosis {
     pub by_part: Vec<PartFound>,
     /// What remains after the included causes.
     pub unexplained: Unexplained,
+    /// Effects among which the missing ones are, with a stated coverage; `None` without a gap, and where there is no ground for one.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub prediction_set: Option<PredictionSet>,
+    /// Why there is a gap and no prediction set.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub no_prediction_set: Option<String>,
     /// What must hold of the included causes before they are believed; empty without any.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub checks: Vec<Check>,

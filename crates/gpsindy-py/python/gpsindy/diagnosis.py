@@ -128,6 +128,23 @@ class Diagnosis:
         return tuple(cause for cause in self.causes if cause.included)
 
     @property
+    def prediction_set(self) -> dict[str, Any] | None:
+        """Effects among which the missing ones are, with a stated coverage; None without a gap, and where there is no ground for one.
+
+        Of machines like the drawn ones that calibrate it, in a share ``coverage`` at least every effect that the simulator lacks is one of
+        ``causes`` (``effect``, ``state``, ``variables``, and ``place`` where it has one) or, where ``none_of_these`` is true, one that the report
+        does not list. ``calibration`` has the number of drawn machines (``cases``) and which they are (``group``). See :attr:`no_prediction_set`.
+        """
+        found: dict[str, Any] | None = self._report.get("prediction_set")
+        return found
+
+    @property
+    def no_prediction_set(self) -> str | None:
+        """Why there is a gap and no :attr:`prediction_set`; None otherwise."""
+        found: str | None = self._report.get("no_prediction_set")
+        return found
+
+    @property
     def by_joint(self) -> dict[str, str]:
         """What was found in each joint, in a sentence; empty where the simulator names none."""
         return {row["part"]: row["says"] for row in self._report.get("by_part", [])}

@@ -88,6 +88,7 @@ def test_the_report_is_written_and_travels(found, tmp_path):
     assert gpsindy.Model.load(tmp_path / "out" / "augmented.toml") == found.augmented
     twin = pickle.loads(pickle.dumps(found))
     assert twin.causes == found.causes
+    assert twin.prediction_set == found.prediction_set
     assert "EXPLAINED" in repr(found)
     assert "figures" not in report
     assert found._repr_html_().startswith("<iframe srcdoc=")

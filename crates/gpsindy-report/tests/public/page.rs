@@ -177,7 +177,7 @@ fn a_summary_fits_its_width_and_one_screen() {
             let most = if report.power.is_some() {
                 80
             } else if width < 80 {
-                45
+                48
             } else {
                 40
             };

@@ -3,10 +3,8 @@
 pub(super) mod starts;
 
 use crate::diagnose::catalogue::list::Effect;
+use crate::diagnose::report::FUNCTION;
 use crate::expression::Expression;
-
-/// The id under which a report states a function without a name.
-pub(crate) const FUNCTION: &str = "function";
 
 /// An effect of the user's own, added to the right side of an equation.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! Hypotheses: an effect of the catalogue at a place in a model, written into the model's equations.
 
 pub(crate) use crate::diagnose::catalogue::applied::{Added, Applied, Combine, Role, Start};
-use crate::diagnose::catalogue::custom::{CustomEffect, FUNCTION};
+use crate::diagnose::catalogue::custom::CustomEffect;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
@@ -9,6 +9,7 @@ use crate::diagnose::catalogue::rival::Rival;
 use crate::diagnose::catalogue::sense::Sense;
 use crate::diagnose::catalogue::sense::slipping::is_of_a_difference;
 use crate::diagnose::catalogue::site::Site;
+use crate::diagnose::report::FUNCTION;
 use crate::model::{Model, unit};
 use std::sync::Arc;
 

@@ -26,6 +26,24 @@ pub enum Family {
     Custom,
 }
 
+impl Family {
+    /// Its name in reports.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Parameter => "parameter",
+            Self::Friction => "friction",
+            Self::Stiffness => "stiffness",
+            Self::Coupling => "coupling",
+            Self::InputStatic => "input_static",
+            Self::InputDynamic => "input_dynamic",
+            Self::Memory => "memory",
+            Self::Time => "time",
+            Self::Sensor => "sensor",
+            Self::Custom => "custom",
+        }
+    }
+}
+
 /// Where an effect can act, and on what it depends there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Place {

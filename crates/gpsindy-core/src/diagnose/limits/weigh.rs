@@ -1,5 +1,7 @@
 //! Probabilities and the verdict.
 
+pub(crate) mod conformal;
+
 /// Difference in BIC (without prior odds: what the logs say, not what was believed) below which two effects count as not
 /// distinguished: odds below twenty to one. Convention.
 pub(crate) const TWINS: f64 = 6.0;

@@ -40,7 +40,15 @@ pub struct Cause {
     pub between_runs: Vec<BetweenRuns>,
 }
 
+/// Id under which a report states structure without a name.
+pub(crate) const FUNCTION: &str = "function";
+
 impl Cause {
+    /// Whether it is structure without a name, and no effect.
+    pub fn is_nameless(&self) -> bool {
+        self.effect == FUNCTION
+    }
+
     /// Units of its sizes.
     pub(crate) fn units(&mut self) -> impl Iterator<Item = &mut String> {
         let twins = self.twins.iter_mut().flat_map(|twin| &mut twin.parameters);

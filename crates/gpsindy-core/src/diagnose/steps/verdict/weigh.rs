@@ -2,6 +2,7 @@
 
 mod assemble;
 mod decide;
+mod left;
 mod small;
 
 use crate::data::Dataset;
@@ -60,6 +61,9 @@ fn stated(confidence: f64, contest: &Contest<'_>, found: &Found<'_>, decided: &D
         let model = nominal.system.model();
         let forces = forcing.forces.iter().map(|force| random_force(confidence, model, probability, force));
         causes.splice(first..first, forces);
+    }
+    if detected.gap {
+        left::list(&mut causes, contest, found, decided);
     }
     causes
 }

@@ -44,6 +44,8 @@ pub(crate) fn assemble(
         excluded: excluded(contest, outcome, verdict),
         by_part: Vec::new(),
         unexplained,
+        prediction_set: None,
+        no_prediction_set: None,
         checks: if keep { checks } else { Vec::new() },
         closure: verification.closure,
         augmented_model: Some("augmented.toml".into()),
