@@ -59,8 +59,10 @@ pub struct Judged {
 /// Judges one case; without a diagnosis everything that the case asks counts as missed.
 pub(crate) fn judge(answer: &Answer, report: Option<&Diagnosis>) -> Judged {
     let kind = answer.kind();
-    let causes = report.map_or(&[][..], |r| &r.causes[..]);
-    let included: Vec<&Cause> = causes.iter().filter(|c| c.included).collect();
+    // Structure without a name that is only listed is no cause to be right or wrong about.
+    let is_stated = |cause: &&Cause| cause.included || !cause.is_nameless();
+    let causes: Vec<&Cause> = report.iter().flat_map(|r| r.causes.iter().filter(is_stated)).collect();
+    let included: Vec<&Cause> = causes.iter().copied().filter(|c| c.included).collect();
     let known = matches!(kind, Kind::Single | Kind::Several);
     let first = |n: usize| causes.iter().take(n).any(|c| hits(answer, c));
     let all_found = distinct(answer, &included, 0, &mut vec![false; included.len()]);

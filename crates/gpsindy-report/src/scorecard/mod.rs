@@ -9,6 +9,7 @@ mod handed;
 mod judge;
 mod left_out;
 mod rate;
+mod sets;
 mod text;
 
 pub use answers::{Accepted, Answer, Kind, Oracle, Suite, TrueEffect};
@@ -17,6 +18,7 @@ pub use handed::{FamilyRank, HandedOver};
 pub use judge::Judged;
 pub use left_out::{LeftOut, LeftOutCase};
 pub use rate::{Bin, Calibration, Rate};
+pub use sets::{CalibrationCase, CalibrationGroup, PredictionSets};
 
 use gpsindy_core::diagnose::report::{Diagnosis, Verdict};
 use rate::{mean, quantile};
@@ -78,6 +80,9 @@ pub struct ScoreCard {
     pub calibration: Calibration,
     /// The same, where what covers a part of an effect outside the catalogue is wrong.
     pub strict_calibration: Calibration,
+    /// Sets of causes with a stated coverage; absent for reports of another tool.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prediction_sets: Option<PredictionSets>,
     /// Closed part of the gap over the oracle's, cases of the catalogue.
     pub closure: ClosureScore,
     /// What was said with one effect left out of the catalogue; absent where none was.
@@ -172,6 +177,7 @@ impl ScoreCard {
             right_verdict: Rate::count(cases.iter().map(|c| c.right_verdict)),
             calibration: Calibration::new(&stated),
             strict_calibration: Calibration::new(&strictly),
+            prediction_sets: PredictionSets::new(suite, diagnoses),
             closure: ClosureScore {
                 of: closures.len(),
                 median: quantile(&closures, 0.5),

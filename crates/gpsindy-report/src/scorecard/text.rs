@@ -1,6 +1,6 @@
 //! The score card as text.
 
-use super::{HandedOver, Judged, Kind, LeftOut, Rate, ScoreCard, Stratum};
+use super::{CalibrationGroup, HandedOver, Judged, Kind, LeftOut, PredictionSets, Rate, ScoreCard, Stratum};
 use crate::numbers::{fixed, number};
 use crate::words::verdict_name;
 use gpsindy_core::diagnose::report::Verdict;
@@ -37,6 +37,10 @@ pub(super) fn text(card: &ScoreCard) -> String {
     rate(&mut text, "in the catalogue: needlessly partly explained", card.needlessly_partly);
     rate(&mut text, "verdict right", card.right_verdict);
     rate(&mut text, "causes stated with 0.9 or more: right", card.calibration.stated_090);
+    if let Some(sets) = &card.prediction_sets {
+        rate(&mut text, "prediction set: holds every missing effect", sets.covered);
+        rate(&mut text, "  with an effect that the report does not list", sets.none_of_these);
+    }
     if let Some(left_out) = &card.left_out {
         rate(&mut text, "effect left out of the catalogue: explained", left_out.explained);
         rate(&mut text, "  by what was not called equivalent to it", left_out.wrongly_explained);
@@ -48,6 +52,9 @@ pub(super) fn text(card: &ScoreCard) -> String {
     }
     line(&mut text, "");
     figure(&mut text, "mean size of the group of the best cause", card.mean_group_size);
+    if let Some(sets) = &card.prediction_sets {
+        figure(&mut text, "mean number of effects in a prediction set", sets.mean_size);
+    }
     figure(&mut text, "Brier score of all causes", card.calibration.brier);
     figure(&mut text, "expected calibration error", card.calibration.expected_error);
     figure(&mut text, "  where a part of an effect outside is no hit", card.strict_calibration.expected_error);
@@ -57,6 +64,9 @@ pub(super) fn text(card: &ScoreCard) -> String {
         ranks(&mut text, handed);
     }
     reliability(&mut text, card);
+    if let Some(sets) = &card.prediction_sets {
+        calibration(&mut text, sets);
+    }
     cases(&mut text, card);
     if let Some(left_out) = &card.left_out {
         without(&mut text, left_out);
@@ -117,6 +127,27 @@ fn reliability(text: &mut String, card: &ScoreCard) {
     for bin in bins {
         let (Some(stated), Some(right)) = (bin.stated, bin.right.rate) else { continue };
         line(text, &format!("{:.1} to {:.1} {:>18} {stated:>13.3} {right:>7.3}", bin.from, bin.to, bin.right.of));
+    }
+}
+
+/// The table that these cases would calibrate, with what it gives to each of them when that is left out.
+fn calibration(text: &mut String, sets: &PredictionSets) {
+    line(text, "");
+    if sets.abstained + sets.undetected > 0 {
+        line(text, &format!("without a prediction set: {} unlike, {} without a gap", sets.abstained, sets.undetected));
+    }
+    let (least, most) = sets.gaps;
+    line(text, &format!("gaps of {least:.3} to {most:.3} times the noise, rests up to {:.4} of the gap", sets.rest));
+    line(text, "prediction sets       cases   least credit to calibrate   covered   size   unlisted");
+    for row in &sets.calibration {
+        let CalibrationGroup { group, cases, covered, none_of_these, .. } = row;
+        let least = row.least.map_or("-".into(), |least| format!("{least:e}"));
+        let size = row.mean_size.map_or("-".into(), |size| format!("{size:.2}"));
+        let counts = format!("{} / {}", covered.hits, covered.of);
+        line(
+            text,
+            &format!("{group:<18} {cases:>8}   {least:>24}   {counts:>11} {size:>6} {:>10}", none_of_these.hits),
+        );
     }
 }
 

@@ -258,3 +258,76 @@ fn the_right_set_was_fitted_where_each_effect_had_a_member_of_its_own() {
     assert_eq!(found.families[0].of, 3);
     assert!((found.families[0].correlation.unwrap() - 1.0).abs() < 1e-12);
 }
+
+/// Covered, size and "not listed" of the set that a report's numbers give.
+fn set(id: &str, mut report: Diagnosis, structure: f64) -> (usize, Option<f64>, usize) {
+    report.unexplained.probability = structure;
+    report.prediction_set = None;
+    let sets = card(id, Some(report)).prediction_sets.unwrap();
+    (sets.covered.hits, sets.mean_size, sets.none_of_these.hits)
+}
+
+#[test]
+fn a_prediction_set_must_hold_every_effect() {
+    let swell = || cause("periodic_disturbance", "v", &[], 0.95);
+    let gain = || cause("input_gain", "v", &["u"], 0.95);
+    let of = |causes| diagnosis(Verdict::Explained, 1e-6, causes);
+    assert_eq!(set("pair", of(vec![swell(), gain()]), 0.0), (1, Some(2.0), 0));
+    assert_eq!(set("pair", of(vec![swell()]), 0.0), (0, Some(1.0), 0));
+    // What is not listed is covered where the set says so, and what is listed and left out is not.
+    assert_eq!(set("pair", of(vec![swell()]), 0.9), (1, Some(1.0), 1));
+    let doubted = Cause { included: false, probability: 1e-9, ..gain() };
+    assert_eq!(set("pair", of(vec![swell(), doubted]), 0.9), (0, Some(1.0), 1));
+    let group = Cause { equivalent: vec!["input_gain".into()], ..cause("bias", "v", &[], 0.95) };
+    assert_eq!(set("pair", of(vec![swell(), group]), 0.0), (1, Some(2.0), 0));
+}
+
+#[test]
+fn an_effect_outside_the_catalogue_is_only_in_a_set_that_says_so() {
+    let part = || diagnosis(Verdict::Explained, 1e-6, vec![cause("coulomb_friction", "v", &["v"], 0.95)]);
+    assert_eq!(set("outside", part(), 0.0), (0, Some(1.0), 0));
+    assert_eq!(set("outside", part(), 0.9), (1, Some(1.0), 1));
+}
+
+#[test]
+fn a_null_has_no_prediction_set_and_one_that_abstains_is_not_counted() {
+    assert_eq!(card("null", Some(diagnosis(Verdict::NoGap, 0.3, vec![]))).prediction_sets, None);
+    let mut report = diagnosis(Verdict::Explained, 1e-6, vec![]);
+    report.prediction_set = None;
+    report.no_prediction_set = Some("this one steps".into());
+    let sets = card("single", Some(report)).prediction_sets.unwrap();
+    assert_eq!((hit(sets.covered), sets.abstained), ((0, 0), 1));
+    // Another tool states no confidence, and its probabilities are not those that are calibrated.
+    let foreign = read_report(r#"{"verdict": "explained", "causes": [{"effect": "bias", "state": "x"}]}"#).unwrap();
+    assert_eq!(card("single", Some(foreign)).prediction_sets, None);
+}
+
+#[test]
+fn structure_without_a_name_is_not_scored_as_a_cause() {
+    let function = Cause { included: false, ..cause("function", "v", &["v"], 0.99) };
+    let card = card("outside", Some(diagnosis(Verdict::Unexplained, 1e-6, vec![function])));
+    assert_eq!(card.calibration.brier, None);
+}
+
+#[test]
+fn calibration_leaves_each_case_out_and_has_a_threshold_from_nine_cases_on() {
+    let answer = |i: usize| {
+        let effects = vec![TrueEffect { effect: "bias".into(), state: "x".into(), variables: vec![] }];
+        let text = format!("[[case]]\nid = \"c{i}\"\n");
+        Answer { effects, ..Suite::from_toml(&text).unwrap().cases.remove(0) }
+    };
+    let found = |i: usize| {
+        let right = Cause { included: false, probability: 0.1 * i as f64, ..cause("bias", "x", &[], 0.0) };
+        let report = diagnosis(Verdict::Explained, 1e-6, vec![cause("drift", "x", &[], 0.9), right]);
+        (format!("c{i}"), report)
+    };
+    let of = |n: usize| {
+        let suite = Suite { cases: (0..n).map(answer).collect() };
+        ScoreCard::new(&suite, &(0..n).map(found).collect()).prediction_sets.unwrap().calibration
+    };
+    let (few, enough) = (of(8), of(10));
+    assert_eq!(few[0].least, None);
+    // All but the case with the least credit are above the least of the others.
+    assert_eq!((enough[0].group.as_str(), enough[0].least, hit(enough[0].covered)), ("all", Some(0.0), (9, 10)));
+    assert_eq!((enough[1].group.as_str(), enough[1].cases), ("time", 10));
+}
