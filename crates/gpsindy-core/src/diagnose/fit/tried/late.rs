@@ -32,7 +32,7 @@ pub(crate) fn settle(
             let delays: Vec<f64> = std::iter::once(at).chain(around).collect();
             let costs = profile.costs(&moved(point, *index, &delays));
             // The simulator acts in whole steps: a part of one must be worth a number of its own.
-            let is_part = apart < 0.75 * step;
+            let is_part = apart < step;
             let price = if is_part {
                 per_value(costs[0], experiment) * (experiment.n_values().max(2) as f64).ln()
             } else {
