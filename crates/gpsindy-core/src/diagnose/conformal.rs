@@ -88,13 +88,15 @@ pub fn members(report: &Diagnosis, least: f64) -> (Vec<SetCause>, bool) {
 
 /// The set of a report; `None` without a gap, and for a report that [`unlike`] says is unlike all that calibrate it.
 pub fn prediction_set(report: &Diagnosis) -> Option<PredictionSet> {
-    if !report.gap.detected || unlike(report).is_some() {
-        return None;
-    }
+    (report.gap.detected && unlike(report).is_none()).then(|| set_of(report))
+}
+
+/// The set by the report's own group.
+fn set_of(report: &Diagnosis) -> PredictionSet {
     let (name, cases, least) = calibration(group(report));
     let (causes, none_of_these) = members(report, least);
     let calibration = SetCalibration { cases, group: name.into() };
-    Some(PredictionSet { coverage: COVERAGE, causes, none_of_these, calibration })
+    PredictionSet { coverage: COVERAGE, causes, none_of_these, calibration }
 }
 
 /// Name, number of cases and threshold of the group, or those of all.
@@ -107,7 +109,7 @@ fn calibration(group: &str) -> (&'static str, usize, f64) {
 pub(crate) fn state(report: &mut Diagnosis, conditions: &Conditions) {
     if report.gap.detected {
         report.no_prediction_set = alike::unlike_conditions(conditions).or_else(|| unlike(report));
-        report.prediction_set = if report.no_prediction_set.is_none() { prediction_set(report) } else { None };
+        report.prediction_set = report.no_prediction_set.is_none().then(|| set_of(report));
     }
 }
 

@@ -156,6 +156,12 @@ impl Experiment {
         self.columns.iter().position(|&c| c == state)
     }
 
+    /// Mean sampling step of the longest log, s; 1 without one.
+    pub(crate) fn sampling_step(&self) -> f64 {
+        let longest = self.logs.iter().max_by_key(|log| log.time.len());
+        longest.map_or(1.0, |log| (log.time[log.time.len() - 1] - log.time[0]) / (log.time.len() - 1).max(1) as f64)
+    }
+
     /// Duration of the longest window, s.
     pub(crate) fn longest_window(&self) -> f64 {
         let duration = |w: &Window| self.logs[w.log].time[w.last] - self.logs[w.log].time[w.first];

@@ -116,11 +116,8 @@ impl Grid {
         let stamps = |of: &dyn Fn(&Window) -> usize| -> Vec<f64> {
             experiment.windows.iter().map(|w| experiment.logs[w.log].time[of(w)]).collect()
         };
-        let longest = experiment.logs.iter().max_by_key(|log| log.time.len());
-        let step = longest
-            .map_or(1.0, |log| (log.time[log.time.len() - 1] - log.time[0]) / (log.time.len() - 1).max(1) as f64);
         Self {
-            step,
+            step: experiment.sampling_step(),
             begin: stamps(&|w| w.first).into_iter().reduce(f64::min).unwrap_or(0.0),
             end: stamps(&|w| w.last).into_iter().reduce(f64::max).unwrap_or(0.0),
             first: experiment.logs.first().map_or(0.0, |log| log.time[0]),

@@ -29,7 +29,9 @@ pub(crate) fn settle(
             let at = point.parameters[*index];
             let (first, last) = (((at - reach) / apart).floor() as i64, ((at + reach) / apart).ceil() as i64);
             let around = (first..=last).map(|k| (k as f64 * apart).clamp(added.lower, added.upper));
-            let delays: Vec<f64> = std::iter::once(at).chain(around).collect();
+            let mut delays: Vec<f64> = std::iter::once(at).chain(around).collect();
+            // At an end of the range many are one.
+            delays.dedup();
             let costs = profile.costs(&moved(point, *index, &delays));
             // The simulator acts in whole steps: a part of one must be worth a number of its own.
             let is_part = apart < step;
@@ -67,9 +69,7 @@ pub(crate) fn least_distinguished(fit: &Contestant, (index, added): &(usize, Add
 
 /// For how long a command is held, s: a step of the simulator, or a sample's period where that is shorter.
 fn held_for(engine: &dyn Steps, experiment: &Experiment) -> f64 {
-    let period = |time: &[f64]| (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
-    let periods = experiment.logs.iter().filter(|log| log.time.len() > 1).map(|log| period(&log.time));
-    periods.fold(engine.period(), f64::min)
+    engine.period().min(experiment.sampling_step())
 }
 
 /// The cost of a value, in units of the noise, and at least that of noise.
