@@ -144,3 +144,40 @@ enum Rule {
     /// It lacks this.
     Sense(&'static str),
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fixture::{drive, fitted};
+    use crate::expression::Expression;
+    use crate::model::State;
+    use faer::Mat;
+
+    /// How many suspects are a spring or another axis of a second joint that goes to and fro over `moves` of the first one's way.
+    fn on_the_other(moves: f64) -> usize {
+        let (mut model, data) = drive(None, |x| x, 0.01, (3, 200));
+        model.states.push(State::new("other", Expression::parse("-other").unwrap()));
+        let with_other = |run: &Run| Run {
+            values: Mat::from_fn(run.n_samples(), 3, |i, c| {
+                if c < 2 { run.values[(i, c)] } else { 0.1 + moves * run.values[(i, 0)] }
+            }),
+            ..run.clone()
+        };
+        let channels = ["x", "u", "other"].map(Channel::new).to_vec();
+        let data = Dataset::new(channels, data.runs().iter().map(with_other).collect()).unwrap();
+        let nominal = fitted(&model, &data, 0.01).1;
+        let is_of_other = |h: &&Hypothesis| {
+            let is_of_place = matches!(h.family(), Family::Stiffness | Family::Coupling);
+            is_of_place && h.variables.iter().any(|name| name == "other")
+        };
+        suspects(&nominal, &Choice::default()).unwrap().0.hypotheses.iter().filter(is_of_other).count()
+    }
+
+    #[test]
+    fn what_never_moves_is_no_spring_and_no_other_axis() {
+        assert!(on_the_other(1.0) > 0);
+        assert_eq!(on_the_other(0.0), 0);
+    }
+}
