@@ -1,7 +1,7 @@
 //! Residuals and derivatives of every window, as a fit and its normal equations take them.
 
 use super::{Experiment, Free, Starts};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Share of the typical size by which a value is moved for a finite difference: the root of the
 /// rounding error, a compromise between truncation and cancellation.
@@ -42,6 +42,18 @@ pub(super) fn squares(experiment: &Experiment, residual: &DVector<f64>) -> f64 {
 /// Sum of the beliefs' squared, scaled distances.
 pub(crate) fn prior_cost(parameters: &[f64], free: &[Free]) -> f64 {
     free.iter().filter_map(|f| f.prior.map(|(mean, sd)| ((parameters[f.parameter] - mean) / sd).powi(2))).sum()
+}
+
+impl Block {
+    /// What so many first values say of some states at the window's start, the others as they are: the Cholesky factor of their information, in
+    /// squares of the noise; `far`: how far a state may be from its start where they say nothing of it, in its unit.
+    pub(crate) fn known_start(&self, values: usize, states: &[usize], far: &[f64]) -> Option<Cholesky<f64, Dyn>> {
+        let seen = self.derivative.rows(0, values.min(self.derivative.nrows())).select_columns(states);
+        let mut information = seen.tr_mul(&seen);
+        let ridge = 1e-9 * information.diagonal().max() + f64::MIN_POSITIVE;
+        states.iter().enumerate().for_each(|(i, &j)| information[(i, i)] += ridge.max(far[j].powi(-2)));
+        information.cholesky()
+    }
 }
 
 impl Jacobian {

@@ -28,7 +28,9 @@ pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::path::Path;
 pub(crate) use lanes::tangent::{By, Tangent, tangent};
 pub(crate) use profile::Profile;
-pub(crate) use stepped::{chained_starts, drawn_starts, first_starts, guess_starts, nearer_starts};
+pub(crate) use stepped::{
+    chained_starts, drawn_around, drawn_starts, draws_of_readings, first_starts, guess_starts, nearer_starts,
+};
 
 use crate::error::{Error, Result};
 use crate::model::System;

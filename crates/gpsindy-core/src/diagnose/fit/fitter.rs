@@ -3,7 +3,7 @@
 pub(crate) mod begun;
 mod starts;
 
-pub(crate) use starts::standing_out;
+pub(crate) use starts::{above_noise, standing_out};
 
 use crate::diagnose::catalogue::hypothesis::{Added, Applied};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, is_open};

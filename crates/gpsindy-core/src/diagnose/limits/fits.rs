@@ -95,6 +95,13 @@ pub(crate) const POOR: f64 = 2.0;
 /// double the mean of a hundred squares. Argument.
 pub(crate) const DOUBTED: f64 = 2.0;
 
+/// The same for one column, in standard deviations of a mean of as many squares: a servo that swings to its other side leaves a few samples of one
+/// joint. Of a thousand means of thirty squares none is as far off by chance, in one fit of ten. Argument.
+pub(crate) const DOUBTED_COLUMN: f64 = 5.0;
+
+/// How often the column that stands out most in a window is drawn anew: joints whose servos swing together are three at most. Convention.
+pub(crate) const REDRAWN: usize = 3;
+
 /// First rollouts of a log that say where a limited control stood as it began; places that are tried over its range, and rounds, each between the
 /// neighbours of the best: a thousandth of the range at last. Convention.
 pub(crate) const BEGINNINGS: usize = 4;

@@ -15,3 +15,6 @@ pub(crate) const SAME_START: f64 = 4.0;
 
 /// Share of a step by which the times of two runs may differ: jitter, and not another clock. Convention.
 pub(crate) const SAME_TIME: f64 = 0.05;
+
+/// Starts that are drawn where a simulator steps: their mean square is known to a third. Argument.
+pub(crate) const STARTS_DRAWN: usize = 16;

@@ -6,12 +6,9 @@
 
 use crate::error::{Error, Result};
 use crate::model::System;
-use crate::random::normal;
 use crate::refine::stepped::slopes::Scene;
 use crate::refine::tally::Purpose;
 use crate::refine::{Experiment, Job, Point, Refine, Window, guess_initial, roll_together};
-use rand_chacha::ChaCha8Rng;
-use rand_core::SeedableRng;
 
 /// Samples of the first beginning: three determine a place, a rate and what drives it.
 const FIRST: usize = 3;
@@ -21,7 +18,7 @@ const FIRST: usize = 3;
 const LONGER: f64 = 1.4;
 
 /// Samples beyond which no beginning is followed: what comes later depends on the machine, and little on the start.
-const LONGEST: usize = 128;
+pub(super) const LONGEST: usize = 128;
 
 /// Samples of the longest beginning that determines a start whatever the model lacks: what is missing has hardly moved a state by then.
 /// Argument.
@@ -29,11 +26,6 @@ const SHORT: usize = 8;
 
 /// Steps on each: the next one goes on, so that a thousandth of the cost is not worth another.
 const STEPS: Refine = Refine { max_iterations: 5, tolerance: 1e-3, hopeless: f64::INFINITY };
-
-/// Draws of a start whose fit is doubted, and how many of them are fitted. An arm of six joints whose wrist's servo leaves its limit within the
-/// window: of 2000 draws one in a hundred came within 2.7 times the noise's variance, from which a fit reaches the true start.
-const DRAWS: usize = 256;
-const FITTED: usize = 4;
 
 /// Initial states of all windows at these parameters (all of the system's): what the first samples determine, and where the system
 /// steps on its own also what its rollouts do.
@@ -107,53 +99,8 @@ pub(crate) fn chained_starts(
     nearer_starts(system, experiment, parameters, [starts, &chained])
 }
 
-/// Initial states of some `windows`, each the best of several that differ from the readings by as much as the noise does. Rollouts choose
-/// among them, not fits: those along ever longer beginnings would all end where the first of them did.
-///
-/// # Errors
-/// A computation that was asked to stop.
-pub(crate) fn drawn_starts(
-    system: &System,
-    experiment: &Experiment,
-    parameters: &[f64],
-    windows: &[usize],
-) -> Result<Vec<Vec<f64>>> {
-    let beginning = |w: usize| {
-        let window = experiment.windows[w];
-        Window { last: window.last.min(window.first + LONGEST - 1), ..window }
-    };
-    let repeated = |times: usize| Experiment {
-        windows: windows.iter().flat_map(|&w| std::iter::repeat_n(beginning(w), times)).collect(),
-        ..experiment.clone()
-    };
-    let many = repeated(DRAWS);
-    let mut random = ChaCha8Rng::seed_from_u64(0);
-    let mut starts = as_read(system, &many);
-    for start in &mut starts {
-        for (&state, noise) in many.columns.iter().zip(&many.noise) {
-            start[state] += noise * normal(&mut random);
-        }
-    }
-    let costs = squares(system, &many, parameters, &starts);
-    let few = repeated(FITTED);
-    let nearest = (0..windows.len()).flat_map(|k| {
-        let mut own: Vec<usize> = (k * DRAWS..(k + 1) * DRAWS).collect();
-        own.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]));
-        own.into_iter().take(FITTED)
-    });
-    let starts: Vec<Vec<f64>> = nearest.map(|i| starts[i].clone()).collect();
-    let starts = match Refine::default().fit(system, &few, parameters, &[], Some(&starts)) {
-        Ok(fit) => fit.initial,
-        Err(Error::Cancelled) => return Err(Error::Cancelled),
-        Err(_) => starts,
-    };
-    let costs = squares(system, &few, parameters, &starts);
-    let best = |k: usize| (k * FITTED..(k + 1) * FITTED).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));
-    Ok((0..windows.len()).filter_map(|k| Some(starts[best(k)?].clone())).collect())
-}
-
 /// Sums of squared residuals, in units of the noise, of rollouts of all windows; infinite where one fails.
-fn squares(system: &System, experiment: &Experiment, parameters: &[f64], starts: &[Vec<f64>]) -> Vec<f64> {
+pub(super) fn squares(system: &System, experiment: &Experiment, parameters: &[f64], starts: &[Vec<f64>]) -> Vec<f64> {
     let point = Point { parameters: parameters.to_vec(), initial: starts.to_vec() };
     let jobs: Vec<Job> = (0..starts.len()).map(|window| Scene::job(&point, window)).collect();
     let residuals = Scene { system, experiment, free: &[] }.residuals(Purpose::Trials, &jobs);
@@ -162,7 +109,7 @@ fn squares(system: &System, experiment: &Experiment, parameters: &[f64], starts:
 }
 
 /// What the first samples of every window determine; of a system that steps on its own, the first readings as they are.
-fn as_read(system: &System, experiment: &Experiment) -> Vec<Vec<f64>> {
+pub(super) fn as_read(system: &System, experiment: &Experiment) -> Vec<Vec<f64>> {
     let mut starts = guess_initial(system, experiment);
     if system.engine().is_none() {
         return starts;
@@ -206,6 +153,7 @@ fn followed(
 mod tests {
     use super::*;
     use crate::model::stepping::{Stepping, drawn};
+    use crate::refine::{drawn_starts, draws_of_readings};
     use std::sync::Arc;
 
     #[test]
@@ -237,7 +185,8 @@ mod tests {
         let chained = per_value(&starts);
         assert!(chained < 0.75 * at_once, "{at_once}, {chained}");
         let all: Vec<usize> = (0..experiment.windows.len()).collect();
-        let drawn = per_value(&drawn_starts(&system, &experiment, &[inertia], &all).unwrap());
+        let mut draw = draws_of_readings(&system, &experiment);
+        let drawn = per_value(&drawn_starts(&system, &experiment, &[inertia], &all, &mut draw).unwrap());
         assert!(drawn < 1.4, "{drawn}");
     }
 

@@ -7,10 +7,12 @@
 //! Tingleff 2004, Methods for non-linear least squares problems, section 3.5 (the secant version of Levenberg-Marquardt).
 
 mod beginnings;
+mod drawn;
 mod slopes;
 mod trial;
 
-pub(crate) use beginnings::{chained_starts, drawn_starts, first_starts, guess_starts, nearer_starts};
+pub(crate) use beginnings::{chained_starts, first_starts, guess_starts, nearer_starts};
+pub(crate) use drawn::{drawn_around, drawn_starts, draws_of_readings};
 
 use super::blocks::squares;
 use super::jacobian::{Jacobian, Point, prior_cost};

@@ -2,9 +2,15 @@
 
 use super::Fitter;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{Budget, CHAIN_GAIN, CHAINED, DOUBTED, POOR};
+use crate::diagnose::limits::start::{FEWEST_SAMPLES, UNTOLD};
+use crate::diagnose::limits::{Budget, CHAIN_GAIN, CHAINED, DOUBTED, DOUBTED_COLUMN, POOR, REDRAWN};
 use crate::error::{Result, unless_refused};
-use crate::refine::{Experiment, drawn_starts, first_starts, guess_starts, nearer_starts};
+use crate::refine::{
+    Experiment, drawn_around, drawn_starts, draws_of_readings, first_starts, guess_starts, nearer_starts,
+};
+use rand_chacha::ChaCha8Rng;
+use rand_core::SeedableRng;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 impl Fitter {
@@ -19,9 +25,40 @@ impl Fitter {
         if doubted.is_empty() {
             return Ok(contestant);
         }
+        let mut draw = draws_of_readings(&contestant.system, &contestant.experiment);
+        self.from_drawn(contestant, budget, doubted, &mut draw)
+    }
+
+    /// The same, of windows in which one column alone stands out, from starts of that column's place and rate: a servo that swings to its other
+    /// side within the noise of its reading leaves a few samples of one joint, and draws of all joints at once rarely meet it.
+    pub(crate) fn redrawn_by_column(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
+        let mut best = contestant;
+        for _ in 0..REDRAWN {
+            let doubted = if best.system.engine().is_some() { columns_standing_out(&best) } else { Vec::new() };
+            if doubted.is_empty() {
+                break;
+            }
+            let squares = best.evidence.squares();
+            let mut draw = draws_of_columns(&best, &doubted)?;
+            best = self.from_drawn(best, budget, doubted.into_iter().map(|(w, _)| w).collect(), &mut draw)?;
+            if best.evidence.squares() >= squares {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Some windows fitted from the best of several drawn starts, where that is better.
+    fn from_drawn(
+        self,
+        contestant: Contestant,
+        budget: Budget,
+        windows: Vec<usize>,
+        draw: &mut dyn FnMut(usize) -> Vec<f64>,
+    ) -> Result<Contestant> {
         let Contestant { system, experiment, refined, .. } = &contestant;
-        let drawn = drawn_starts(system, experiment, &refined.parameters, &doubted)?;
-        let moved = self.carried_on(moved_to(contestant.clone(), doubted, drawn), budget)?;
+        let drawn = drawn_starts(system, experiment, &refined.parameters, &windows, draw)?;
+        let moved = self.carried_on(moved_to(contestant.clone(), windows, drawn), budget)?;
         Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
     }
 
@@ -119,17 +156,88 @@ fn doubted(contestant: &Contestant) -> Vec<usize> {
     }
 }
 
+/// Windows with the column whose residuals there stand out most among that column's.
+fn columns_standing_out(contestant: &Contestant) -> Vec<(usize, usize)> {
+    let n_columns = contestant.experiment.columns.len();
+    let mut all: Vec<(usize, usize, f64)> = Vec::new();
+    for c in 0..n_columns {
+        let of_column = |window: &Vec<f64>| window.iter().skip(c).step_by(n_columns).copied().collect();
+        let column: Vec<Vec<f64>> = contestant.refined.residuals.iter().map(of_column).collect();
+        let count = |w: usize| column[w].iter().filter(|e| e.is_finite()).count().max(1) as f64;
+        let deviation = |w: usize| (2.0 / count(w)).sqrt();
+        let beyond =
+            times_middle(&column).into_iter().enumerate().map(|(w, times)| (w, c, (times - 1.0) / deviation(w)));
+        all.extend(beyond.filter(|(_, _, beyond)| *beyond > DOUBTED_COLUMN));
+    }
+    all.sort_by(|a, b| a.0.cmp(&b.0).then(b.2.total_cmp(&a.2)));
+    all.dedup_by_key(|(w, _, _)| *w);
+    all.into_iter().map(|(w, c, _)| (w, c)).collect()
+}
+
+/// Draws of some windows' starts: place and rate of one column each, in turn about their first readings and about what was fitted, as far as the
+/// window's first samples leave it open. What comes later holds them where an event is that the true start has not.
+fn draws_of_columns(
+    contestant: &Contestant,
+    doubted: &[(usize, usize)],
+) -> Result<impl FnMut(usize) -> Vec<f64> + use<>> {
+    let Contestant { system, experiment, refined, .. } = contestant;
+    let blocks = contestant.linearised()?.jacobian.blocks;
+    let model = system.model();
+    let far: Vec<f64> = experiment.scale.iter().map(|scale| UNTOLD * scale).collect();
+    let few = FEWEST_SAMPLES * experiment.columns.len();
+    let one = |&(w, c): &(usize, usize)| {
+        let state = experiment.columns[c];
+        let is_own =
+            |j: &usize| *j == state || model.integral_of(*j) == Some(state) || model.integral_of(state) == Some(*j);
+        let own: Vec<usize> = (0..system.n_states()).filter(is_own).collect();
+        (w, (blocks[w].known_start(few, &own, &far), own))
+    };
+    let known: BTreeMap<usize, _> = doubted.iter().map(one).collect();
+    let (starts, mut random, mut is_of_fit) = (refined.initial.clone(), ChaCha8Rng::seed_from_u64(0), false);
+    let mut of_readings = draws_of_readings(system, experiment);
+    Ok(move |w: usize| {
+        let mut start = starts[w].clone();
+        let Some((Some(known), own)) = known.get(&w) else { return start };
+        is_of_fit = !is_of_fit;
+        let drawn: Vec<f64> = if is_of_fit {
+            let part: Vec<f64> = own.iter().map(|&j| start[j]).collect();
+            drawn_around(&part, known, &mut random).0
+        } else {
+            let read = of_readings(w);
+            own.iter().map(|&j| read[j]).collect()
+        };
+        own.iter().zip(drawn).for_each(|(&j, value)| start[j] = value);
+        start
+    })
+}
+
 /// Windows whose mean squared residual is far above that of the middle one.
 pub(crate) fn standing_out(residuals: &[Vec<f64>]) -> Vec<usize> {
+    let times = times_middle(residuals);
+    (0..times.len()).filter(|&w| times[w] > DOUBTED).collect()
+}
+
+/// Every window's mean squared residual over the middle one's.
+fn times_middle(residuals: &[Vec<f64>]) -> Vec<f64> {
+    let means = mean_squares(residuals);
+    let mut sorted = means.clone();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    means.into_iter().map(|mean| mean / middle).collect()
+}
+
+/// Windows whose mean squared residual is far above the noise.
+pub(crate) fn above_noise(residuals: &[Vec<f64>]) -> Vec<usize> {
+    let means = mean_squares(residuals);
+    (0..means.len()).filter(|&w| means[w] > DOUBTED).collect()
+}
+
+fn mean_squares(residuals: &[Vec<f64>]) -> Vec<f64> {
     let mean = |window: &Vec<f64>| {
         let values = || window.iter().filter(|e| e.is_finite());
         values().map(|e| e * e).sum::<f64>() / values().count().max(1) as f64
     };
-    let means: Vec<f64> = residuals.iter().map(mean).collect();
-    let mut sorted = means.clone();
-    sorted.sort_by(f64::total_cmp);
-    let Some(middle) = sorted.get(sorted.len() / 2) else { return Vec::new() };
-    (0..means.len()).filter(|&w| means[w] > DOUBTED * middle).collect()
+    residuals.iter().map(mean).collect()
 }
 
 /// The same contestant with other starts of some windows.
@@ -138,4 +246,34 @@ fn moved_to(mut contestant: Contestant, windows: Vec<usize>, starts: Vec<Vec<f64
         contestant.refined.initial[window] = start;
     }
     contestant
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::model::stepping::{Stepping, drawn};
+    use crate::refine::guess_initial;
+
+    #[test]
+    fn a_start_on_the_wrong_side_of_a_servo_s_limit_is_drawn_anew() {
+        let (noise, count, inertia) = ([1e-3, 1e-2], 960, 0.03);
+        let servo = Arc::new(Stepping::rough_servo());
+        let system = servo.system("q", ("inertia", inertia));
+        let command = |i: usize| drawn(9000 + i / 40);
+        let sensor = |i: usize, j: usize, x: f64| x + 3f64.sqrt() * noise[j] * drawn(2 * i + j);
+        let read = |i: usize, x: [f64; 2]| [sensor(i, 0, x[0]), sensor(i, 1, x[1])];
+        let data = servo.log(("q", inertia), ([0.0; 2], count), command, command, read);
+        let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.95);
+        let fitter = Fitter::default();
+        let good = fitter.nominal_watched(system.clone(), experiment.clone(), Vec::new(), Budget::Usual, &|_| Ok(()));
+        let windows = (0..experiment.windows.len()).step_by(5).collect();
+        let starts = guess_initial(&system, &experiment).into_iter().step_by(5).collect();
+        let bad = fitter.carried_on(moved_to(good.unwrap(), windows, starts), Budget::Usual).unwrap();
+        let stands_out = columns_standing_out(&bad).len();
+        let found = fitter.redrawn_by_column(bad.clone(), Budget::Usual).unwrap();
+        let [before, after] = [&bad, &found].map(|fit| fit.evidence.squares() / (2 * count) as f64);
+        assert!(stands_out > 0 && before > 1.4, "{stands_out} windows, {before}");
+        assert!(after < 1.2, "{before} and {after}");
+    }
 }

@@ -60,6 +60,11 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
         best = contest.fitter.carried_on(best, Budget::Thorough)?;
         is_other = true;
     }
+    if !best.evidence.leaves_a_rest() && !contest.run.is_out_of_time() {
+        let squares = best.evidence.squares();
+        best = contest.fitter.redrawn_by_column(best, Budget::Usual)?;
+        is_other |= best.evidence.squares() < squares;
+    }
     let is_moved = !notes.is_empty() || is_other;
     // Once more, because longer rollouts show what an effect is worth.
     let Pruned { best, rests } = if is_moved { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };

@@ -5,9 +5,14 @@
 //! sensor noise and its effect on the initial state.
 
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::floor::{COPIES, FIRST_SAMPLES, SAME_COMMAND, SAME_START, SAME_TIME};
+use crate::diagnose::fit::outputs::outputs;
+use crate::diagnose::limits::floor::{COPIES, FIRST_SAMPLES, SAME_COMMAND, SAME_START, SAME_TIME, STARTS_DRAWN};
+use crate::diagnose::limits::start::UNTOLD;
 use crate::diagnose::steps::verdict::start::{beginnings, starts};
-use crate::refine::{Experiment, Jacobian, Log, Point};
+use crate::refine::{Block, Experiment, Jacobian, Log, Point, Window, drawn_around};
+use nalgebra::{Cholesky, Dyn};
+use rand_chacha::ChaCha8Rng;
+use rand_core::SeedableRng;
 
 /// What a floor is taken from where no runs repeat each other.
 pub(crate) const SENSORS: &str = "sensor noise";
@@ -35,25 +40,15 @@ fn sensor_noise(best: &Contestant, noise: &[f64], sensors: &[usize]) -> Vec<f64>
 /// error on. In an unstable plant that is most of what noise leaves.
 fn with_start(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> Vec<f64> {
     let own = Experiment { scale: best.experiment.scale.clone(), noise: floor.clone(), ..experiment.clone() };
-    let beginning = beginnings(&own);
-    let initial = starts(&best.system, &own, &best.refined.parameters, best.nominal_states());
-    let point = Point { parameters: best.refined.parameters.clone(), initial };
-    let Ok(jacobian) = Jacobian::new(&best.system, &own, &point, &[]) else { return floor };
+    let Some(fitted) = Fitted::new(best, &own) else { return floor };
+    let blurs = if best.system.engine().is_some() { fitted.drawn(best, &own) } else { fitted.carried() };
     let n_columns = own.columns.len();
     let mut sums = vec![(0.0, 0.0); n_columns];
-    for ((block, window), start) in jacobian.blocks.iter().zip(&own.windows).zip(&beginning) {
-        let fitted = (start.last - start.first + 1) * n_columns;
-        let seen = block.derivative.rows(0, fitted.min(block.derivative.nrows()));
-        let mut information = seen.tr_mul(&seen);
-        let ridge = 1e-9 * information.diagonal().max() + f64::MIN_POSITIVE;
-        (0..information.nrows()).for_each(|i| information[(i, i)] += ridge);
-        let Some(factor) = information.cholesky() else { return floor };
-        let carried = factor.solve(&block.derivative.transpose());
-        for row in (0..(window.last - window.first + 1) * n_columns).filter(|&row| block.present[row]) {
-            let blur: f64 = block.derivative.row(row).iter().zip(carried.column(row).iter()).map(|(a, b)| a * b).sum();
+    for ((blurs, block), &seen) in blurs.iter().zip(&fitted.jacobian.blocks).zip(&fitted.seen) {
+        for (row, blur) in blurs.iter().enumerate().filter(|(row, _)| block.present[*row]) {
             let (sum, count) = &mut sums[row % n_columns];
             // What was fitted comes out closer than the noise, the rest further.
-            *sum += if row < fitted { 1.0 - blur.min(1.0) } else { 1.0 + blur };
+            *sum += if row < seen { 1.0 - blur.min(1.0) } else { 1.0 + blur };
             *count += 1.0;
         }
     }
@@ -62,6 +57,73 @@ fn with_start(best: &Contestant, experiment: &Experiment, floor: Vec<f64>) -> Ve
         if factor.is_finite() { floor * factor.max(1.0).sqrt() } else { floor }
     };
     floor.into_iter().zip(sums).map(blurred).collect()
+}
+
+/// Starts of held-out rollouts with what is known of their errors.
+struct Fitted {
+    point: Point,
+    jacobian: Jacobian,
+    /// By window: the values that its start was fitted to.
+    seen: Vec<usize>,
+    /// By window: the Cholesky factor of what they say of the start, in squares of the noise.
+    known: Vec<Cholesky<f64, Dyn>>,
+}
+
+impl Fitted {
+    fn new(best: &Contestant, own: &Experiment) -> Option<Self> {
+        let initial = starts(&best.system, own, &best.refined.parameters, best.nominal_states());
+        let point = Point { parameters: best.refined.parameters.clone(), initial };
+        let jacobian = Jacobian::new(&best.system, own, &point, &[]).ok()?;
+        let count = |start: &Window| (start.last - start.first + 1) * own.columns.len();
+        let seen: Vec<usize> = beginnings(own).iter().map(count).collect();
+        let far: Vec<f64> = own.scale.iter().map(|scale| UNTOLD * scale).collect();
+        let all: Vec<usize> = (0..far.len()).collect();
+        let known = |(block, &seen): (&Block, &usize)| block.known_start(seen, &all, &far);
+        let known = jacobian.blocks.iter().zip(&seen).map(known).collect::<Option<_>>()?;
+        Some(Self { point, jacobian, seen, known })
+    }
+
+    /// Variance that the error of a start has in every value of its window, in squares of the noise, along a straight line.
+    fn carried(&self) -> Vec<Vec<f64>> {
+        let one = |(block, known): (&Block, &Cholesky<f64, Dyn>)| {
+            let carried = known.solve(&block.derivative.transpose());
+            let value =
+                |row: usize| block.derivative.row(row).iter().zip(&carried.column(row)).map(|(a, b)| a * b).sum();
+            (0..block.derivative.nrows()).map(value).collect()
+        };
+        self.jacobian.blocks.iter().zip(&self.known).map(one).collect()
+    }
+
+    /// The same from rollouts of starts that are drawn: what steps meets limits and stops, beyond which no straight line leads. Each counts by
+    /// what the values that it was fitted to say against it (importance sampling).
+    fn drawn(&self, best: &Contestant, own: &Experiment) -> Vec<Vec<f64>> {
+        let mut random = ChaCha8Rng::seed_from_u64(0);
+        let at = |initial: &[Vec<f64>]| outputs(&best.system, own, &best.refined.parameters, initial);
+        let fitted = at(&self.point.initial);
+        let mut sums: Vec<(Vec<f64>, f64)> = fitted.iter().map(|values| (vec![0.0; values.len()], 1.0)).collect();
+        for _ in 0..STARTS_DRAWN {
+            let mut initial = self.point.initial.clone();
+            let mut expected = Vec::new();
+            for (start, known) in initial.iter_mut().zip(&self.known) {
+                let (drawn, distance) = drawn_around(start, known, &mut random);
+                *start = drawn;
+                expected.push(distance);
+            }
+            for (w, drawn) in at(&initial).into_iter().enumerate() {
+                let block = &self.jacobian.blocks[w];
+                let change: Vec<f64> = drawn.iter().zip(&fitted[w]).map(|(a, b)| a - b).collect();
+                let seen = (0..self.seen[w].min(change.len())).filter(|&row| block.present[row]);
+                let more: f64 = seen.map(|row| change[row] * (change[row] - 2.0 * block.residual[row])).sum();
+                let weight = (0.5 * (expected[w] - more)).min(0.0).exp();
+                let (sum, weights) = &mut sums[w];
+                if weight > 0.0 && change.iter().all(|change| change.is_finite()) {
+                    sum.iter_mut().zip(&change).for_each(|(sum, change)| *sum += weight * change * change);
+                    *weights += weight;
+                }
+            }
+        }
+        sums.into_iter().map(|(sum, weights)| sum.into_iter().map(|sum| sum / weights).collect()).collect()
+    }
 }
 
 /// Standard deviation of every column between runs that repeat each other, in its unit; `None` without such runs.
@@ -133,11 +195,34 @@ fn same_start(one: &Log, other: &Log, noise: &[f64]) -> bool {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::diagnose::fit::fitter::Fitter;
+    use crate::diagnose::limits::Budget;
+    use crate::model::stepping::{Stepping, drawn};
     use crate::random::normal;
-    use rand_chacha::ChaCha8Rng;
-    use rand_core::SeedableRng;
+    use std::sync::Arc;
 
     const NOISE: f64 = 0.02;
+
+    #[test]
+    fn drawn_starts_blur_as_much_as_straight_lines_say_where_nothing_bends() {
+        let noise = [1e-3, 1e-2];
+        let spring = Arc::new(Stepping::spring());
+        let system = spring.system("x", ("k", 5.0));
+        let command = |i: usize| (0.02 * i as f64).sin() + f64::from((i / 70).is_multiple_of(2));
+        let read = |i: usize, x: [f64; 2]| [0, 1].map(|j| x[j] + 3f64.sqrt() * noise[j] * drawn(2 * i + j));
+        let data = spring.log(("x", 5.0), ([0.5, 0.0], 1000), command, command, read);
+        let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.4);
+        let best = Fitter::default().nominal(system, experiment.clone(), Vec::new(), Budget::Usual).unwrap();
+        let fitted = Fitted::new(&best, &experiment).unwrap();
+        let mean = |blurs: Vec<Vec<f64>>| {
+            let all: Vec<f64> = blurs.into_iter().flatten().collect();
+            all.iter().sum::<f64>() / all.len() as f64
+        };
+        let (straight, drawn) = (mean(fitted.carried()), mean(fitted.drawn(&best, &experiment)));
+        // The start itself is one of the draws; 25 windows of 16 draws show a variance to a fifteenth.
+        let expected = straight * STARTS_DRAWN as f64 / (STARTS_DRAWN + 1) as f64;
+        assert!(straight > 0.02 && (drawn / expected - 1.0).abs() < 0.25, "{straight} and {drawn}");
+    }
 
     fn log(seed: u64, start: f64, gain: f64) -> Log {
         let mut random = ChaCha8Rng::seed_from_u64(seed);

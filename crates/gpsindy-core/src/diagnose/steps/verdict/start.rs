@@ -5,7 +5,7 @@
 //! finds its initial state to a fraction of the noise; a wrong one cannot shift it to hide its errors.
 
 use crate::diagnose::fit::colours::colour::colours;
-use crate::diagnose::fit::fitter::standing_out;
+use crate::diagnose::fit::fitter::{above_noise, standing_out};
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::diagnose::fit::tried::breakaway::rested;
 use crate::diagnose::limits::Budget;
@@ -15,9 +15,12 @@ use crate::diagnose::limits::start::{
 };
 use crate::model::System;
 use crate::refine::{
-    Experiment, Jacobian, Log, Point, Window, chained_starts, drawn_starts, guess_initial, guess_starts, nearer_starts,
+    Experiment, Jacobian, Log, Point, Window, chained_starts, drawn_around, drawn_starts, draws_of_readings,
+    guess_initial, guess_starts, nearer_starts,
 };
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_core::SeedableRng;
 
 /// What the first samples say of one window's start.
 struct Belief {
@@ -60,6 +63,9 @@ pub(crate) fn starts(
         initial = rested(system, &beginning, parameters, &initial);
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);
     }
+    if system.engine().is_some() {
+        initial = redrawn(system, &beginning, parameters, &beliefs, initial);
+    }
     rested(system, &beginning, parameters, &initial)
 }
 
@@ -79,11 +85,51 @@ fn beyond_events(
     if doubted.is_empty() {
         return starts;
     }
-    let Ok(drawn) = drawn_starts(system, beginning, parameters, &doubted) else { return starts };
+    let mut draw = draws_of_readings(system, beginning);
+    let Ok(drawn) = drawn_starts(system, beginning, parameters, &doubted, &mut draw) else { return starts };
     let mut other = starts.clone();
     doubted.into_iter().zip(drawn).for_each(|(w, start)| other[w] = start);
     starts = nearer_starts(system, beginning, parameters, [&starts, &other]);
     fitted(chained_starts(system, (beginning, windows), parameters, &starts)).0
+}
+
+/// Starts of a simulator that steps where what is left stands out: the best of those that are as likely as they are by what is known of them.
+/// A servo may swing to one side or to the other by a hundredth of the noise, and no slope leads from one to the other.
+fn redrawn(
+    system: &System,
+    beginning: &Experiment,
+    parameters: &[f64],
+    beliefs: &[Belief],
+    mut initial: Vec<Vec<f64>>,
+) -> Vec<Vec<f64>> {
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    for _ in 0..START_ROUNDS {
+        let point = Point { parameters: parameters.to_vec(), initial: initial.clone() };
+        let Ok(jacobian) = Jacobian::new(system, beginning, &point, &[]) else { break };
+        let doubted = above_noise(&jacobian.residuals());
+        if doubted.is_empty() {
+            break;
+        }
+        let even = vec![1.0; beginning.columns.len()];
+        let known = |w: usize| {
+            let first = beginning.windows[w].first;
+            Posterior::new(&jacobian, w, &initial[w], &beliefs[w], &even, &beginning.noise, first).curvature.cholesky()
+        };
+        let known: Vec<Option<Cholesky<f64, Dyn>>> = (0..initial.len()).map(known).collect();
+        let mut draw = |w: usize| {
+            let start = &initial[w];
+            known[w].as_ref().map_or_else(|| start.clone(), |known| drawn_around(start, known, &mut random).0)
+        };
+        let Ok(drawn) = drawn_starts(system, beginning, parameters, &doubted, &mut draw) else { break };
+        let mut other = initial.clone();
+        doubted.into_iter().zip(drawn).for_each(|(w, start)| other[w] = start);
+        let nearer = nearer_starts(system, beginning, parameters, [&initial, &other]);
+        if nearer == initial {
+            break;
+        }
+        initial = nearer;
+    }
+    initial
 }
 
 /// The windows' beginnings, on which their starts are refined.
