@@ -26,7 +26,7 @@ impl Fitter {
             return Ok(contestant);
         }
         let mut draw = draws_of_readings(&contestant.system, &contestant.experiment);
-        self.from_drawn(contestant, budget, doubted, &mut draw)
+        self.refitted(contestant, budget, doubted, &mut draw)
     }
 
     /// The same, of windows in which one column alone stands out, from starts of that column's place and rate: a servo that swings to its other
@@ -40,7 +40,7 @@ impl Fitter {
             }
             let squares = best.evidence.squares();
             let mut draw = draws_of_columns(&best, &doubted)?;
-            best = self.from_drawn(best, budget, doubted.into_iter().map(|(w, _)| w).collect(), &mut draw)?;
+            best = self.refitted(best, budget, doubted.into_iter().map(|(w, _)| w).collect(), &mut draw)?;
             if best.evidence.squares() >= squares {
                 break;
             }
@@ -49,7 +49,7 @@ impl Fitter {
     }
 
     /// Some windows fitted from the best of several drawn starts, where that is better.
-    fn from_drawn(
+    fn refitted(
         self,
         contestant: Contestant,
         budget: Budget,
