@@ -99,6 +99,10 @@ pub(crate) const DOUBTED: f64 = 2.0;
 /// joint. Of a thousand means of thirty squares none is as far off by chance, in one fit of ten. Argument.
 pub(crate) const DOUBTED_COLUMN: f64 = 5.0;
 
+/// Share of windows beyond which it is the model that lacks something, and not their starts that are wrong: of a right model's windows, followed from
+/// their first samples, one in ten ends on the wrong side of a servo's limit. Argument.
+pub(crate) const MOST_DOUBTED: f64 = 0.33;
+
 /// How often the column that stands out most in a window is drawn anew: joints whose servos swing together are three at most. Convention.
 pub(crate) const REDRAWN: usize = 3;
 

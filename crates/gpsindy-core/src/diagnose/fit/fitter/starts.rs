@@ -3,7 +3,7 @@
 use super::Fitter;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::start::{FEWEST_SAMPLES, UNTOLD};
-use crate::diagnose::limits::{Budget, CHAIN_GAIN, CHAINED, DOUBTED, DOUBTED_COLUMN, POOR, REDRAWN};
+use crate::diagnose::limits::{Budget, CHAIN_GAIN, CHAINED, DOUBTED, DOUBTED_COLUMN, MOST_DOUBTED, POOR, REDRAWN};
 use crate::error::{Result, unless_refused};
 use crate::refine::{
     Experiment, drawn_around, drawn_starts, draws_of_readings, first_starts, guess_starts, nearer_starts,
@@ -15,14 +15,16 @@ use std::sync::Arc;
 
 impl Fitter {
     /// The same contestant, the windows of a simulator that steps whose residuals stand out fitted once more from the best of several drawn
-    /// starts. What a local minimum of a start leaves looks like a gap, and whatever has a further parameter would get the credit.
+    /// starts. What a local minimum of a start leaves looks like a gap, and whatever has a further parameter would get the credit. Where so many
+    /// stand out that it is no matter of starts, they stay.
     pub(crate) fn redrawn(self, contestant: Contestant, budget: Budget) -> Result<Contestant> {
         if doubted(&contestant).is_empty() {
             return Ok(contestant);
         }
         let contestant = self.chained(contestant, budget)?;
         let doubted = doubted(&contestant);
-        if doubted.is_empty() {
+        let are_few = doubted.len() as f64 <= MOST_DOUBTED * contestant.experiment.windows.len() as f64;
+        if doubted.is_empty() || !are_few {
             return Ok(contestant);
         }
         let mut draw = draws_of_readings(&contestant.system, &contestant.experiment);
