@@ -171,10 +171,13 @@ pub(crate) fn left_sentence(report: &Diagnosis) -> String {
     };
     // The share is what the best set of effects leaves in the fitted logs: without causes it is of no model that is reported, and
     // structure that only held-out rollouts show has none.
+    let is_missed = report.checks.iter().any(|check| check.id == "closure" && !check.passed);
     let share = if report.included().next().is_none() {
         String::new()
     } else if left.share >= 0.005 {
         format!(" It makes up {} of the gap.", percent(left.share))
+    } else if left.probability >= 0.5 && !is_missed {
+        " In the fitted logs it is below 1\u{a0}% of the gap.".into()
     } else if left.probability >= 0.5 {
         " It shows in the held-out rollouts; in the fitted logs it is below 1\u{a0}% of the gap.".into()
     } else {

@@ -50,6 +50,32 @@ impl Fitter {
         Ok(best)
     }
 
+    /// The same contestant from the starts of an `other` one on the same rollouts, in windows where those miss less.
+    pub(crate) fn with_starts_of(
+        self,
+        contestant: Contestant,
+        other: &Contestant,
+        budget: Budget,
+    ) -> Result<Contestant> {
+        let Contestant { system, experiment, refined, .. } = &contestant;
+        if system.engine().is_none() || experiment.windows != other.experiment.windows {
+            return Ok(contestant);
+        }
+        let shared = contestant.nominal_states();
+        let mut theirs = refined.initial.clone();
+        theirs
+            .iter_mut()
+            .zip(&other.refined.initial)
+            .for_each(|(own, other)| own[..shared].copy_from_slice(&other[..shared]));
+        let nearer = nearer_starts(system, experiment, &refined.parameters, [&refined.initial, &theirs]);
+        if nearer == refined.initial {
+            return Ok(contestant);
+        }
+        let all = (0..experiment.windows.len()).collect();
+        let moved = self.carried_on(moved_to(contestant.clone(), all, nearer), budget)?;
+        Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
+    }
+
     /// Some windows fitted from the best of several drawn starts, where that is better.
     fn refitted(
         self,

@@ -3,7 +3,7 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{MOST_MOVES, NAMED, SWAP};
+use crate::diagnose::limits::{Budget, IN_SIGHT, MOST_MOVES, NAMED, SWAP};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
@@ -28,7 +28,7 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
     let Suspected { nominal, first, nameless, detected, is_pinned } = suspected;
     let singles = first.singles();
     let Found { nominal, best: found, mut round, rounds, is_lengthened, is_quieter } = search(contest, nominal, first)?;
-    let Settled { nominal, mut best, rests, left, mut notes, is_moved } = settle(contest, nominal, &found)?;
+    let Settled { nominal, mut best, rests, left, mut notes, is_moved, is_redrawn } = settle(contest, nominal, &found)?;
     if is_lengthened && !notes.contains(&Note::Lengthened) {
         notes.push(Note::Lengthened);
     }
@@ -47,6 +47,9 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
         round = again(contest, &best)?;
         // What longer rollouts leave, shorter ones did not ask for.
         round = expand_behind(contest, &nominal, &best, &round)?.unwrap_or(round);
+    }
+    if is_redrawn && is_known {
+        round.fits = from_starts_of(contest, &best, &found, round.fits)?;
     }
     let mut places = places::places(contest, &nominal, &best, &round.fits, rests)?;
     let mut known: Vec<Contestant> = Vec::new();
@@ -93,6 +96,21 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
         sensors: Vec::new(),
         notes,
     })
+}
+
+/// The `fits` that were in sight of what was `found`, from the starts that were drawn for it since: it must not beat its rivals by those.
+fn from_starts_of(
+    contest: &Contest<'_>,
+    best: &Contestant,
+    found: &Contestant,
+    fits: Vec<Contestant>,
+) -> Result<Vec<Contestant>> {
+    let in_sight = contest.score(found) - IN_SIGHT;
+    let one = |fit: Contestant| match contest.score(&fit) > in_sight && !contest.run.is_out_of_time() {
+        true => contest.fitter.with_starts_of(fit, best, Budget::Usual),
+        false => Ok(fit),
+    };
+    best.each(fits, one)
 }
 
 /// The best move of all: one more effect, else one effect less, else another one in its place, else one in the place of two.

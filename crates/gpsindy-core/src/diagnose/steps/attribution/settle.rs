@@ -27,6 +27,8 @@ pub(crate) struct Settled {
     pub(crate) notes: Vec<Note>,
     /// Whether these or the steps of the integration are.
     pub(crate) is_moved: bool,
+    /// Whether starts of windows were drawn anew.
+    pub(crate) is_redrawn: bool,
 }
 
 /// Settles what was found: without effects that are superfluous, on longer rollouts, with tolerated parameters that are errors as causes,
@@ -60,17 +62,19 @@ pub(crate) fn settle(contest: &Contest<'_>, nominal: Contestant, found: &Contest
         best = contest.fitter.carried_on(best, Budget::Thorough)?;
         is_other = true;
     }
+    let mut is_redrawn = false;
     if !best.evidence.leaves_a_rest() && !contest.run.is_out_of_time() {
         let squares = best.evidence.squares();
         best = contest.fitter.redrawn_by_column(best, Budget::Usual)?;
-        is_other |= best.evidence.squares() < squares;
+        is_redrawn = best.evidence.squares() < squares;
     }
     let is_moved = !notes.is_empty() || is_other;
     // Once more, because longer rollouts show what an effect is worth.
-    let Pruned { best, rests } = if is_moved { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };
+    let is_new = is_moved || is_redrawn;
+    let Pruned { best, rests } = if is_new { pruned(contest, &nominal, best)? } else { Pruned { best, rests } };
     // What was asked of a single effect still holds, unless that effect is another fit now.
-    let left = left.filter(|_| !is_other).map_or_else(|| nameless(contest, &best), Ok)?;
-    Ok(Settled { nominal, best, rests, left, notes, is_moved })
+    let left = left.filter(|_| !is_other && !is_redrawn).map_or_else(|| nameless(contest, &best), Ok)?;
+    Ok(Settled { nominal, best, rests, left, notes, is_moved, is_redrawn })
 }
 
 #[cfg(test)]
