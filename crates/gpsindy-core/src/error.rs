@@ -38,7 +38,7 @@ pub enum Error {
         what: String,
     },
     /// There are fewer samples than the step can work with.
-    #[error("{what}: needs at least {needed} samples, found {found}")]
+    #[error("{}", too_few(what, *needed, *found))]
     TooFewSamples {
         /// The run, channel or step.
         what: String,
@@ -202,6 +202,14 @@ fn known_names(known: &[String]) -> String {
         return String::new();
     }
     format!("; known: {}", known.join(", "))
+}
+
+/// What has too few samples: of a column without a value, which can't be meant, that it has none.
+fn too_few(what: &str, needed: usize, found: usize) -> String {
+    match (needed, found) {
+        (1, 0) => format!("{what}: has no value at all; leave it out, or give a log that has some"),
+        _ => format!("{what}: needs at least {needed} samples, found {found}"),
+    }
 }
 
 /// What became of a state that left all bounds, and what to look at.

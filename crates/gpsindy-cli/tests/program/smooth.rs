@@ -97,7 +97,7 @@ fn every_mistake_is_one_line_and_nothing_is_written() {
         ("smooth log.csv --state v --angle height", "--angle: column `height` is not used by this task"),
         ("smooth log.csv --time v", "log.csv:4: column `v`: time goes back, from 1 to 0.995"),
         ("smooth text.csv", "the logs have no numeric column besides the time"),
-        ("smooth empty.csv --state x", "channel `x`: needs at least 1 samples, found 0"),
+        ("smooth empty.csv --state x", "channel `x`: has no value at all"),
         ("smooth log.csv --out no/s.csv", "--out: folder no does not exist"),
         ("smooth - -", "stdin"),
     ] {

@@ -64,7 +64,11 @@ pub(crate) fn starts(
         initial = refined(system, &beginning, parameters, &beliefs, initial, &believed);
     }
     if system.engine().is_some() {
-        initial = redrawn(system, &beginning, parameters, &beliefs, initial);
+        let drawn = redrawn(system, &beginning, parameters, &beliefs, initial.clone());
+        if drawn != initial {
+            // Their fits may have moved them further than what is known of them allows.
+            initial = refined(system, &beginning, parameters, &beliefs, drawn, &believed);
+        }
     }
     rested(system, &beginning, parameters, &initial)
 }
