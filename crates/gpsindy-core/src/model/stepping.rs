@@ -38,6 +38,17 @@ impl Stepping {
         })
     }
 
+    /// Such a joint with an inertia of 0.03 and its log of 9.6 s under steps that take the servo to its limits, with noise of 1 mrad and 10 mrad/s.
+    pub(crate) fn shaken_servo() -> (System, Dataset) {
+        let servo = Arc::new(Self::rough_servo());
+        let system = servo.system("q", ("inertia", 0.03));
+        let command = |i: usize| drawn(9000 + i / 40);
+        let sensor = |i: usize, j: usize, x: f64| x + 3f64.sqrt() * [1e-3, 1e-2][j] * drawn(2 * i + j);
+        let read = |i: usize, x: [f64; 2]| [sensor(i, 0, x[0]), sensor(i, 1, x[1])];
+        let data = servo.log(("q", 0.03), ([0.0; 2], 960), command, command, read);
+        (system, data)
+    }
+
     /// A mass on a spring with drag; its parameter is the stiffness.
     pub(crate) fn spring() -> Self {
         Self::new(0.01, |x, u, k, dt| {

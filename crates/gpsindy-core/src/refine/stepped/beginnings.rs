@@ -152,24 +152,18 @@ fn followed(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::model::stepping::{Stepping, drawn};
+    use crate::model::stepping::Stepping;
     use crate::refine::{drawn_starts, draws_of_readings};
     use std::sync::Arc;
 
     #[test]
     fn a_start_is_found_over_many_saturations() {
-        let noise = [1e-3, 1e-2];
-        let (count, inertia) = (960, 0.03);
-        let servo = Arc::new(Stepping::rough_servo());
-        let system = servo.system("q", ("inertia", inertia));
-        let command = |i: usize| drawn(9000 + i / 40);
-        let sensor = |i: usize, j: usize, x: f64| x + 3f64.sqrt() * noise[j] * drawn(2 * i + j);
-        let read = |i: usize, x: [f64; 2]| [sensor(i, 0, x[0]), sensor(i, 1, x[1])];
-        let data = servo.log(("q", inertia), ([0.0; 2], count), command, command, read);
-        let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.95);
+        let inertia = 0.03;
+        let (system, data) = Stepping::shaken_servo();
+        let experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap().with_windows_of(0.95);
         let per_value = |starts: &[Vec<f64>]| {
             let fit = Refine::default().fit(&system, &experiment, &[inertia], &[], Some(starts)).unwrap();
-            fit.cost / (2 * count) as f64
+            fit.cost / experiment.n_values() as f64
         };
         let followed = per_value(&guess_starts(&system, &experiment, &[inertia]).unwrap());
         let at_once = per_value(&guess_initial(&system, &experiment));

@@ -280,19 +280,13 @@ fn moved_to(mut contestant: Contestant, windows: Vec<usize>, starts: Vec<Vec<f64
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::model::stepping::{Stepping, drawn};
+    use crate::model::stepping::Stepping;
     use crate::refine::guess_initial;
 
     #[test]
     fn a_start_on_the_wrong_side_of_a_servo_s_limit_is_drawn_anew() {
-        let (noise, count, inertia) = ([1e-3, 1e-2], 960, 0.03);
-        let servo = Arc::new(Stepping::rough_servo());
-        let system = servo.system("q", ("inertia", inertia));
-        let command = |i: usize| drawn(9000 + i / 40);
-        let sensor = |i: usize, j: usize, x: f64| x + 3f64.sqrt() * noise[j] * drawn(2 * i + j);
-        let read = |i: usize, x: [f64; 2]| [sensor(i, 0, x[0]), sensor(i, 1, x[1])];
-        let data = servo.log(("q", inertia), ([0.0; 2], count), command, command, read);
-        let experiment = Experiment::new(&system, &data, Some(&noise)).unwrap().with_windows_of(0.95);
+        let (system, data) = Stepping::shaken_servo();
+        let experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap().with_windows_of(0.95);
         let fitter = Fitter::default();
         let good = fitter.nominal_watched(system.clone(), experiment.clone(), Vec::new(), Budget::Usual, &|_| Ok(()));
         let windows = (0..experiment.windows.len()).step_by(5).collect();
@@ -300,7 +294,7 @@ mod tests {
         let bad = fitter.carried_on(moved_to(good.unwrap(), windows, starts), Budget::Usual).unwrap();
         let stands_out = columns_standing_out(&bad).len();
         let found = fitter.redrawn_by_column(bad.clone(), Budget::Usual).unwrap();
-        let [before, after] = [&bad, &found].map(|fit| fit.evidence.squares() / (2 * count) as f64);
+        let [before, after] = [&bad, &found].map(|fit| fit.evidence.squares() / fit.experiment.n_values() as f64);
         assert!(stands_out > 0 && before > 1.4, "{stands_out} windows, {before}");
         assert!(after < 1.2, "{before} and {after}");
     }
