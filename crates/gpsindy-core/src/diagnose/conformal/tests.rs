@@ -11,19 +11,8 @@ fn report(causes: &[(&str, bool, f64)], structure: f64) -> Diagnosis {
     let (model, data) = drive(None, |x| x, 0.01, (2, 40));
     let mut report = Diagnose::default().run(&model, &data, &data, &Silent).unwrap().diagnosis;
     let cause = |&(effect, included, probability): &(&str, bool, f64)| Cause {
-        effect: effect.into(),
-        state: "x".into(),
-        place: None,
-        variables: Vec::new(),
         included,
-        probability,
-        form: String::new(),
-        parameters: Vec::new(),
-        equivalent: Vec::new(),
-        next_experiment: None,
-        stability: None,
-        twins: Vec::new(),
-        between_runs: Vec::new(),
+        ..Cause::bare(effect, "x", probability)
     };
     report.causes = causes.iter().map(cause).collect();
     report.gap.detected = true;

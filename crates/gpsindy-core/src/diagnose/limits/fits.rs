@@ -96,7 +96,7 @@ pub(crate) const POOR: f64 = 2.0;
 pub(crate) const DOUBTED: f64 = 2.0;
 
 /// The same for one column, in standard deviations of a mean of as many squares: a servo that swings to its other side leaves a few samples of one
-/// joint. Of a thousand means of thirty squares none is as far off by chance, in one fit of ten. Argument.
+/// joint. By chance one of a thousand means of thirty squares is as far off in one fit of thirteen. Argument.
 pub(crate) const DOUBTED_COLUMN: f64 = 5.0;
 
 /// Share of windows beyond which it is the model that lacks something, and not their starts that are wrong: of a right model's windows, followed from

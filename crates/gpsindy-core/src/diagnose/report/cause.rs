@@ -44,6 +44,25 @@ pub struct Cause {
 pub(crate) const FUNCTION: &str = "function";
 
 impl Cause {
+    /// A cause that is not included, of which nothing else is said.
+    pub(crate) fn bare(effect: &str, state: &str, probability: f64) -> Self {
+        Self {
+            effect: effect.into(),
+            state: state.into(),
+            place: None,
+            variables: Vec::new(),
+            included: false,
+            probability,
+            form: String::new(),
+            parameters: Vec::new(),
+            equivalent: Vec::new(),
+            next_experiment: None,
+            stability: None,
+            twins: Vec::new(),
+            between_runs: Vec::new(),
+        }
+    }
+
     /// Whether it is structure without a name, and no effect.
     pub fn is_nameless(&self) -> bool {
         self.effect == FUNCTION

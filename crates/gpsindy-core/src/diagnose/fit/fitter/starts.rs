@@ -72,8 +72,7 @@ impl Fitter {
             return Ok(contestant);
         }
         let all = (0..experiment.windows.len()).collect();
-        let moved = self.carried_on(moved_to(contestant.clone(), all, nearer), budget)?;
-        Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
+        self.with_other_starts(contestant, budget, all, nearer)
     }
 
     /// Some windows fitted from the best of several drawn starts, where that is better.
@@ -86,7 +85,18 @@ impl Fitter {
     ) -> Result<Contestant> {
         let Contestant { system, experiment, refined, .. } = &contestant;
         let drawn = drawn_starts(system, experiment, &refined.parameters, &windows, draw)?;
-        let moved = self.carried_on(moved_to(contestant.clone(), windows, drawn), budget)?;
+        self.with_other_starts(contestant, budget, windows, drawn)
+    }
+
+    /// Some windows fitted from other starts, where that is better.
+    fn with_other_starts(
+        self,
+        contestant: Contestant,
+        budget: Budget,
+        windows: Vec<usize>,
+        starts: Vec<Vec<f64>>,
+    ) -> Result<Contestant> {
+        let moved = self.carried_on(moved_to(contestant.clone(), windows, starts), budget)?;
         Ok(if moved.evidence.squares() < contestant.evidence.squares() { moved } else { contestant })
     }
 

@@ -231,23 +231,14 @@ pub(crate) fn random_force(confidence: f64, model: &Model, probability: f64, pro
     };
     let intensity = 2.0 * process.deviation.powi(2) * process.time;
     Cause {
-        effect: effect.id().into(),
-        state: state.name.clone(),
-        place: None,
-        variables: Vec::new(),
         included: true,
-        probability,
         form: effect.form().into(),
         parameters: vec![
             one("q", intensity, 2.0 * (2.0 * a) + c + 2.0 * (2.0 * b), unit::product(&[(&rate, 2), ("s", 1)])),
             one("tau", process.time, c, "s".into()),
             one("rms", process.deviation, a, rate),
         ],
-        equivalent: Vec::new(),
-        next_experiment: None,
-        stability: None,
-        twins: Vec::new(),
-        between_runs: Vec::new(),
+        ..Cause::bare(effect.id(), &state.name, probability)
     }
 }
 

@@ -22,19 +22,9 @@ pub(crate) fn list(causes: &mut Vec<Cause>, contest: &Contest<'_>, found: &Found
     let largest = || found.located.gap.by_state.first().map(|row| row.state.clone());
     let Some(state) = row.or_else(largest) else { return };
     let cause = Cause {
-        effect: FUNCTION.into(),
-        state,
-        place: None,
         variables: unexplained.depends_on.clone(),
-        included: false,
-        probability: unexplained.probability.clamp(0.0, 1.0),
         form: function.map_or(String::new(), |function| function.form()),
-        parameters: Vec::new(),
-        equivalent: Vec::new(),
-        next_experiment: None,
-        stability: None,
-        twins: Vec::new(),
-        between_runs: Vec::new(),
+        ..Cause::bare(FUNCTION, &state, unexplained.probability.clamp(0.0, 1.0))
     };
     let is_behind = |other: &Cause| !other.included && other.probability <= cause.probability;
     let place = causes.iter().position(is_behind).unwrap_or(causes.len());
