@@ -5,6 +5,7 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
+use crate::diagnose::catalogue::sense::servo::servo;
 use crate::diagnose::catalogue::sense::slipping::slip;
 use crate::diagnose::catalogue::sense::{self, is_supply};
 use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
@@ -242,24 +243,31 @@ fn losing<'a>(model: &'a Model, parameter: &'a str) -> Vec<&'a str> {
     }
 }
 
-/// Differences of two places: the first equation that has them, and the two.
+/// Differences of two places, one of which may be the command of a position servo: the first equation that has them, and the two.
 fn gaps(model: &Model) -> Vec<(usize, Vec<&str>)> {
-    let place = |part: &Expression| match part {
-        Expression::Variable(name) => model.state_index(name).filter(|&i| model.is_kinematic(i)),
+    let name = |part: &Expression| match part {
+        Expression::Variable(name) => Some(name.clone()),
         _ => None,
     };
-    let mut found: Vec<(usize, [usize; 2])> = Vec::new();
+    let mut found: Vec<(usize, [&str; 2])> = Vec::new();
     for (j, state) in model.states.iter().enumerate() {
         state.equation.visit(&mut |part| {
             if let Expression::Binary(Operator::Subtract, a, b) = part
-                && let (Some(p), Some(q)) = (place(a), place(b))
-                && !found.iter().any(|(_, known)| known.contains(&p) && known.contains(&q))
+                && let (Some(a), Some(b)) = (name(a), name(b))
+                && let Some(pair) = places(model, &a, &b).or_else(|| servo(model, &a, &b))
+                && !found.iter().any(|(_, known)| known.contains(&pair[0]) && known.contains(&pair[1]))
             {
-                found.push((j, [p, q]));
+                found.push((j, pair));
             }
         });
     }
-    found.into_iter().map(|(j, pair)| (j, pair.map(|i| model.states[i].name.as_str()).into())).collect()
+    found.into_iter().map(|(j, pair)| (j, pair.into())).collect()
+}
+
+/// Two names as those of states that are places.
+fn places<'m>(model: &'m Model, one: &str, other: &str) -> Option<[&'m str; 2]> {
+    let place = |name| model.state_index(name).filter(|&i| model.is_kinematic(i));
+    Some([place(one)?, place(other)?].map(|i| model.states[i].name.as_str()))
 }
 
 #[cfg(test)]

@@ -123,7 +123,9 @@ impl Place {
             Self::Heated => {
                 "every equation that contains a parameter, as a function of a control of the same equation or of a state in its terms"
             }
-            Self::Gap => "every equation that contains the difference of two positions",
+            Self::Gap => {
+                "every equation that contains the difference of two positions, or of a position and its command"
+            }
             Self::Random => "any dynamic equation, at random",
         }
     }

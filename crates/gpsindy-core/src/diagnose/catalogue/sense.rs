@@ -1,6 +1,7 @@
 //! Where an effect makes physical sense: by units, by the ranges in the logs, by the terms of the equation.
 
 pub(crate) mod scaled;
+pub(crate) mod servo;
 pub(crate) mod slipping;
 
 use crate::diagnose::catalogue::excited::Scene;
@@ -8,6 +9,7 @@ use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::limits::catalogue::{MOVES, REVERSES};
 use crate::model::Model;
 use scaled::is_scaled;
+use servo::is_servo;
 
 /// A condition on a place. Where no units are given, a rule by units lets everything pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +26,8 @@ pub(crate) enum Sense {
     Moves(usize),
     /// The equation is none of a temperature, which nothing stops or rubs.
     NotThermal,
-    /// The equation is that of the rate of a place, or none of a voltage, a pressure or another amount, which nothing rubs.
+    /// The equation is that of the rate of a place, or none of a voltage, a pressure or another amount, which nothing rubs, and none of a servo, which
+    /// has no speed whose sign it is.
     Moving,
     /// The variable with this number has a rate of its own, or is no voltage, pressure or other amount, which has no weight and no teeth.
     Placed(usize),
@@ -50,7 +53,9 @@ impl Sense {
             Self::EitherSign(_) => "the variable takes both signs in the logs",
             Self::Moves(_) => "the variable moves in the logs",
             Self::NotThermal => "the equation is not that of a temperature",
-            Self::Moving => "the equation is not that of an amount, such as a voltage or a pressure",
+            Self::Moving => {
+                "the equation is not that of an amount, such as a voltage or a pressure, or of a servo without a speed"
+            }
             Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
             Self::Angle(_) => "the variable is not a length",
             Self::Lossy(_) => "the variable is a control that is no flow of matter, or a current, a voltage or a speed",
@@ -77,7 +82,9 @@ impl Sense {
             }
             Self::Moves(index) => excursion(index).is_none_or(|e| e.range() > MOVES * e.size()),
             Self::NotThermal => !is_temperature(&model.states[state].unit),
-            Self::Moving => has_place(model, state) || !is_amount(&model.states[state].unit),
+            Self::Moving => {
+                has_place(model, state) || !(is_amount(&model.states[state].unit) || is_servo(model, state))
+            }
             Self::Placed(index) => {
                 let state = variables.get(index).and_then(|name| model.state_index(name));
                 let has_speed = |j| (0..model.states.len()).any(|i| model.integral_of(i) == Some(j));

@@ -81,3 +81,7 @@ pub(crate) const PART: f64 = 0.5;
 
 /// Twice the gain in nats below which an effect is quiet, so that its absence is stated: three deviations. Convention.
 pub(crate) const QUIET_GAIN: f64 = 9.0;
+
+/// Multiples of a pooled size up to which a run's own error may be for its value to be listed: beyond, the straight line from which it comes does
+/// not hold. Argument.
+pub(crate) const SHOWN_SIZE: f64 = 3.0;

@@ -8,6 +8,7 @@
 
 use crate::diagnose::fit::by_run::Pooled;
 use crate::diagnose::fit::evidence::normal_quantile;
+use crate::diagnose::limits::weigh::SHOWN_SIZE;
 use crate::diagnose::report::{BetweenRuns, RunValue};
 use crate::excerpt::recording;
 use nalgebra::{DMatrix, DVector};
@@ -31,7 +32,7 @@ impl Sizes {
     /// By recording and pooled; `None` where fewer than two recordings show it. Windows of one recording have one value: their spread is
     /// none between runs.
     pub(crate) fn stated(&self, confidence: f64) -> Option<BetweenRuns> {
-        let Self { runs: names, values, information, .. } = &self.by_recording()?;
+        let Self { runs: names, values, information, .. } = &self.by_recording()?.shown()?;
         let count = values.len();
         if count < 2 {
             return None;
@@ -61,6 +62,20 @@ impl Sizes {
             .iter()
             .all(|v| v.is_finite())
             .then_some(found)
+    }
+
+    /// Without the runs that say nothing of the size: their errors are far larger than itself, and the straight lines that they come from do not
+    /// hold so far.
+    fn shown(self) -> Option<Self> {
+        let most = SHOWN_SIZE * self.pooled()?.mean.abs();
+        let covariance = self.information.clone().cholesky()?.inverse();
+        let kept: Vec<usize> = (0..self.values.len()).filter(|&i| covariance[(i, i)].sqrt() <= most).collect();
+        if kept.len() == self.values.len() {
+            return Some(self);
+        }
+        let information = covariance.select_rows(&kept).select_columns(&kept).cholesky()?.inverse();
+        let runs = kept.iter().map(|&i| self.runs[i].clone()).collect();
+        Some(Self { runs, values: self.values.select_rows(&kept), information, ..self })
     }
 
     /// What is common to the recordings.
@@ -174,6 +189,18 @@ mod tests {
         assert!(shared.p_value < 1e-6 && shared.spread > 0.05, "{shared:?}");
         let alone = sizes(&[1.0, 1.1], DMatrix::identity(2, 2)).stated(0.95).unwrap();
         assert!(alone.p_value > 0.9 && alone.spread == 0.0 && alone.share == 0.0, "{alone:?}");
+    }
+
+    #[test]
+    fn a_run_that_says_nothing_of_a_size_is_not_listed() {
+        let found =
+            sizes(&[18.0, -1.1e6, 17.9], DMatrix::from_diagonal(&DVector::from_row_slice(&[10.0, 1e-12, 12.0])));
+        let stated = found.stated(0.95).unwrap();
+        let names: Vec<&str> = stated.runs.iter().map(|run| run.run.as_str()).collect();
+        assert!(names == ["run_0", "run_2"] && (stated.pooled - 17.95).abs() < 0.01, "{stated:?}");
+        // One that is known badly is.
+        let found = sizes(&[18.0, 30.0, 17.9], DMatrix::from_diagonal(&DVector::from_row_slice(&[10.0, 1e-3, 12.0])));
+        assert_eq!(found.stated(0.95).unwrap().runs.len(), 3);
     }
 
     #[test]

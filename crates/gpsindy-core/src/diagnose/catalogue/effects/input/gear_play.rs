@@ -38,7 +38,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("a", "4*u - a - 20*dead_zone(p - q, 0.3)"), ("b", "20*dead_zone(p - q, 0.3) - 0.6*b")],
     ),
     in_mjcf: None,
-    about: "It is tested if an equation contains the difference of two positions, such as that of a spring between two masses. Where one also contains the difference of their speeds, that damper may act in contact only.",
+    about: "It is tested if an equation contains the difference of two positions, such as that of a spring between two masses. Where one also contains the difference of their speeds, that damper may act in contact only. Of a position servo without a speed of its own, `q' = (u - q)/tau`, it is the error within which the joint does not move: its dead band, or dry friction, look the same.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -112,4 +112,55 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     }
     let travel = planting.excursion(0).map_or(1.0, Excursion::range);
     Ok(Some(Size::within("c", planting.unit_of(0), (1e-3 * travel, 0.5 * travel), "half of the travel")))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fixture::model_of;
+    use crate::diagnose::report::Verdict;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::model::{Control, Parameter};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// A joint that goes to its command within 60 ms and stops `dead` short of it; 50 Hz.
+    fn joint(run: u64, dead: f64) -> Run {
+        const FINE: f64 = 0.02 / 20.0;
+        let mut random = ChaCha8Rng::seed_from_u64(run);
+        let time: Vec<f64> = (0..500).map(|i| 0.02 * f64::from(i)).collect();
+        let (mut q, mut values) = (0.0_f64, Mat::zeros(time.len(), 2));
+        for (i, &t) in time.iter().enumerate() {
+            let u = 0.4 * (1.3 * t + run as f64).sin() + if (t / 1.7) as u64 % 2 == 0 { 0.2 } else { -0.1 };
+            (values[(i, 0)], values[(i, 1)]) = (q + 0.001 * normal(&mut random), u);
+            for _ in 0..20 {
+                let error = u - q;
+                q += (1.0 - (-FINE / 0.06).exp()) * (error - error.clamp(-dead, dead));
+            }
+        }
+        Run { name: format!("{run}"), time, values }
+    }
+
+    #[test]
+    fn the_dead_band_of_a_servo_without_a_speed_is_play_and_no_friction_of_its_place() {
+        let mut model = model_of(&[("q", "rad", "(u - q)/tau")]);
+        model.controls = vec![Control { unit: "rad".into(), ..Control::new("u") }];
+        model.parameters = vec![Parameter::new("tau", 0.06)];
+        let found = |dead: f64| {
+            let runs = (0..4).map(|run| joint(run, dead)).collect();
+            let data = Dataset::new(["q", "u"].map(Channel::new).into(), runs).unwrap();
+            let (train, holdout) = hold_out(&data).unwrap();
+            let settings = Diagnose { hold: Some(crate::refine::Hold::Zero), ..Diagnose::default() };
+            settings.run(&model, &train, &holdout, &Silent).unwrap().diagnosis
+        };
+        let loose = found(0.02);
+        let causes: Vec<_> = loose.included().map(|c| (c.effect.as_str(), c.parameters[0].value)).collect();
+        assert!(matches!(causes[..], [("gear_play", c)] if (c - 0.02).abs() < 0.001), "{causes:?}");
+        assert!(loose.causes.iter().all(|cause| !cause.effect.ends_with("_friction")), "{:?}", loose.causes);
+        assert_eq!(found(0.0).verdict, Verdict::NoGap);
+    }
 }
