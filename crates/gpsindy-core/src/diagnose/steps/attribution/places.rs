@@ -4,6 +4,7 @@ use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::{Budget, CONVINCING, IN_SIGHT};
 use crate::diagnose::steps::attribution::contained::contained;
 use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
+use crate::diagnose::steps::attribution::round::expand;
 use crate::error::Result;
 
 /// The place of one effect of the winner.
@@ -55,6 +56,13 @@ fn is_moot(best: &Contestant) -> bool {
     best.evidence.leaves_a_rest()
 }
 
+/// Whether the effect at a place has states whose starts are fitted in every window. They take up what another effect in its place would do, so that no
+/// straight line from this fit shows it.
+fn has_own_starts(best: &Contestant, place: usize) -> bool {
+    let is_beside = best.hypotheses.len() > 1 && best.system.engine().is_none();
+    is_beside && best.hypotheses[place].added_states() > 0 && best.added_starts() > 0
+}
+
 fn at(
     contest: &Contest<'_>,
     nominal: &Contestant,
@@ -68,6 +76,9 @@ fn at(
     };
     let mut fits: Vec<Contestant> = fits.iter().filter(stands_there).cloned().collect();
     fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
+    if let Some(rest) = rest.as_ref().filter(|_| has_own_starts(best, place) && !is_moot(best)) {
+        fits.extend(expand(contest, nominal, rest, "in its place")?.fits.into_iter().filter(|fit| stands_there(&fit)));
+    }
     let scores = fits.iter().chain([whole]).map(|f| contest.score(f));
     let leader = scores.fold(f64::NEG_INFINITY, f64::max);
     let mut fits = best.each(fits, |fit| finished(contest, best, fit, leader))?;
@@ -76,4 +87,54 @@ fn at(
     let without = rest.as_ref().map_or(nominal, |rest| rest);
     let removed = (without.evidence.misfit() - best.evidence.misfit()).max(0.0);
     Ok(Place { rest, fits: keep_first_of_each(fits), removed })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::Diagnose;
+    use crate::diagnose::fixture::model_of;
+    use crate::model::{Control, Parameter};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    /// A boat that turns at the rate `w` and loses 0.906 of it a second, whose rudder comes two samples late; 50 Hz.
+    fn boat(run: u64) -> Run {
+        const FINE: f64 = 0.02 / 10.0;
+        let mut random = ChaCha8Rng::seed_from_u64(run);
+        let command = |i: usize| 0.6 * ((i as u64 / 27 * 5 + 3 * run) % 11) as f64 / 5.0 - 0.6;
+        let (mut psi, mut w, mut values) = (0.0, 0.0_f64, Mat::zeros(400, 3));
+        for i in 0..400 {
+            values[(i, 0)] = psi + 1e-3 * normal(&mut random);
+            values[(i, 1)] = w + 1e-3 * normal(&mut random);
+            values[(i, 2)] = command(i);
+            let late = command(i.saturating_sub(2));
+            for _ in 0..10 {
+                let rate = |w: f64| 1.435 * late - 0.906 * w - 0.422 * w * w.abs();
+                let next = w + FINE * rate(w + 0.5 * FINE * rate(w));
+                psi += 0.5 * FINE * (w + next);
+                w = next;
+            }
+        }
+        Run { name: format!("{run}"), time: (0..400).map(|i| 0.02 * f64::from(i)).collect(), values }
+    }
+
+    #[test]
+    fn a_wrong_parameter_beside_a_late_command_is_not_a_warming_with_starts_of_its_own() {
+        let mut model = model_of(&[("psi", "", "w"), ("w", "", "-a*w - c*w*abs(w) + g*u")]);
+        model.controls = vec![Control::new("u")];
+        model.parameters =
+            [("a", 0.733), ("c", 0.422), ("g", 1.435)].map(|(name, value)| Parameter::new(name, value)).into();
+        let data = |runs: std::ops::Range<u64>| {
+            Dataset::new(["psi", "w", "u"].map(Channel::new).into(), runs.map(boat).collect()).unwrap()
+        };
+        let found = Diagnose::default().run(&model, &data(0..3), &data(3..4), &Silent).unwrap().diagnosis;
+        let mut named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        named.sort_unstable();
+        assert_eq!(named, ["input_delay", "parameter_error"], "{:?}", found.causes);
+    }
 }
