@@ -5,7 +5,7 @@ use crate::diagnose::fit::evidence::Evidence;
 use crate::diagnose::fit::guide::Guide;
 use crate::error::Result;
 use crate::model::batched::batched;
-use crate::model::{Dynamics, Model, System};
+use crate::model::{Dynamics, Follower, Model, System};
 use crate::parallel;
 use crate::refine::{Experiment, Free, Jacobian, Kept, Path, Point, Refined};
 use std::sync::Arc;
@@ -113,6 +113,15 @@ impl Contestant {
     /// Starts of states that hypotheses added, in each window: none where the log's past determines them.
     pub(crate) fn added_starts(&self) -> usize {
         self.system.n_states() - self.nominal_states() - self.system.followers().len()
+    }
+
+    /// Starts at the first samples of logs of states that hypotheses added and that follow the inputs from where the model has them, as a machine that
+    /// is cold: what came before a log is not known, and they are fitted there.
+    pub(crate) fn given_starts(&self) -> usize {
+        let model = self.system.model();
+        let is_given = |follower: &&Follower| model.initial.contains_key(&model.states[follower.state].name);
+        let first = self.experiment.windows.iter().filter(|window| window.first == 0).count();
+        first * self.system.followers().iter().filter(is_given).count()
     }
 
     /// The model with hypotheses written into it, and its parameters, those of the contestant where the fit has them.

@@ -246,7 +246,8 @@ impl Fitter {
         let is_free = |index: usize| contestant.free.iter().any(|f| f.parameter == index);
         let fitted = contestant.added.iter().flatten().filter(|(index, a)| is_free(*index) || a.beyond().is_none());
         let fitted = fitted.count();
-        let own = by_run::sizes_of_their_own(&contestant.experiment) + begun::places(contestant);
+        let own =
+            by_run::sizes_of_their_own(&contestant.experiment) + begun::places(contestant) + contestant.given_starts();
         let brought = (fitted + own, contestant.added_starts());
         let Contestant { experiment, refined, free, .. } = &*contestant;
         contestant.evidence = Evidence::of(experiment, refined, free, brought, self.model_error);

@@ -13,20 +13,10 @@ pub(super) struct Followed<const L: usize> {
 impl<const L: usize> Lanes<'_, L> {
     /// Puts the states that follow the inputs alone into `x`, as they are at the sample `first` after all that came before it.
     ///
-    /// They are settled at the log's first sample, or as the model has it; then exact for a constant input over a step. A rollout from the first
-    /// sample starts as the model has them, else where it is put: what came before is not known.
+    /// They are settled at the log's first sample, or as the model has it; then exact for a constant input over a step.
     pub(super) fn follow(&mut self, first: usize, x: &mut [[f64; L]]) {
         let followers = self.system.followers();
-        if followers.is_empty() {
-            return;
-        }
-        if first == 0 {
-            let model = self.system.model();
-            for Follower { state, .. } in followers {
-                if let Some(&given) = model.initial.get(&model.states[*state].name) {
-                    x[*state] = [given; L];
-                }
-            }
+        if first == 0 || followers.is_empty() {
             return;
         }
         let mut followed = match self.followed.take() {

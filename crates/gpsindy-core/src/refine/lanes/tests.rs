@@ -38,38 +38,6 @@ fn a_rollout_from_within_a_log_finds_a_lagging_input_where_one_from_its_beginnin
 }
 
 #[test]
-fn a_state_that_follows_the_inputs_starts_where_the_model_has_it() {
-    let state = |name: &str, rate: &str| State::new(name, Expression::parse(rate).unwrap());
-    let bare = Model {
-        states: vec![state("x", "-x"), state("warmth", "(u^2 - warmth)/3")],
-        controls: vec![Control::new("u")],
-        ..Model::default()
-    };
-    let given = Model { initial: [("warmth".to_string(), 0.0)].into(), ..bare.clone() };
-    let log = Log {
-        name: "held".into(),
-        time: (0..40).map(|i| 0.05 * f64::from(i)).collect(),
-        controls: vec![vec![1.0; 40]],
-        ..Log::default()
-    };
-    let start = |model: &Model, first: usize| {
-        let system = System::new(model).unwrap().with_followers(1).unwrap();
-        let mut lanes = Lanes::<1>::new(&system, &log, (Hold::Zero, Past::Still), &[]);
-        let mut found = f64::NAN;
-        lanes.roll_states((first, 39), &[[0.3], [0.7]], 4, |i, j, v| {
-            if (i, j) == (first, 1) {
-                found = v[0]
-            }
-        });
-        found
-    };
-    let warmed = 1.0 - (-1.0_f64 / 3.0).exp();
-    assert!(start(&given, 0) == 0.0 && (start(&given, 20) - warmed).abs() < 1e-9);
-    // Without a start of the model's it is free at a log's first sample, and had settled before.
-    assert!(start(&bare, 0) == 0.7 && (start(&bare, 20) - 1.0).abs() < 1e-9);
-}
-
-#[test]
 fn a_late_sensor_sees_the_start_or_the_tangent_before_a_log_and_the_tangent_within() {
     let model = Model {
         states: vec![State {

@@ -56,11 +56,11 @@ fn is_moot(best: &Contestant) -> bool {
     best.evidence.leaves_a_rest()
 }
 
-/// Whether the effect at a place has states whose starts are fitted in every window. They take up what another effect in its place would do, so that no
+/// Whether the effect at a place has states whose starts are fitted in every window or log. They take up what another effect in its place would do, so that no
 /// straight line from this fit shows it.
 fn has_own_starts(best: &Contestant, place: usize) -> bool {
     let is_beside = best.hypotheses.len() > 1 && best.system.engine().is_none();
-    is_beside && best.hypotheses[place].added_states() > 0 && best.added_starts() > 0
+    is_beside && best.hypotheses[place].added_states() > 0 && best.added_starts() + best.given_starts() > 0
 }
 
 fn at(
@@ -76,7 +76,7 @@ fn at(
     };
     let mut fits: Vec<Contestant> = fits.iter().filter(stands_there).cloned().collect();
     fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
-    if let Some(rest) = rest.as_ref().filter(|_| has_own_starts(best, place) && !is_moot(best)) {
+    if let Some(rest) = rest.as_ref().filter(|_| has_own_starts(best, place)) {
         fits.extend(expand(contest, nominal, rest, "in its place")?.fits.into_iter().filter(|fit| stands_there(&fit)));
     }
     let scores = fits.iter().chain([whole]).map(|f| contest.score(f));
