@@ -84,7 +84,7 @@ def main():
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
     given = parser.parse_args()
-    inside, identified, delays, widths, told = [], [], [], [], []
+    inside, identified, delays, widths, costs = [], [], [], [], []
     for seed in range(given.first, given.last):
         model, true, wrong, plant, logs, amplitude = drawn(seed)
         found = gpsindy.diagnose(model, logs[:-1], holdout=logs[-1:], hold="zero")
@@ -104,14 +104,14 @@ def main():
         said = gpsindy.consequence(found, controller, lambda loop: np.mean((loop[plant.names[0]] - 0.2) ** 2), t=TIMES, start=start)
         x, _ = plant.run([0.0] * len(plant.names), len(TIMES), lambda i, x: controller(0.0, x)[0])
         paid = float(np.mean((x[:, 0] - 0.2) ** 2))
-        told.append((said.nominal, said.corrected, paid))
+        costs.append((said.nominal, said.corrected, paid))
         names = ", ".join(f"{cause.effect} {'/'.join(cause.variables)}" for cause in found.included)
         print(f"{seed} {wrong}{' late' if plant.late else ''} | {found.verdict}: {names}; costs {said.nominal:.4g} nominal, {said.corrected:.4g} corrected, {paid:.4g} on the plant", flush=True)  # fmt: skip
-    nominal, corrected, paid = np.array(told).T
+    nominal, corrected, paid = np.array(costs).T
     gap = np.abs(nominal - paid)
     print(f"identified: {sum(identified)} of {len(identified)} hold the true value, median width {np.median(widths):.3f} of the prior range")
     print(f"bounded or prior: {sum(inside)} of {len(inside)} hold it; delays: {sum(delays)} of {len(delays)}")
-    print(f"cost of the controller: {np.sum(np.abs(corrected - paid) < 0.1 * gap)} of {len(gap)} are told to a tenth of what the gap costs")
+    print(f"cost of the controller: {np.sum(np.abs(corrected - paid) < 0.1 * gap)} of {len(gap)} are known to a tenth of what the gap costs")
 
 
 if __name__ == "__main__":

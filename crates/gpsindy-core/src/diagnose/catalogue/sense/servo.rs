@@ -1,4 +1,4 @@
-//! Position servos whose inertia is left out: a place that goes to its command by itself.
+//! Position servos whose inertia is left out: the rate of a place is its distance from a command.
 
 use crate::diagnose::catalogue::sense::is_place;
 use crate::expression::{Expression, Operator};
