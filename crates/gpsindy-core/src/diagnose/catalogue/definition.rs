@@ -14,7 +14,7 @@ use crate::model::Model;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Traits {
     /// Effects that it becomes where one of its parameters does nothing: their parameters are the first and the last
-    /// of its own, and they stand in its place wherever they fit as well.
+    /// of its own, and they stand in its place wherever they fit as well. A wrong parameter is one that always is as warm.
     pub(crate) contains: &'static [Effect],
     /// Number of states that it adds to the model.
     pub(crate) added_states: usize,

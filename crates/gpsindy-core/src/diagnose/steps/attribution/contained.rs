@@ -41,6 +41,13 @@ fn narrow<'a>(
     let is_it = |h: &&Hypothesis| {
         h.is(effect) && (h.state, &h.site) == (wide.state, &wide.site) && h.variables.first() == wide.variables.first()
     };
+    if effect == Effect::ParameterError {
+        let name = wide.variables.first()?;
+        let nominal = base.refined.parameters[base.system.model().parameter_index(name)?];
+        let found = contest.hypotheses.iter().find(|h| h.frees() == Some(name))?;
+        // As warm as it gets under its typical load.
+        return Some((found, vec![nominal * (1.0 + values.first()?)]));
+    }
     if let Some(found) = contest.all().find(is_it) {
         return Some((found, as_in(wide, effect, values)?));
     }

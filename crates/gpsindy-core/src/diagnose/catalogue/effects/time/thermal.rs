@@ -29,6 +29,7 @@ pub(super) static DEFINITION: Definition = Definition {
         has_many_places: true,
         only_if_asked: true,
         behind: &[Effect::Drift],
+        contains: &[Effect::ParameterError],
         ..Traits::PLAIN
     },
     write,
