@@ -135,7 +135,7 @@ mod tests {
         let time: Vec<f64> = (0..500).map(|i| 0.02 * f64::from(i)).collect();
         let (mut q, mut values) = (0.0_f64, Mat::zeros(time.len(), 2));
         for (i, &t) in time.iter().enumerate() {
-            let u = 0.4 * (1.3 * t + run as f64).sin() + if (t / 1.7) as u64 % 2 == 0 { 0.2 } else { -0.1 };
+            let u = 0.4 * (1.3 * t + run as f64).sin() + if ((t / 1.7) as u64).is_multiple_of(2) { 0.2 } else { -0.1 };
             (values[(i, 0)], values[(i, 1)]) = (q + 0.001 * normal(&mut random), u);
             for _ in 0..20 {
                 let error = u - q;
