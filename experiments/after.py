@@ -13,7 +13,7 @@ what `consequence()` says a controller pays for the gap, beside what it pays on 
 import argparse
 
 import numpy as np
-from gusts import PARTS, PERIOD, PLANTS
+from gusts import PARTS, PERIOD, PLANTS, nominal, read
 
 import gpsindy
 
@@ -36,7 +36,7 @@ class Plant:
         return np.array([eval(code, self.scope) for code in self.code])
 
     def run(self, start, count, command):
-        """States at the samples, and the commands `command(i, x)`, held over a sample."""
+        """The commands `command(i, x)`, held over a sample, and the states at the samples."""
         x, rows, commands = np.array(start, dtype=float), [], []
         h = PERIOD / PARTS
         for i in range(count):
@@ -49,18 +49,18 @@ class Plant:
                 k3 = self.rates(x + h / 2 * k2, control)
                 k4 = self.rates(x + h * k3, control)
                 x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return np.array(rows), np.array(commands)
+        return np.array(commands), np.array(rows)
 
 
 def drawn(seed):
     """A nominal model, the true values, the plant and its logs."""
     random = np.random.default_rng([seed, 7])
     kind = list(PLANTS)[seed % len(PLANTS)]
-    names, equations, ranges, amplitudes = PLANTS[kind]
+    names, _, ranges, amplitudes = PLANTS[kind]
     true = {name: random.uniform(*bounds) for name, bounds in ranges.items()}
     wrong = str(random.choice(list(true)))
     off = random.choice([-1, 1]) * random.uniform(0.1, 0.4)
-    nominal = {name: value / (1 + off) if name == wrong else value for name, value in true.items()}
+    believed = {name: value / (1 + off) if name == wrong else value for name, value in true.items()}
     plant = Plant(kind, true, int(random.integers(2, 6)) if seed % 3 == 2 else 0)
     amplitude, noise = random.uniform(*amplitudes), 10 ** random.uniform(-3, -1.7)
     runs = []
@@ -68,15 +68,7 @@ def drawn(seed):
         steps = amplitude * np.repeat(random.uniform(-1, 1, SAMPLES), random.integers(10, 80, SAMPLES))[:SAMPLES]
         start = [0.3 * random.standard_normal()] + [0.0] * (len(names) - 1)
         runs.append(plant.run(start, SAMPLES, lambda i, x, steps=steps: steps[i]))
-    spread = np.concatenate([x for x, _ in runs]).std(axis=0)
-    logs = []
-    for x, u in runs:
-        measured = x + noise * spread * random.standard_normal(x.shape)
-        logs.append({"t": PERIOD * np.arange(SAMPLES), **dict(zip(names, measured.T)), "u": u})
-    states = "".join(f'[[state]]\nname = "{name}"\nequation = "{rate}"\n' for name, rate in zip(names, equations))
-    parameters = "".join(f'[[parameter]]\nname = "{name}"\nvalue = {value}\n' for name, value in nominal.items())
-    text = f'schema = "gpsindy.model/1"\nname = "{kind}"\n{states}[[control]]\nname = "u"\n{parameters}'
-    return gpsindy.Model.from_toml(text), true, wrong, plant, logs, amplitude
+    return nominal(kind, believed), true, wrong, plant, read(names, runs, noise, random), amplitude
 
 
 def main():
@@ -102,13 +94,13 @@ def main():
 
         start = dict.fromkeys(plant.names, 0.0)
         said = gpsindy.consequence(found, controller, lambda loop: np.mean((loop[plant.names[0]] - 0.2) ** 2), t=TIMES, start=start)
-        x, _ = plant.run([0.0] * len(plant.names), len(TIMES), lambda i, x: controller(0.0, x)[0])
+        _, x = plant.run([0.0] * len(plant.names), len(TIMES), lambda i, x: controller(0.0, x)[0])
         paid = float(np.mean((x[:, 0] - 0.2) ** 2))
         costs.append((said.nominal, said.corrected, paid))
         names = ", ".join(f"{cause.effect} {'/'.join(cause.variables)}" for cause in found.included)
         print(f"{seed} {wrong}{' late' if plant.late else ''} | {found.verdict}: {names}; costs {said.nominal:.4g} nominal, {said.corrected:.4g} corrected, {paid:.4g} on the plant", flush=True)  # fmt: skip
-    nominal, corrected, paid = np.array(costs).T
-    gap = np.abs(nominal - paid)
+    before, corrected, paid = np.array(costs).T
+    gap = np.abs(before - paid)
     print(f"identified: {sum(identified)} of {len(identified)} hold the true value, median width {np.median(widths):.3f} of the prior range")
     print(f"bounded or prior: {sum(inside)} of {len(inside)} hold it; delays: {sum(delays)} of {len(delays)}")
     print(f"cost of the controller: {np.sum(np.abs(corrected - paid) < 0.1 * gap)} of {len(gap)} are known to a tenth of what the gap costs")

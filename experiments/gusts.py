@@ -57,6 +57,25 @@ def simulated(equations, names, values, u, start, push, random, feedback=0.0):
     return np.array(controls), np.array(rows)
 
 
+def read(names, runs, noise, random):
+    """Logs of `runs`, each its controls and states, with noise of a share of each column's spread."""
+    spread = np.concatenate([x for _, x in runs]).std(axis=0)
+    logs = []
+    for u, x in runs:
+        measured = x + noise * spread * random.standard_normal(x.shape)
+        logs.append({"t": PERIOD * np.arange(len(u)), **dict(zip(names, measured.T)), "u": u})
+    return logs
+
+
+def nominal(kind, values, more=""):
+    """The model of a plant with these parameters; `more` lines belong to each of them."""
+    names, equations, _, _ = PLANTS[kind]
+    states = "".join(f'[[state]]\nname = "{n}"\nequation = "{e}"\n' for n, e in zip(names, equations))
+    parameters = "".join(f'[[parameter]]\nname = "{n}"\nvalue = {v}\n{more}' for n, v in values.items())
+    text = f'schema = "gpsindy.model/1"\nname = "{kind}"\n{states}[[control]]\nname = "u"\n{parameters}'
+    return gpsindy.Model.from_toml(text)
+
+
 def case(seed, loop):
     """A nominal model, five runs, and the random force that was drawn."""
     random = np.random.default_rng(seed)
@@ -73,16 +92,8 @@ def case(seed, loop):
         steps = np.repeat(random.uniform(-1, 1, count), random.integers(10, 80, count))[:count]
         start = [0.3 * random.standard_normal()] + [0.0] * (len(names) - 1)
         runs.append(simulated(equations, names, values, amplitude * steps, start, (deviation, time), random, feedback))
-    spread = np.concatenate([x for _, x in runs]).std(axis=0)
-    logs = []
-    for u, x in runs:
-        measured = x + noise * spread * random.standard_normal(x.shape)
-        logs.append({"t": PERIOD * np.arange(count), **dict(zip(names, measured.T)), "u": u})
-    states = "".join(f'[[state]]\nname = "{n}"\nequation = "{e}"\n' for n, e in zip(names, equations))
-    tolerance = "tolerance = 0.05\n" if loop else ""
-    parameters = "".join(f'[[parameter]]\nname = "{n}"\nvalue = {v}\n{tolerance}' for n, v in values.items())
-    text = f'schema = "gpsindy.model/1"\nname = "{kind}"\n{states}[[control]]\nname = "u"\n{parameters}'
-    return gpsindy.Model.from_toml(text), logs, names[-1], deviation, time
+    model = nominal(kind, values, "tolerance = 0.05\n" if loop else "")
+    return model, read(names, runs, noise, random), names[-1], deviation, time
 
 
 def main(first, last, loop):
