@@ -5,12 +5,12 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Hypothesis, Kind};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::catalogue::place::{Family, Place};
-use crate::diagnose::catalogue::sense::servo::servo;
+use crate::diagnose::catalogue::sense::servo::{differences, servo};
 use crate::diagnose::catalogue::sense::slipping::slip;
 use crate::diagnose::catalogue::sense::{self, is_supply};
 use crate::diagnose::limits::catalogue::{CLEARLY, FROM, INSIDE};
 use crate::error::{Error, Result};
-use crate::expression::{Expression, Operator, Tape};
+use crate::expression::Tape;
 use crate::model::{Control, Model, State};
 
 /// Every hypothesis that makes sense in `model`, logged in the states `logged`.
@@ -245,21 +245,15 @@ fn losing<'a>(model: &'a Model, parameter: &'a str) -> Vec<&'a str> {
 
 /// Differences of two places, one of which may be the command of a position servo: the first equation that has them, and the two.
 fn gaps(model: &Model) -> Vec<(usize, Vec<&str>)> {
-    let name = |part: &Expression| match part {
-        Expression::Variable(name) => Some(name.clone()),
-        _ => None,
-    };
     let mut found: Vec<(usize, [&str; 2])> = Vec::new();
     for (j, state) in model.states.iter().enumerate() {
-        state.equation.visit(&mut |part| {
-            if let Expression::Binary(Operator::Subtract, a, b) = part
-                && let (Some(a), Some(b)) = (name(a), name(b))
-                && let Some(pair) = places(model, &a, &b).or_else(|| servo(model, &a, &b))
+        for [a, b] in differences(&state.equation) {
+            if let Some(pair) = places(model, &a, &b).or_else(|| servo(model, &a, &b))
                 && !found.iter().any(|(_, known)| known.contains(&pair[0]) && known.contains(&pair[1]))
             {
                 found.push((j, pair));
             }
-        });
+        }
     }
     found.into_iter().map(|(j, pair)| (j, pair.into())).collect()
 }
@@ -274,6 +268,7 @@ fn places<'m>(model: &'m Model, one: &str, other: &str) -> Option<[&'m str; 2]> 
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::expression::Expression;
     use crate::model::Parameter;
 
     fn model(rates: [(&str, &str, &str); 3], controls: &[(&str, &str)], parameters: &[&str]) -> Model {

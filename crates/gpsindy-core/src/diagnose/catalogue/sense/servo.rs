@@ -14,19 +14,25 @@ pub(crate) fn servo<'m>(model: &'m Model, one: &str, other: &str) -> Option<[&'m
     (is_place(&place.unit) && command.unit == place.unit).then_some([&command.name, &place.name])
 }
 
+/// The differences of two names in an expression.
+pub(crate) fn differences(expression: &Expression) -> Vec<[String; 2]> {
+    let mut found = Vec::new();
+    expression.visit(&mut |part| {
+        if let Expression::Binary(Operator::Subtract, a, b) = part
+            && let (Expression::Variable(a), Expression::Variable(b)) = (&**a, &**b)
+        {
+            found.push([a.clone(), b.clone()]);
+        }
+    });
+    found
+}
+
 /// Whether the equation is that of a place and contains the error of its servo: the sign of a place is not that of a motion, and what drives it is
 /// the error alone.
 pub(super) fn is_servo(model: &Model, state: usize) -> bool {
     let own = &model.states[state];
-    let mut found = false;
-    own.equation.visit(&mut |part| {
-        if let Expression::Binary(Operator::Subtract, a, b) = part
-            && let (Expression::Variable(a), Expression::Variable(b)) = (&**a, &**b)
-        {
-            found |= servo(model, a, b).is_some_and(|[_, place]| place == own.name);
-        }
-    });
-    found
+    let is_error = |[a, b]: &[String; 2]| servo(model, a, b).is_some_and(|[_, place]| place == own.name);
+    differences(&own.equation).iter().any(is_error)
 }
 
 #[cfg(test)]
