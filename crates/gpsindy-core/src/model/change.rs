@@ -1,19 +1,29 @@
 //! By how much another model's rates and readings differ from a system's, at the same states: a suspect without its plant.
 
+use super::engine::{beside, call};
 use super::inputs::{Extraction, Input, LateState, late_name};
 use super::{Model, System};
 use crate::error::Result;
 use crate::expression::{Expression, Operator, Tape};
 
-/// What a model adds to the rates and readings of another one.
+/// Where a signal enters a system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Entry {
+    /// The rate of a state; of a simulator that steps, beside it.
+    Rate(usize),
+    /// What goes to a simulator that steps: its commands, then its forces, then its parameters.
+    Argument(usize),
+}
+
+/// What a model adds to the rates and readings of another one, and to what goes to its simulator if that steps.
 ///
 /// The tapes' variables are states (n), controls (m), inputs with a history (h), the changed model's parameters, and then the base
 /// model's own values of the parameters that the change moves; of the readings, behind them the states that are read late.
 pub(crate) struct Change {
     pub(crate) inputs: Vec<Input>,
-    /// The states whose rates differ, and by how much.
-    pub(crate) rows: Vec<usize>,
-    pub(crate) rates: Tape,
+    /// Where it adds something, and how much.
+    pub(crate) entries: Vec<Entry>,
+    pub(crate) added: Tape,
     /// The states whose readings differ, and by how much.
     pub(crate) shown: Vec<usize>,
     pub(crate) readings: Tape,
@@ -41,38 +51,53 @@ impl Change {
                 .fold(e.clone(), |e, &p| e.substitute(&before.parameters[p].name, &Expression::variable(own(p))))
         };
         let mut extraction = Extraction { model: changed, inputs: Vec::new(), late: Vec::new() };
-        let mut differences = |of: &dyn Fn(&super::State) -> Expression| {
-            let (mut places, mut all) = (Vec::new(), Vec::new());
-            for (j, (a, b)) in before.states.iter().zip(&after.states).enumerate() {
-                let difference = difference(&of(b), &still(&of(a)));
-                if difference != Expression::Number(0.0) {
-                    places.push(j);
-                    all.push(extraction.extract(&difference));
-                }
-            }
-            (places, all)
+        let difference = |a: &Expression, b: &Expression| {
+            let found = difference(b, &still(a));
+            (found != Expression::Number(0.0)).then_some(found)
         };
-        let (rows, rates) = differences(&|state| state.equation.clone());
+        let mut extracted = |differences: Vec<Option<Expression>>| {
+            let there = differences.into_iter().enumerate().filter_map(|(place, found)| Some((place, found?)));
+            there.map(|(place, found)| (place, extraction.extract(&found))).unzip()
+        };
+        let steps = base.engine().is_some();
+        let n_outputs = base.simulator().map_or(0, |s| s.n_states());
+        let mut all = Vec::new();
+        if steps {
+            let arguments = |model: &Model| {
+                let all = model.states.iter().find_map(|s| call(&s.equation)).unwrap_or_default();
+                all.get(n_outputs..).unwrap_or_default().to_vec()
+            };
+            let differences =
+                arguments(&before).iter().zip(arguments(&after)).map(|(a, b)| difference(a, &b)).collect();
+            let (places, differences): (Vec<usize>, Vec<Expression>) = extracted(differences);
+            all.extend(places.into_iter().map(Entry::Argument).zip(differences));
+        }
+        let rate = |equation: &Expression| if steps { beside(equation) } else { equation.clone() };
+        let each = before.states.iter().zip(&after.states);
+        let rates = each.clone().map(|(a, b)| difference(&rate(&a.equation), &rate(&b.equation))).collect();
+        let (places, rates): (Vec<usize>, Vec<Expression>) = extracted(rates);
+        all.extend(places.into_iter().map(Entry::Rate).zip(rates));
+        let (entries, added): (Vec<Entry>, Vec<Expression>) = all.into_iter().unzip();
         let read =
             |state: &super::State| state.measured.clone().unwrap_or_else(|| Expression::variable(state.name.clone()));
-        let (shown, readings) = differences(&read);
+        let (shown, readings): (Vec<usize>, Vec<Expression>) =
+            extracted(each.map(|(a, b)| difference(&read(a), &read(b))).collect());
         let parameters: Vec<String> =
             changed.parameters.iter().map(|p| p.name.clone()).chain(moved.iter().map(|&p| own(p))).collect();
         let (inputs, variables) = extraction.compiled(&parameters)?;
         let late = extraction.late_states(&parameters)?;
         let with_late: Vec<String> = variables.iter().cloned().chain((0..late.len()).map(late_name)).collect();
-        let n_outputs = base.simulator().map_or(0, |s| s.n_states());
         Ok(Some(Self {
             inputs,
-            rows,
-            rates: Tape::with_simulator(&rates, &variables, n_outputs)?,
+            entries,
+            added: Tape::with_simulator(&added, &variables, n_outputs)?,
             shown,
             readings: Tape::with_simulator(&readings, &with_late, n_outputs)?,
             late,
         }))
     }
 
-    /// Terms of the rate of a state of `base`, each a change of its own: the tape of the rates has one result for each.
+    /// Terms of the rate of a state of `base`, each a change of its own: the tape has one result for each.
     ///
     /// `None` where a term is late.
     ///
@@ -81,16 +106,17 @@ impl Change {
     pub(crate) fn terms(base: &System, row: usize, terms: &[Expression]) -> Result<Option<Self>> {
         let model = base.model();
         let mut extraction = Extraction { model, inputs: Vec::new(), late: Vec::new() };
-        let rates: Vec<Expression> = terms.iter().map(|term| extraction.extract(term)).collect();
+        let added: Vec<Expression> = terms.iter().map(|term| extraction.extract(term)).collect();
         if !extraction.late.is_empty() {
             return Ok(None);
         }
         let parameters: Vec<String> = model.parameters.iter().map(|p| p.name.clone()).collect();
         let (inputs, variables) = extraction.compiled(&parameters)?;
         let n_outputs = base.simulator().map_or(0, |s| s.n_states());
-        let rates = Tape::with_simulator(&rates, &variables, n_outputs)?;
+        let added = Tape::with_simulator(&added, &variables, n_outputs)?;
         let readings = Tape::with_simulator(&[], &variables, n_outputs)?;
-        Ok(Some(Self { inputs, rows: vec![row; terms.len()], rates, shown: Vec::new(), readings, late: Vec::new() }))
+        let entries = vec![Entry::Rate(row); terms.len()];
+        Ok(Some(Self { inputs, entries, added, shown: Vec::new(), readings, late: Vec::new() }))
     }
 }
 
@@ -133,12 +159,12 @@ mod tests {
     fn a_term_that_was_added_stands_alone() {
         let base = System::new(&model("u - k*x")).unwrap();
         let change = Change::between(&base, &model("u - k*x - c*sin(v)"), &[]).unwrap().unwrap();
-        assert_eq!((change.rows.as_slice(), change.shown.len()), (&[1][..], 0));
+        assert_eq!((change.entries.as_slice(), change.shown.len()), (&[Entry::Rate(1)][..], 0));
         // x, v, u, k, c.
-        let found = change.rates.evaluate_once(&[0.3, 0.7, 9.0, 4.0, 0.5], 0.0);
+        let found = change.added.evaluate_once(&[0.3, 0.7, 9.0, 4.0, 0.5], 0.0);
         assert_eq!(found, [-0.5 * 0.7f64.sin()]);
         // No instruction of the plant is left.
-        assert!(!change.rates.reads(2) && !change.rates.reads(0));
+        assert!(!change.added.reads(2) && !change.added.reads(0));
     }
 
     #[test]
@@ -146,7 +172,7 @@ mod tests {
         let base = System::new(&model("u - k*x")).unwrap();
         let change = Change::between(&base, &model("u - k*x"), &[0]).unwrap().unwrap();
         // x, v, u, k, c, and k as it was.
-        let found = change.rates.evaluate_once(&[0.5, 0.0, 0.2, 5.0, 0.0, 4.0], 0.0);
+        let found = change.added.evaluate_once(&[0.5, 0.0, 0.2, 5.0, 0.0, 4.0], 0.0);
         assert!((found[0] + 0.5).abs() < 1e-15, "{found:?}");
     }
 
@@ -156,7 +182,7 @@ mod tests {
         let change = Change::between(&base, &model("delay(u, c) - k*x"), &[]).unwrap().unwrap();
         assert_eq!(change.inputs.len(), 1);
         // x, v, u, the late control, k, c.
-        assert_eq!(change.rates.evaluate_once(&[0.5, 0.0, 0.2, 0.7, 4.0, 0.1], 0.0), [0.5]);
+        assert_eq!(change.added.evaluate_once(&[0.5, 0.0, 0.2, 0.7, 4.0, 0.1], 0.0), [0.5]);
     }
 
     #[test]
@@ -164,9 +190,9 @@ mod tests {
         let base = System::new(&model("u - k*x")).unwrap();
         let terms = ["sin(v)", "delay(u, 0.1)"].map(|term| Expression::parse(term).unwrap());
         let change = Change::terms(&base, 1, &terms).unwrap().unwrap();
-        assert_eq!((change.rows.as_slice(), change.inputs.len()), (&[1, 1][..], 1));
+        assert_eq!((change.entries.as_slice(), change.inputs.len()), (&[Entry::Rate(1); 2][..], 1));
         // x, v, u, the late control, k, c.
-        assert_eq!(change.rates.evaluate_once(&[0.3, 0.7, 9.0, 0.2, 4.0, 0.5], 0.0), [0.7f64.sin(), 0.2]);
+        assert_eq!(change.added.evaluate_once(&[0.3, 0.7, 9.0, 0.2, 4.0, 0.5], 0.0), [0.7f64.sin(), 0.2]);
     }
 
     #[test]
@@ -183,7 +209,7 @@ mod tests {
         let mut late = model("u - k*x");
         late.states[0].measured = Some(Expression::parse("delay(x, c)").unwrap());
         let change = Change::between(&base, &late, &[]).unwrap().unwrap();
-        assert_eq!((change.rows.len(), change.shown.as_slice(), change.late[0].state), (0, &[0][..], 0));
+        assert_eq!((change.entries.len(), change.shown.as_slice(), change.late[0].state), (0, &[0][..], 0));
         // x, v, u, k, c, and x as it was.
         assert_eq!(change.readings.evaluate_once(&[0.5, 0.0, 0.2, 4.0, 0.1, 0.75], 0.0), [0.25]);
         assert_eq!(change.late[0].amounts(&[[4.0], [0.1]])[0][0], 0.1);

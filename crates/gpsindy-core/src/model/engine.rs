@@ -201,7 +201,7 @@ pub(super) fn call(expression: &Expression) -> Option<Vec<Expression>> {
 }
 
 /// What is added to the call of a simulator: the expression with the call at zero.
-fn beside(expression: &Expression) -> Expression {
+pub(super) fn beside(expression: &Expression) -> Expression {
     use crate::expression::Operator::{Add, Subtract};
     match expression {
         Expression::Simulator(..) => Expression::Number(0.0),

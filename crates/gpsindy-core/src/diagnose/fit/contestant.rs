@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::model::batched::batched;
 use crate::model::{Dynamics, Follower, Model, System};
 use crate::parallel;
-use crate::refine::{Experiment, Free, Jacobian, Kept, Path, Point, Refined};
+use crate::refine::{Experiment, Free, Jacobian, Kept, Path, Point, Refined, Tangent, tangent};
 use std::sync::Arc;
 
 /// How many starts the search tried that an effect was chosen from: its evidence must pay for all of them (Bonferroni).
@@ -258,11 +258,27 @@ impl Sketch {
 }
 
 impl Linearised<'_> {
-    /// The same with the path of a simulator that steps, along which functions without a name are drawn.
+    /// Derivatives along the path of a simulator that steps: along its rollouts, or a filter's; and which of their windows are those of the
+    /// fit.
+    pub(crate) fn lines(&self) -> Option<(Arc<Tangent>, Vec<usize>)> {
+        let Contestant { system, experiment, refined: Refined { parameters, initial, .. }, .. } = self.contestant;
+        match &self.guide {
+            Some(Guide { tangent, .. }) => {
+                Some((tangent.clone(), tangent.windows_of(experiment, parameters, initial)?))
+            }
+            None => tangent(system, experiment, parameters, initial),
+        }
+    }
+
+    /// The same with that path, where the simulator steps.
     pub(crate) fn with_steps(mut self) -> Self {
         let Contestant { system, experiment, refined, .. } = self.contestant;
         if system.engine().is_some() {
-            self.path = Path::of_steps(system, experiment, &refined.parameters, &refined.initial);
+            let point = (&refined.parameters[..], &refined.initial[..]);
+            let path = |(tangent, windows): (Arc<Tangent>, Vec<usize>)| {
+                Path::of_steps(system, experiment, point, (&tangent, &windows))
+            };
+            self.path = self.lines().and_then(path);
         }
         self
     }

@@ -84,7 +84,7 @@ impl Innovations {
     /// What straight lines go out from.
     pub(crate) fn linearised(&self) -> Linearised<'_> {
         let (jacobian, guide) = (self.jacobian.clone(), Some(self.guide.clone()));
-        Linearised { contestant: &self.contestant, jacobian, guide, path: None }
+        Linearised { contestant: &self.contestant, jacobian, guide, path: None }.with_steps()
     }
 
     /// Derivatives by the free parameters: the tangent is a straight line in them.
@@ -214,6 +214,49 @@ mod tests {
             (best.gain, best.values)
         };
         ids.iter().map(of).collect()
+    }
+
+    #[test]
+    fn all_suspects_together_have_the_responses_of_each_on_its_own() {
+        use crate::diagnose::catalogue::enumerate::everything;
+        use crate::diagnose::fit::linear::responses::responses;
+        let contestant = fitted(0.048, 0, false);
+        let scene = crate::diagnose::fit::outputs::scene_of(&contestant);
+        let model = contestant.system.model();
+        let rollouts = || contestant.linearised().unwrap().with_steps();
+        let innovations = Innovations::of(&contestant, &rollouts().jacobian).unwrap();
+        let both = [("rollouts", [rollouts(), rollouts()]), ("innovations", [0, 1].map(|_| innovations.linearised()))];
+        for (place, [together, alone]) in both {
+            let alone = Linearised { path: None, ..alone };
+            let (mut count, mut far) = (0, Vec::new());
+            for hypothesis in everything(model, &scene, &contestant.experiment.columns, &[]).unwrap() {
+                let Ok(applied) = hypothesis.apply(model, &scene) else { continue };
+                let columns: Vec<&Vec<f64>> = applied.starts.iter().flat_map(|start| &start.columns).take(8).collect();
+                // Late readings: a filter's own path is taken without what their correction does to themselves.
+                let is_late = applied.model.states.iter().any(|s| s.measured.is_some());
+                if columns.is_empty()
+                    || (place == "innovations" && is_late)
+                    || applied.model.states.len() > model.states.len()
+                {
+                    continue;
+                }
+                let all = [&together, &alone].map(|at| responses(&applied, at, &columns));
+                let [Some(all), Some(each)] = all else { continue };
+                // A reading that is late at a window's first sample is none of a rollout, which has nothing before it.
+                let squares =
+                    |column: &Vec<DVector<f64>>| column.iter().map(|of| of.rows_range(2..).norm_squared()).sum::<f64>();
+                for (one, other) in all.iter().zip(&each) {
+                    let off: Vec<DVector<f64>> = one.iter().zip(other).map(|(one, other)| one - other).collect();
+                    count += 1;
+                    let share = (squares(&off) / (squares(other) + 1e-4)).sqrt();
+                    if share > 1e-5 {
+                        far.push((hypothesis.id().to_string(), share));
+                    }
+                }
+            }
+            assert!(count > 100, "{place}: {count}");
+            assert!(far.is_empty(), "{place}: {count}, {far:?}");
+        }
     }
 
     #[test]

@@ -11,16 +11,18 @@
 
 mod making;
 mod signals;
+mod stepped;
 mod steps;
 
 use super::Lanes;
 use crate::model::System;
-use crate::model::change::Change;
+use crate::model::change::{Change, Entry};
 use crate::refine::experiment::{Experiment, Window};
 use crate::refine::history::Histories;
 use making::{Maker, Making};
 use signals::Moment;
 use std::sync::Arc;
+use stepped::Stepped;
 
 /// Steps, or samples, or columns that are computed side by side.
 const L: usize = 8;
@@ -29,7 +31,7 @@ const L: usize = 8;
 const MOST: usize = 1 << 25;
 
 /// The paths of all windows.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(crate) struct Path {
     n: usize,
     windows: Vec<Arc<Along>>,
@@ -38,20 +40,21 @@ pub(crate) struct Path {
 }
 
 /// The path of one window: its integration steps and its samples.
-#[derive(Debug, Clone)]
 struct Along {
     window: Window,
     /// How many steps lie before each sample.
     before: Vec<usize>,
-    /// In the middle of every step: states and then controls, one row of values each; times, s.
+    /// In the middle of every step, of a simulator at its beginning: states and then controls, one row of values each; times, s.
     middle: Vec<Vec<f64>>,
     middle_time: Vec<f64>,
     /// The same at every sample.
     sample: Vec<Vec<f64>>,
     sample_time: Vec<f64>,
-    /// Step by step: by how much a difference at its beginning, and a rate in its middle, move its end (n x n, row after row).
+    /// Step by step: by how much a difference at its beginning, and a rate in its middle, move its end (n x n, row after row); of a
+    /// simulator what its own steps say instead.
     carried: Vec<f64>,
     pushed: Vec<f64>,
+    stepped: Option<Stepped>,
     /// Sample by sample: derivatives of the logged readings (c x n); empty where all of them are states as they are.
     slopes: Vec<f64>,
 }
@@ -115,6 +118,9 @@ impl Path {
     ) -> Vec<Vec<Vec<f64>>> {
         let n_columns = experiment.columns.len();
         let read = read(system, experiment);
+        // Which of the readings that change are logged, and their columns.
+        let logged = |(place, j): (usize, &usize)| Some((place, experiment.columns.iter().position(|c| c == j)?));
+        let (places, columns): (Vec<usize>, Vec<usize>) = change.shown.iter().enumerate().filter_map(logged).unzip();
         let mut all: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(self.windows.len()); parameters.len()];
         for (number, sets) in parameters.chunks(L).enumerate() {
             let mut histories: Option<(usize, Vec<Histories<'_, 1>>)> = None;
@@ -134,17 +140,15 @@ impl Path {
                 let mut shown = Vec::with_capacity(sets.len());
                 for (set, history) in sets.iter().zip(histories) {
                     let [middle, sample] = along.inputs(experiment, history, change.inputs.len());
-                    signals.push(along.signals(system, &change.rates, set, (&middle, &[]), Moment::Middle));
+                    signals.push(along.signals(system, &change.added, set, (&middle, &[]), Moment::Middle));
                     let late = along.late(experiment, change, set);
-                    shown.push(along.signals(system, &change.readings, set, (&sample, &late), Moment::Sample));
+                    let mut all = along.signals(system, &change.readings, set, (&sample, &late), Moment::Sample);
+                    shown.push(places.iter().map(|&place| std::mem::take(&mut all[place])).collect::<Vec<_>>());
                 }
-                let place = |column: usize| change.shown.iter().position(|&j| j == experiment.columns[column]);
-                let places: Vec<Option<usize>> = (0..n_columns).map(place).collect();
-                let moved = along.moved(self.n, &change.rows, &signals);
+                let moved = along.moved((system, self.n), (&change.entries, &mut signals), (&columns, &shown));
                 for (lane, shown) in shown.iter().enumerate() {
                     let mut values = self.read_out(system, along, read.as_deref(), &moved, lane);
-                    for (column, place) in places.iter().enumerate() {
-                        let Some(shown) = place.map(|place| &shown[place]) else { continue };
+                    for (&column, shown) in columns.iter().zip(shown) {
                         let own = values[column..].iter_mut().step_by(n_columns);
                         own.zip(shown).for_each(|(value, shown)| *value += shown);
                     }
@@ -167,8 +171,8 @@ impl Path {
         (parameters, size): (&[f64], f64),
     ) -> Vec<Vec<Vec<f64>>> {
         let read = read(system, experiment);
-        let Some(row) = terms.rows.first() else { return Vec::new() };
-        let mut all: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(self.windows.len()); terms.rows.len()];
+        let Some(entry) = terms.entries.first() else { return Vec::new() };
+        let mut all: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(self.windows.len()); terms.entries.len()];
         let lane: Vec<[f64; 1]> = parameters.iter().map(|&v| [v]).collect();
         let mut history: Option<(usize, Histories<'_, 1>)> = None;
         for along in &self.windows {
@@ -179,11 +183,11 @@ impl Path {
             }
             let Some((_, history)) = history.as_mut() else { continue };
             let [middle, _] = along.inputs(experiment, history, terms.inputs.len());
-            let mut signals = along.signals(system, &terms.rates, parameters, (&middle, &[]), Moment::Middle);
+            let mut signals = along.signals(system, &terms.added, parameters, (&middle, &[]), Moment::Middle);
             signals.iter_mut().flatten().for_each(|value| *value *= size);
             for (number, signals) in signals.chunks(L).enumerate() {
-                let signals: Vec<Vec<Vec<f64>>> = signals.iter().map(|signal| vec![signal.clone()]).collect();
-                let moved = along.moved(self.n, &[*row], &signals);
+                let mut signals: Vec<Vec<Vec<f64>>> = signals.iter().map(|signal| vec![signal.clone()]).collect();
+                let moved = along.moved((system, self.n), (&[*entry], &mut signals), (&[], &[]));
                 for lane in 0..signals.len() {
                     all[number * L + lane].push(self.read_out(system, along, read.as_deref(), &moved, lane));
                 }
@@ -202,8 +206,9 @@ impl Path {
         push: &mut dyn FnMut(&[f64]) -> Vec<Vec<f64>>,
     ) -> Vec<Vec<f64>> {
         let read = read(system, experiment);
+        let entries: Vec<Entry> = rows.iter().copied().map(Entry::Rate).collect();
         let one = |along: &Arc<Along>| {
-            let moved = along.moved(self.n, rows, &[push(&along.middle_time)]);
+            let moved = along.moved((system, self.n), (&entries, &mut [push(&along.middle_time)]), (&[], &[]));
             self.read_out(system, along, read.as_deref(), &moved, 0)
         };
         self.windows.iter().map(one).collect()

@@ -18,17 +18,17 @@ use differences::{Differences, along};
 use std::sync::Arc;
 
 /// Share of a typical size by which a value is moved for a difference.
-const DIFFERENCE: f64 = 1e-5;
+pub(super) const DIFFERENCE: f64 = 1e-5;
 
 /// A step of the rollout: states, arguments, terms outside, and the derivatives of the next states.
 pub(super) struct Step {
     pub(super) x: Vec<f64>,
-    arguments: Vec<f64>,
+    pub(super) arguments: Vec<f64>,
     pub(super) next: Vec<f64>,
     /// By the states (n x n), row after row.
     pub(super) by_states: Vec<f64>,
     /// By the arguments (n x a), column after column: a suspect changes few of them.
-    by_arguments: Vec<f64>,
+    pub(super) by_arguments: Vec<f64>,
 }
 
 /// The derivatives along the paths of all windows.

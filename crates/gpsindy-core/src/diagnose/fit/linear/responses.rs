@@ -2,13 +2,12 @@
 
 use crate::diagnose::catalogue::hypothesis::Applied;
 use crate::diagnose::fit::contestant::Linearised;
-use crate::diagnose::fit::guide::Guide;
 use crate::diagnose::fit::lagging::with_lagging;
 use crate::expression::Expression;
 use crate::model::change::Change;
 use crate::model::{Model, System};
 use crate::refine::tally::Purpose;
-use crate::refine::{Block, Experiment, Job, Log, Path, Refined, lanes::Lanes, roll_together, tangent};
+use crate::refine::{Block, Experiment, Job, Log, Path, lanes::Lanes, roll_together};
 use nalgebra::DVector;
 
 /// Columns that are rolled out at once: the width of the widest vector registers in doubles. Exact.
@@ -42,7 +41,7 @@ pub(crate) fn responses_to_terms(
 ) -> Option<Vec<Vec<DVector<f64>>>> {
     let (path, fitted) = (at.path.as_ref()?, at.contestant);
     let terms = Change::terms(&fitted.system, row, terms).ok()??;
-    let count = terms.rows.len();
+    let count = terms.entries.len();
     fitted.experiment.tally.columns(count);
     fitted.experiment.tally.pass(Purpose::Responses, (count * fitted.experiment.n_samples()).div_ceil(LANES));
     let along = (fitted.refined.parameters.as_slice(), size);
@@ -100,8 +99,7 @@ fn renumbered(at: &Linearised<'_>, number: &dyn Fn(usize) -> Option<usize>) -> E
     Experiment { logs: logs.into(), ..experiment.clone() }
 }
 
-/// By straight lines from the path of the fit; `None` where the model has other states or reads late, and of a simulator that steps,
-/// whose path does not know what goes to it.
+/// By straight lines from the path of the fit; `None` where the model has other states or reads late.
 fn along(
     path: &Path,
     at: &Linearised<'_>,
@@ -111,9 +109,6 @@ fn along(
 ) -> Option<Vec<Vec<DVector<f64>>>> {
     let Linearised { contestant: fitted, .. } = at;
     let (system, experiment, own) = (&fitted.system, &fitted.experiment, &fitted.refined.parameters);
-    if system.engine().is_some() {
-        return None;
-    }
     let change = Change::between(system, model, moved).ok()??;
     let with_own = |set: &Vec<f64>| set.iter().copied().chain(moved.iter().map(|&index| own[index])).collect();
     let sets: Vec<Vec<f64>> = sets.iter().map(with_own).collect();
@@ -213,15 +208,7 @@ fn stepped(
         }
     };
     // A straight line from the fitted rollout says where a suspect would take it, without a rollout of its own.
-    let contestant = at.contestant;
-    let Refined { parameters: now, initial: starts, .. } = &contestant.refined;
-    let lines = match &at.guide {
-        Some(Guide { tangent, .. }) => {
-            tangent.windows_of(&contestant.experiment, now, starts).map(|windows| (tangent.clone(), windows))
-        }
-        None => tangent(&contestant.system, &contestant.experiment, now, starts),
-    };
-    match lines {
+    match at.lines() {
         Some((tangent, windows)) => {
             // Along the logs a suspect's commands are large for what they change.
             let how = (&experiment.columns[..], at.guide.is_some());

@@ -19,7 +19,7 @@ use crate::diagnose::steps::attribution::pairs::pairs;
 use crate::diagnose::steps::attribution::survey::{Looked, Pair, Screened, Survey};
 use crate::error::Result;
 use crate::parallel;
-use crate::refine::{Kept, Refined, tangent};
+use crate::refine::Kept;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ pub(crate) fn screen(
     base: &Contestant,
     (stage, only): (&str, Option<Range<usize>>),
 ) -> Result<Survey> {
-    let at = base.linearised()?;
+    let at = base.linearised()?.with_steps();
     let scene = contest.scene_of(base);
     // Holds that have no turn in this round need not be looked for.
     let asked =
@@ -48,11 +48,6 @@ pub(crate) fn screen(
     let count = only.as_ref().map_or(suspects.len(), Range::len);
     let stage = contest.run.stage(stage, turns * count)?;
     let screening = Screening { contest, nominal, base, scene, suspects, only, stage };
-    if base.system.engine().is_some() {
-        // Its derivatives along all windows serve for a part, too.
-        let Refined { parameters, initial, .. } = &base.refined;
-        tangent(&base.system, &base.experiment, parameters, initial);
-    }
     let mut all = screening.run(&at, &[Noise::White, Noise::Coloured])?;
     let innovations = Innovations::of(base, &at.jacobian);
     if let Some(innovations) = &innovations {

@@ -56,6 +56,7 @@ impl Making<'_, '_, '_> {
             carried: Vec::with_capacity(steps * n * n),
             pushed: Vec::with_capacity(steps * n * n),
             slopes: Vec::new(),
+            stepped: None,
         };
         let parameters = &lanes.parameters.iter().map(|value| value[0]).collect::<Vec<f64>>()[..];
         let mut differences = Differences::new(system, system.rates(), parameters, &experiment.scale);
@@ -166,7 +167,7 @@ fn propagate(n: usize, h: f64, a: &[f64], carried: &mut Vec<f64>, pushed: &mut V
 }
 
 /// Derivatives of a tape's results by the states, at one point after another.
-struct Differences<'a> {
+pub(super) struct Differences<'a> {
     system: &'a System,
     tape: &'a Tape,
     scale: Vec<f64>,
@@ -180,7 +181,7 @@ struct Differences<'a> {
 }
 
 impl<'a> Differences<'a> {
-    fn new(system: &'a System, tape: &'a Tape, parameters: &[f64], scale: &[f64]) -> Self {
+    pub(super) fn new(system: &'a System, tape: &'a Tape, parameters: &[f64], scale: &[f64]) -> Self {
         let n = system.n_states();
         let first = n + system.n_controls() + system.inputs().len();
         let mut registers = tape.registers::<L>();
@@ -193,7 +194,7 @@ impl<'a> Differences<'a> {
     }
 
     #[inline(always)]
-    fn at<S: pulp::Simd>(&mut self, simd: S, t: f64, x: &[[f64; 1]], inputs: impl Iterator<Item = f64>) {
+    pub(super) fn at<S: pulp::Simd>(&mut self, simd: S, t: f64, x: &[[f64; 1]], inputs: impl Iterator<Item = f64>) {
         let n = x.len();
         if let Some(slots) = &mut self.slots {
             let inputs: Vec<[f64; L]> = inputs.map(|value| [value; L]).collect();
@@ -291,7 +292,7 @@ impl<'a> Differences<'a> {
     }
 
     /// Of result `i` by state `j`.
-    fn slope(&self, i: usize, j: usize) -> f64 {
+    pub(super) fn slope(&self, i: usize, j: usize) -> f64 {
         let found = &self.results[j / (L - 1)][i];
         (found[1 + j % (L - 1)] - found[0]) / self.scale[j]
     }

@@ -2,7 +2,7 @@
 
 use super::{Along, L};
 use crate::expression::Tape;
-use crate::model::change::Change;
+use crate::model::change::{Change, Entry};
 use crate::model::{LateState, System};
 use crate::refine::experiment::{Experiment, Past};
 use crate::refine::history::{Histories, Stages};
@@ -33,11 +33,16 @@ impl Along {
         for (number, sample) in (self.window.first..=self.window.last).enumerate() {
             let is_last = sample == self.window.last;
             let whole = time.get(sample + 1).map_or(1.0, |next| next - time[sample]);
-            let count = self.steps_behind(number).len().max(1);
-            let step = whole / count as f64;
-            for part in 0..count {
-                let a = time[sample] + step * part as f64;
-                history.step(sample, a, a + step, &mut stages);
+            let steps = self.steps_behind(number);
+            let step = whole / steps.len().max(1) as f64;
+            for part in 0..steps.len().max(1) {
+                let (a, length) = match &self.stepped {
+                    Some(stepped) if !is_last => {
+                        (self.middle_time[steps.start + part], stepped.lengths[steps.start + part])
+                    }
+                    _ => (time[sample] + step * part as f64, step),
+                };
+                history.step(sample, a, a + length, &mut stages);
                 for (k, stage) in stages.iter().enumerate() {
                     if part == 0 {
                         rows[1][k].push(stage[0][0]);
@@ -63,7 +68,9 @@ impl Along {
         let is_still = experiment.past == Past::Still && self.window.first == 0;
         let row = |late: &LateState| {
             let amounts = late.amounts(&lane)[0];
-            let then = |t: &f64| self.state_at(late.state, late.moment(*t, amounts), is_still);
+            // Rollouts of a simulator do not look ahead.
+            let latest = |t: f64| if self.stepped.is_some() { t } else { f64::INFINITY };
+            let then = |t: &f64| self.state_at(late.state, late.moment(*t, amounts).min(latest(*t)), is_still);
             self.sample_time.iter().map(then).collect()
         };
         change.late.iter().map(row).collect()
@@ -81,9 +88,14 @@ impl Along {
         }
         let steps = self.steps_behind(sample);
         let mut before = (self.sample_time[sample], samples[sample]);
+        if t == before.0 {
+            return before.1;
+        }
         let nodes = steps.map(|step| (self.middle_time[step], middles[step]));
         for after in nodes.chain([(self.sample_time[sample + 1], samples[sample + 1])]) {
-            if t <= after.0 || after.0 == self.sample_time[sample + 1] {
+            // A simulator's first step begins with the sample, and where a log guides it at another state.
+            let is_long = after.0 > before.0;
+            if is_long && (t <= after.0 || after.0 == self.sample_time[sample + 1]) {
                 return before.1 + (t - before.0) / (after.0 - before.0) * (after.1 - before.1);
             }
             before = after;
@@ -120,9 +132,20 @@ impl Along {
         pulp::Arch::new().dispatch(Signals { along: self, system, tape, parameters, inputs, late, moment })
     }
 
-    /// Differences from the path at every sample, state by state, that signals in `rows` make; one lane for each set of signals.
-    pub(super) fn moved(&self, n: usize, rows: &[usize], signals: &[Vec<Vec<f64>>]) -> Vec<[f64; L]> {
-        pulp::Arch::new().dispatch(Moved { along: self, n, rows, signals })
+    /// Differences from the path at every sample, state by state, that signals in `entries` make, and where a log guides the path also
+    /// readings that are others by `shown` (column, and its values by sample); one lane for each set of both.
+    pub(super) fn moved(
+        &self,
+        (system, n): (&System, usize),
+        (entries, signals): (&[Entry], &mut [Vec<Vec<f64>>]),
+        shown: (&[usize], &[Vec<Vec<f64>>]),
+    ) -> Vec<[f64; L]> {
+        if let Some(stepped) = &self.stepped {
+            return stepped.moved(system, &self.before, (entries, signals), shown);
+        }
+        let row = |entry: &Entry| if let Entry::Rate(row) = entry { Some(*row) } else { None };
+        let rows: Vec<usize> = entries.iter().filter_map(row).collect();
+        pulp::Arch::new().dispatch(Moved { along: self, n, rows: &rows, signals })
     }
 }
 

@@ -1,79 +1,138 @@
-//! The path of a simulator that steps, from its derivatives along the rollouts.
+//! The path of a simulator that steps, from its derivatives along rollouts or along the logs.
 
+use super::making::Differences;
+use super::stepped::Stepped;
 use super::{Along, MOST, Path, Read, read};
 use crate::model::System;
-use crate::refine::experiment::Experiment;
+use crate::refine::experiment::{Experiment, Log};
 use crate::refine::lanes::lockstep::{Group, Job};
-use crate::refine::lanes::tangent::{Step, tangent};
+use crate::refine::lanes::tangent::Tangent;
+use std::sync::Arc;
 
 impl Path {
-    /// The path of a simulator that steps, for [`responses_to_terms`](Self::responses_to_terms); `None` where it fails, or where
-    /// the readings are more than states of the simulator.
+    /// The path of a simulator that steps, along a `tangent` at these values, of whose windows the experiment's are `places`; `None` where
+    /// something else than the simulator has states, or a reading is late.
     pub(crate) fn of_steps(
         system: &System,
         experiment: &Experiment,
-        parameters: &[f64],
-        initial: &[Vec<f64>],
+        (parameters, initial): (&[f64], &[Vec<f64>]),
+        (tangent, places): (&Arc<Tangent>, &[usize]),
     ) -> Option<Self> {
         let n = system.simulator()?.n_states();
-        let is_plain = read(system, experiment)?.iter().all(|read| matches!(read, Read::Now(_)));
-        if !is_plain || system.n_states() != n || !system.late_states().is_empty() {
+        if system.n_states() != n || !system.late_states().is_empty() {
             return None;
         }
-        let (tangent, places) = tangent(system, experiment, parameters, initial)?;
-        let steps = || places.iter().map(|&place| &tangent.steps[place]);
-        if 2 * n * n * steps().map(Vec::len).sum::<usize>() > MOST {
+        let arguments = system.drive()?.arguments.n_outputs();
+        let steps: usize = places.iter().map(|&place| tangent.steps[place].len()).sum();
+        if (n + arguments) * n * steps > MOST {
             return None;
         }
         let job = |window: usize| Job { window, parameters: parameters.to_vec(), initial: initial[window].clone() };
         let jobs: Vec<Job> = (0..experiment.windows.len()).map(job).collect();
-        let of = |(number, steps): (usize, &Vec<Step>)| {
+        let read = read(system, experiment);
+        let of = |(number, &place): (usize, &usize)| {
             let group = Group::new(system, experiment, &jobs, number, 1);
-            along(system, experiment, group, (number, steps)).map(Into::into)
+            let maker = Maker { system, experiment, parameters, read: read.as_deref() };
+            maker.along(group, number, (tangent, place)).map(Into::into)
         };
-        let windows = steps().enumerate().map(of).collect::<Option<Vec<_>>>()?;
+        let windows = places.iter().enumerate().map(of).collect::<Option<Vec<_>>>()?;
         Some(Self { n, windows, late: Vec::new() })
     }
 }
 
-/// One window; terms outside a simulator are taken at the beginning of a step, and act over all of it.
-fn along(
-    system: &System,
-    experiment: &Experiment,
-    mut group: Group<'_>,
-    (number, steps): (usize, &[Step]),
-) -> Option<Along> {
-    let window = experiment.windows[number];
-    let (n, m, period) = (system.n_states(), system.n_controls(), system.engine()?.period());
-    let log = &experiment.logs[window.log];
-    let samples = window.last - window.first;
-    let mut along = Along {
-        window,
-        before: Vec::with_capacity(samples + 1),
-        middle: vec![Vec::with_capacity(steps.len()); n + m],
-        middle_time: Vec::with_capacity(steps.len()),
-        // Terms act within the steps alone.
-        sample: Vec::new(),
-        sample_time: log.time[window.first..=window.last].to_vec(),
-        carried: Vec::with_capacity(steps.len() * n * n),
-        pushed: vec![0.0; steps.len() * n * n],
-        slopes: Vec::new(),
-    };
-    for (k, step) in steps.iter().enumerate() {
-        group.begin(Some(&[]), &mut |_, _, _, _| {});
-        if group.new_sample().is_some() {
-            along.before.push(k);
+/// What is made of a contestant's system along its windows.
+struct Maker<'a> {
+    system: &'a System,
+    experiment: &'a Experiment,
+    parameters: &'a [f64],
+    read: Option<&'a [Read]>,
+}
+
+impl Maker<'_> {
+    /// Window `number`, which is another one of the tangent; what goes to the simulator is taken at the beginning of a step.
+    fn along(&self, mut group: Group<'_>, number: usize, (tangent, place): (&Arc<Tangent>, usize)) -> Option<Along> {
+        let Self { system, experiment, .. } = self;
+        let window = experiment.windows[number];
+        let (n, m, period) = (system.n_states(), system.n_controls(), system.engine()?.period());
+        let (log, steps) = (&experiment.logs[window.log], &tangent.steps[place]);
+        let samples = window.last - window.first;
+        let mut along = Along {
+            window,
+            before: Vec::with_capacity(samples + 1),
+            middle: vec![Vec::with_capacity(steps.len()); n + m],
+            middle_time: Vec::with_capacity(steps.len()),
+            sample: vec![Vec::with_capacity(samples + 1); n + m],
+            sample_time: log.time[window.first..=window.last].to_vec(),
+            carried: Vec::new(),
+            pushed: Vec::new(),
+            slopes: Vec::new(),
+            stepped: None,
+        };
+        let predicted = |sample: usize, state: &[f64]| match &tangent.corrections {
+            Some(all) => all[place].get(sample).map_or(state.to_vec(), |at| at.predicted.clone()),
+            None => state.to_vec(),
+        };
+        let mut lengths = Vec::with_capacity(steps.len());
+        for (k, step) in steps.iter().enumerate() {
+            group.begin(Some(&[]), &mut |_, _, _, _| {});
+            if let Some(sample) = group.new_sample() {
+                along.before.push(k);
+                along.show(log, &predicted(sample, &step.x));
+            }
+            let dt = group.next_step(period);
+            let (time, controls) = group.inputs_of(system, dt, &step.x);
+            along.middle_time.push(time);
+            along
+                .middle
+                .iter_mut()
+                .zip(step.x.iter().copied().chain(controls))
+                .for_each(|(row, value)| row.push(value));
+            lengths.push(dt);
+            group.advance(system, period, dt, |j, _| step.next[j]);
         }
-        let dt = group.next_step(period);
-        let (time, controls) = group.inputs_of(system, dt, &step.x);
-        along.middle_time.push(time);
-        along.middle.iter_mut().zip(step.x.iter().copied().chain(controls)).for_each(|(row, value)| row.push(value));
-        along.carried.extend_from_slice(&step.by_states);
-        (0..n).for_each(|j| along.pushed[(k * n + j) * n + j] = dt);
-        group.advance(system, period, dt, |j, _| step.next[j]);
+        along.before.push(steps.len());
+        along.show(log, &steps.last()?.next);
+        let slopes = self.slopes(&along);
+        if self.read.is_none() {
+            along.slopes.clone_from(&slopes);
+        }
+        along.stepped = Some(Stepped::new((tangent.clone(), place), n, (&along.before, lengths), &slopes));
+        Some(along)
     }
-    along.before.push(steps.len());
-    Some(along)
+
+    /// Derivatives of the readings by the states, sample by sample (c x n).
+    fn slopes(&self, along: &Along) -> Vec<f64> {
+        let Self { system, experiment, parameters, read } = self;
+        let n = system.n_states();
+        if let Some(read) = read {
+            let of = |read: &Read, j: usize| f64::from(u8::from(matches!(read, Read::Now(state) if *state == j)));
+            let one: Vec<f64> = read.iter().flat_map(|read| (0..n).map(move |j| of(read, j))).collect();
+            return one.repeat(along.sample_time.len());
+        }
+        let log = &experiment.logs[along.window.log];
+        let parameters = log.parameters(&parameters.iter().map(|&v| [v]).collect::<Vec<[f64; 1]>>());
+        let parameters: Vec<f64> = parameters.iter().map(|value| value[0]).collect();
+        let mut shown = Differences::new(system, system.outputs(), &parameters, &experiment.scale);
+        let mut all = Vec::with_capacity(along.sample_time.len() * experiment.columns.len() * n);
+        for (sample, &time) in along.sample_time.iter().enumerate() {
+            let value = |row: &Vec<f64>| row[sample];
+            let x: Vec<[f64; 1]> = along.sample[..n].iter().map(|row| [value(row)]).collect();
+            shown.at(pulp::Scalar, time, &x, along.sample[n..].iter().map(value));
+            for &column in &experiment.columns {
+                all.extend((0..n).map(|j| shown.slope(column, j)));
+            }
+        }
+        all
+    }
+}
+
+impl Along {
+    /// Appends a sample of the log with these states.
+    fn show(&mut self, log: &Log, state: &[f64]) {
+        let sample = self.window.first + self.sample[0].len();
+        let controls = log.controls.iter().map(|control| control[sample]);
+        self.sample.iter_mut().zip(state.iter().copied().chain(controls)).for_each(|(row, value)| row.push(value));
+    }
 }
 
 #[cfg(test)]
@@ -83,7 +142,7 @@ mod tests {
     use crate::expression::Expression;
     use crate::model::change::Change;
     use crate::model::stepping::Stepping;
-    use crate::refine::{Hold, roll_together};
+    use crate::refine::{Hold, roll_together, tangent};
     use std::sync::Arc;
 
     /// A servo of two or three steps a sample and its logs in windows of half a second.
@@ -105,7 +164,8 @@ mod tests {
         let terms = ["sin(3*q)", "u*v", "t*delay(u, 0.03)"].map(|term| Expression::parse(term).unwrap());
         let start: Vec<Vec<f64>> = experiment.windows.iter().map(|w| vec![0.01 * w.first as f64, 0.2]).collect();
         let size = 1e-6;
-        let path = Path::of_steps(&system, &experiment, &[0.03], &start).unwrap();
+        let (tangent, places) = tangent(&system, &experiment, &[0.03], &start).unwrap();
+        let path = Path::of_steps(&system, &experiment, (&[0.03], &start), (&tangent, &places)).unwrap();
         let change = Change::terms(&system, 1, &terms).unwrap().unwrap();
         let found = path.responses_to_terms(&system, &experiment, &change, (&[0.03], size));
         let rolled = |system: &System| {
