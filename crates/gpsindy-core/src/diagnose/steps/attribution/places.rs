@@ -76,7 +76,7 @@ fn at(
     };
     let mut fits: Vec<Contestant> = fits.iter().filter(stands_there).cloned().collect();
     fits.extend(contained(contest, nominal, best, place, &best.entrants_without(&[place]))?);
-    if let Some(rest) = rest.as_ref().filter(|_| has_own_starts(best, place)) {
+    if let Some(rest) = rest.as_ref().filter(|_| has_own_starts(best, place) && !is_moot(best)) {
         fits.extend(expand(contest, nominal, rest, "in its place")?.fits.into_iter().filter(|fit| stands_there(&fit)));
     }
     let scores = fits.iter().chain([whole]).map(|f| contest.score(f));
