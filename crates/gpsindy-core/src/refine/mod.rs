@@ -26,7 +26,7 @@ pub(crate) use kept::Kept;
 pub(crate) use lanes::guided::Guided;
 pub(crate) use lanes::lockstep::{Job, roll_together};
 pub(crate) use lanes::path::Path;
-pub(crate) use lanes::tangent::{By, Tangent, tangent};
+pub(crate) use lanes::tangent::{Tangent, tangent};
 pub(crate) use profile::Profile;
 pub(crate) use stepped::{
     chained_starts, drawn_around, drawn_starts, draws_of_readings, first_starts, guess_starts, nearer_starts,

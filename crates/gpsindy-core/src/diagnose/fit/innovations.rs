@@ -12,7 +12,7 @@ mod kalman;
 use crate::diagnose::fit::contestant::{Contestant, Linearised};
 use crate::diagnose::fit::guide::Guide;
 use crate::diagnose::limits::innovations::{PUSH_ROUNDS, STRAIGHT};
-use crate::refine::{Block, By, Experiment, Guided, Jacobian, Job, Window, present, roll_together};
+use crate::refine::{Block, Experiment, Guided, Jacobian, Job, Window, present, roll_together};
 use kalman::{Filter, shows};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -35,8 +35,7 @@ impl Innovations {
         let experiment = Experiment { starts: crate::refine::Starts::default(), ..contestant.experiment.clone() };
         let parameters = &contestant.refined.parameters;
         let mut filter = Filter::new(system, &experiment)?;
-        let mut guided =
-            Guided::along(system, &experiment, (parameters, By::States), path_of(contestant, &experiment))?;
+        let mut guided = Guided::along(system, &experiment, parameters, path_of(contestant, &experiment))?;
         for _ in 0..PUSH_ROUNDS {
             is_open(&experiment)?;
             filter.expect(&guided, &experiment)?;
@@ -51,7 +50,7 @@ impl Innovations {
             }
         }
         is_open(&experiment)?;
-        guided = Guided::along(system, &experiment, (parameters, By::All), path.clone())?;
+        guided = Guided::along(system, &experiment, parameters, path.clone())?;
         let passes = filter.passes(&guided, &experiment)?;
         let gains = passes
             .iter()

@@ -6,7 +6,7 @@
 
 use super::correction::Correction;
 use super::lockstep::{Group, Job, L};
-use super::tangent::{By, Step, Tangent};
+use super::tangent::{Step, Tangent};
 use crate::model::System;
 use crate::refine::{Experiment, Window};
 use nalgebra::{DMatrix, DVector};
@@ -17,20 +17,14 @@ pub(crate) type Path = Vec<Vec<Vec<f64>>>;
 /// The derivatives from every sample of a path to the next one.
 pub(crate) struct Guided {
     parameters: Vec<f64>,
-    windows: Vec<Window>,
     path: Path,
     /// By window, sample and step.
     steps: Vec<Vec<Vec<Step>>>,
 }
 
 impl Guided {
-    /// Differentiates along `path` by what is asked for; `None` where the simulator fails.
-    pub(crate) fn along(
-        system: &System,
-        experiment: &Experiment,
-        (parameters, by): (&[f64], By),
-        path: Path,
-    ) -> Option<Self> {
+    /// Differentiates along `path`; `None` where the simulator fails.
+    pub(crate) fn along(system: &System, experiment: &Experiment, parameters: &[f64], path: Path) -> Option<Self> {
         let mut pairs = Experiment { windows: Vec::new(), ..experiment.clone() };
         let mut starts = Vec::new();
         for (window, states) in experiment.windows.iter().zip(&path) {
@@ -39,10 +33,10 @@ impl Guided {
                 starts.push(state.clone());
             }
         }
-        let mut steps = Tangent::new(system, &pairs, (parameters, &starts), by)?.steps.into_iter();
+        let mut steps = Tangent::new(system, &pairs, (parameters, &starts))?.steps.into_iter();
         let steps =
             experiment.windows.iter().map(|w| steps.by_ref().take(w.last - w.first).collect()).collect::<Vec<_>>();
-        Some(Self { parameters: parameters.to_vec(), windows: experiment.windows.clone(), path, steps })
+        Some(Self { parameters: parameters.to_vec(), path, steps })
     }
 
     /// The simulator's states at every sample of a window's path.
@@ -69,10 +63,10 @@ impl Guided {
         gains: Vec<Vec<DMatrix<f64>>>,
     ) -> Option<(Tangent, Vec<Vec<Vec<f64>>>)> {
         let engine = system.engine()?;
-        let Self { parameters, windows, path, steps } = self;
+        let Self { parameters, path, steps } = self;
         let initial: Vec<Vec<f64>> = path.iter().map(|states| states[0].clone()).collect();
-        let mut corrections = Vec::with_capacity(windows.len());
-        let mut readings = Vec::with_capacity(windows.len());
+        let mut corrections = Vec::with_capacity(path.len());
+        let mut readings = Vec::with_capacity(path.len());
         for (window, gains) in gains.into_iter().enumerate() {
             let job = [Job { window, parameters: parameters.clone(), initial: initial[window].clone() }];
             let mut group = Group::new(system, experiment, &job, 0, 1);
@@ -106,7 +100,6 @@ impl Guided {
             readings.push(shown);
         }
         let steps = steps.into_iter().map(|window| window.into_iter().flatten().collect()).collect();
-        let own = experiment.own_parameters();
-        Some((Tangent { parameters, own, initial, windows, steps, corrections: Some(corrections) }, readings))
+        Some((Tangent::of((&parameters, experiment), initial, steps, Some(corrections)), readings))
     }
 }

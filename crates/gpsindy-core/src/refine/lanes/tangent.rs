@@ -1,12 +1,10 @@
 //! Linearised responses of a simulator that steps: the effect of small changes of its inputs and parameters on a rollout.
 //!
-//! Along one rollout the simulator is differentiated once, at every step and by all its arguments, in calls of many
-//! rows. Any number of suspects is then screened without another call: `d' = A d + B (a - a0)`, where `d` is how far
-//! the states have moved and `a` what a suspect hands to the simulator.
+//! Along one rollout the simulator is differentiated once, at every step, in calls of many rows: by its states, and by each of its arguments
+//! when the first suspect changes that one. Any number of suspects is then screened without another call: `d' = A d + B (a - a0)`, where `d`
+//! is how far the states have moved and `a` what a suspect hands to the simulator.
 
 mod differences;
-
-pub(crate) use differences::By;
 
 use super::buffer::Buffer;
 use super::correction::Correction;
@@ -14,21 +12,19 @@ use super::lockstep::{Group, Job, L, MOST_ROWS};
 use super::product::Product;
 use crate::model::System;
 use crate::refine::{Experiment, Window};
-use differences::{Differences, along};
-use std::sync::Arc;
+use differences::{Differences, along, by_argument};
+use std::sync::{Arc, OnceLock};
 
 /// Share of a typical size by which a value is moved for a difference.
 pub(super) const DIFFERENCE: f64 = 1e-5;
 
-/// A step of the rollout: states, arguments, terms outside, and the derivatives of the next states.
+/// A step of the rollout, `dt` s long: states, arguments, and the next states with their derivatives by the states (n x n, row after row).
 pub(super) struct Step {
     pub(super) x: Vec<f64>,
     pub(super) arguments: Vec<f64>,
+    pub(super) dt: f64,
     pub(super) next: Vec<f64>,
-    /// By the states (n x n), row after row.
     pub(super) by_states: Vec<f64>,
-    /// By the arguments (n x a), column after column: a suspect changes few of them.
-    pub(super) by_arguments: Vec<f64>,
 }
 
 /// The derivatives along the paths of all windows.
@@ -39,6 +35,8 @@ pub(crate) struct Tangent {
     pub(super) initial: Vec<Vec<f64>>,
     pub(super) windows: Vec<Window>,
     pub(super) steps: Vec<Vec<Step>>,
+    /// Derivatives by argument, window by window (n a step): a suspect changes few of them.
+    by_arguments: Vec<Vec<OnceLock<Vec<f64>>>>,
     /// By what the readings move the states, sample by sample; none where the paths are rollouts.
     pub(super) corrections: Option<Vec<Vec<Correction>>>,
 }
@@ -58,7 +56,7 @@ pub(crate) fn tangent(
     {
         return Some((found, windows));
     }
-    let made = Arc::new(Tangent::new(system, experiment, (parameters, initial), By::All)?);
+    let made = Arc::new(Tangent::new(system, experiment, (parameters, initial))?);
     *kept = Some(made.clone());
     Some((made, (0..experiment.windows.len()).collect()))
 }
@@ -69,7 +67,6 @@ impl Tangent {
         system: &System,
         experiment: &Experiment,
         (parameters, initial): (&[f64], &[Vec<f64>]),
-        by: By,
     ) -> Option<Self> {
         let jobs: Vec<Job> = initial
             .iter()
@@ -77,7 +74,7 @@ impl Tangent {
             .map(|(window, start)| Job { window, parameters: parameters.to_vec(), initial: start.clone() })
             .collect();
         let paths = super::lockstep::paths(system, experiment, &jobs)?;
-        let mut differences = Differences::new(system, experiment, by)?;
+        let mut differences = Differences::new(system, experiment)?;
         let mut all = Vec::with_capacity(paths.iter().map(Vec::len).sum());
         for (i, path) in paths.iter().enumerate() {
             along(system, experiment, &jobs[i..=i], path, (&mut differences, &mut all))?;
@@ -85,14 +82,28 @@ impl Tangent {
         differences.finish(system, &mut all)?;
         let mut all = all.into_iter();
         let steps = paths.iter().map(|path| all.by_ref().take(path.len()).collect()).collect();
-        Some(Self {
-            parameters: parameters.to_vec(),
-            own: experiment.own_parameters(),
-            initial: initial.to_vec(),
-            windows: experiment.windows.clone(),
-            steps,
-            corrections: None,
-        })
+        Some(Self::of((parameters, experiment), initial.to_vec(), steps, None))
+    }
+
+    /// Of these steps, by window.
+    pub(super) fn of(
+        (parameters, experiment): (&[f64], &Experiment),
+        initial: Vec<Vec<f64>>,
+        steps: Vec<Vec<Step>>,
+        corrections: Option<Vec<Vec<Correction>>>,
+    ) -> Self {
+        let open = |steps: &Vec<Step>| {
+            let arguments = steps.first().map_or(0, |step| step.arguments.len());
+            (0..arguments).map(|_| OnceLock::new()).collect()
+        };
+        let (own, windows) = (experiment.own_parameters(), experiment.windows.clone());
+        let by_arguments = steps.iter().map(open).collect();
+        Self { parameters: parameters.to_vec(), own, initial, windows, steps, by_arguments, corrections }
+    }
+
+    /// The derivatives of the next states by argument `i` along a window (n a step), by the simulator of `system`.
+    pub(super) fn by_argument(&self, system: &System, window: usize, i: usize) -> &[f64] {
+        self.by_arguments[window][i].get_or_init(|| by_argument(system, &self.steps[window], i))
     }
 
     /// Where the windows of `experiment` with these starts are among its own, if all are.
@@ -157,6 +168,7 @@ impl Tangent {
             return;
         }
         let corrections = self.corrections.as_ref().map(|all| &all[window]);
+        let slopes: Vec<&[f64]> = arguments.iter().map(|&i| self.by_argument(system, window, i)).collect();
         let mut shown = vec![[0.0; L]; columns.len()];
         for (number, step) in self.steps[window].iter().enumerate() {
             if group.is_over() {
@@ -178,7 +190,13 @@ impl Tangent {
             moved.clear();
             moved.extend(step.x.iter().enumerate().map(|(j, x)| group.state(j).map(|now| now - x)));
             commands.ask((number, dt), &arguments[..own], &mut changed[..own], group.count());
-            step.next(&moved, (&arguments, &changed), &mut next);
+            step.next(&moved, &mut next);
+            let n = next.len();
+            for (slopes, lanes) in slopes.iter().zip(&changed) {
+                for (next, by) in next.iter_mut().zip(&slopes[number * n..(number + 1) * n]) {
+                    next.iter_mut().zip(lanes).for_each(|(next, lane)| *next += by * lane);
+                }
+            }
             commands.answer(number, &step.next, &mut next);
             group.advance(system, period, dt, |j, lane| next[j][lane]);
         }
@@ -256,16 +274,10 @@ impl Commands {
 }
 
 impl Step {
-    /// The next states of lanes whose states are that far off and whose arguments differ by so much.
-    fn next(&self, moved: &[[f64; L]], (arguments, changed): (&[usize], &[[f64; L]]), next: &mut Vec<[f64; L]>) {
+    /// The next states of lanes whose states are that far off, and whose arguments are the same.
+    fn next(&self, moved: &[[f64; L]], next: &mut Vec<[f64; L]>) {
         next.clear();
         next.extend(self.next.iter().map(|&next| [next; L]));
         Product { matrix: &self.by_states, vectors: moved, sums: next }.add();
-        let n = self.next.len();
-        for (&i, lanes) in arguments.iter().zip(changed) {
-            for (next, by) in next.iter_mut().zip(&self.by_arguments[i * n..(i + 1) * n]) {
-                next.iter_mut().zip(lanes).for_each(|(next, lane)| *next += by * lane);
-            }
-        }
     }
 }

@@ -38,7 +38,7 @@ impl Along {
             for part in 0..steps.len().max(1) {
                 let (a, length) = match &self.stepped {
                     Some(stepped) if !is_last => {
-                        (self.middle_time[steps.start + part], stepped.lengths[steps.start + part])
+                        (self.middle_time[steps.start + part], stepped.length(steps.start + part))
                     }
                     _ => (time[sample] + step * part as f64, step),
                 };

@@ -17,10 +17,8 @@ pub(super) struct Stepped {
     tangent: Arc<Tangent>,
     /// Which of its windows.
     window: usize,
-    /// Number of states, and of arguments of the simulator.
+    /// Number of states.
     n: usize,
-    /// Lengths of the steps, s.
-    pub(super) lengths: Vec<f64>,
     /// Step by step: by how much a difference at its end moves the next sample (n x n, row after row).
     behind: Vec<f64>,
     /// Sample by sample: the same of a difference as it is predicted there, and of what is read otherwise (n x c); the latter of a
@@ -32,14 +30,9 @@ pub(super) struct Stepped {
 }
 
 impl Stepped {
-    /// Of one of the windows of `tangent`: its steps are `lengths` s long and begin the samples as `before` says; `slopes` are the
-    /// derivatives of its readings by the states, sample by sample (c x n).
-    pub(super) fn new(
-        (tangent, window): (Arc<Tangent>, usize),
-        n: usize,
-        (before, lengths): (&[usize], Vec<f64>),
-        slopes: &[f64],
-    ) -> Self {
+    /// Of one of the windows of `tangent`, of whose steps `before` lie before each sample; `slopes` are the derivatives of its readings by the
+    /// states, sample by sample (c x n).
+    pub(super) fn new((tangent, window): (Arc<Tangent>, usize), n: usize, before: &[usize], slopes: &[f64]) -> Self {
         let steps = &tangent.steps[window];
         let mut behind = vec![0.0; steps.len() * n * n];
         let mut carried = Vec::with_capacity(before.len().saturating_sub(1) * n * n);
@@ -63,7 +56,12 @@ impl Stepped {
         }
         let arguments = steps.first().map_or(0, |step| step.arguments.len());
         let pushed = (0..arguments + n).map(|_| OnceLock::new()).collect();
-        Self { tangent, window, n, lengths, behind, carried, corrected, pushed }
+        Self { tangent, window, n, behind, carried, corrected, pushed }
+    }
+
+    /// Length of a step, s.
+    pub(super) fn length(&self, step: usize) -> f64 {
+        self.steps()[step].dt
     }
 
     fn steps(&self) -> &[Step] {
@@ -71,19 +69,26 @@ impl Stepped {
     }
 
     /// By how much one of an entry moves the next sample, step by step.
-    fn pushes(&self, entry: Entry) -> &[f64] {
+    fn pushes(&self, system: &System, entry: Entry) -> &[f64] {
         let n = self.n;
         let place = match entry {
             Entry::Argument(i) => i,
             Entry::Rate(j) => self.pushed.len() - n + j,
         };
-        let by_step = |(step, behind): (usize, &[f64])| match entry {
-            Entry::Argument(i) => product(behind, &self.steps()[step].by_arguments[i * n..(i + 1) * n], n),
+        let steps = || self.behind.chunks_exact(n * n);
+        self.pushed[place].get_or_init(|| match entry {
+            Entry::Argument(i) => {
+                let slopes = self.tangent.by_argument(system, self.window, i).chunks_exact(n);
+                steps().zip(slopes).flat_map(|(behind, slopes)| product(behind, slopes, n)).collect()
+            }
             // What acts beside a simulator acts over all of a step.
-            Entry::Rate(j) => behind.chunks_exact(n).map(|row| self.lengths[step] * row[j]).collect(),
-        };
-        let all = || self.behind.chunks_exact(n * n).enumerate().flat_map(by_step).collect();
-        self.pushed[place].get_or_init(all)
+            Entry::Rate(j) => {
+                let over = |(behind, step): (&[f64], &Step)| {
+                    behind.chunks_exact(n).map(|row| step.dt * row[j]).collect::<Vec<f64>>()
+                };
+                steps().zip(self.steps()).flat_map(over).collect()
+            }
+        })
     }
 
     /// What the simulator itself answers to commands that a filter's suspects change by more than a difference: by how much that moves
@@ -125,7 +130,7 @@ impl Stepped {
                 let mut arguments = step.arguments.clone();
                 commands.iter().for_each(|&(place, i)| arguments[i] += signals[lane][place][number]);
                 rows.push(&step.x, &arguments, widths);
-                lengths.push(self.lengths[number]);
+                lengths.push(step.dt);
             }
             rows.step_each(engine, system, &lengths);
             for (&(lane, number), next) in some.iter().zip(rows.next.chunks_exact(self.n)) {
@@ -153,7 +158,7 @@ impl Stepped {
         (columns, shown): (&[usize], &[Vec<Vec<f64>>]),
     ) -> Vec<[f64; L]> {
         let answered = self.answered(system, before, (entries, signals));
-        let pushes: Vec<&[f64]> = entries.iter().map(|entry| self.pushes(*entry)).collect();
+        let pushes: Vec<&[f64]> = entries.iter().map(|entry| self.pushes(system, *entry)).collect();
         let columns = if self.corrected.is_empty() { &[] } else { columns };
         let (signals, answered) = (&*signals, &answered[..]);
         pulp::Arch::new().dispatch(Moved { stepped: self, before, pushes, signals, columns, shown, answered })

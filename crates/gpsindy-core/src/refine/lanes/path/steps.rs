@@ -72,7 +72,6 @@ impl Maker<'_> {
             Some(all) => all[place].get(sample).map_or(state.to_vec(), |at| at.predicted.clone()),
             None => state.to_vec(),
         };
-        let mut lengths = Vec::with_capacity(steps.len());
         for (k, step) in steps.iter().enumerate() {
             group.begin(Some(&[]), &mut |_, _, _, _| {});
             if let Some(sample) = group.new_sample() {
@@ -87,7 +86,6 @@ impl Maker<'_> {
                 .iter_mut()
                 .zip(step.x.iter().copied().chain(controls))
                 .for_each(|(row, value)| row.push(value));
-            lengths.push(dt);
             group.advance(system, period, dt, |j, _| step.next[j]);
         }
         along.before.push(steps.len());
@@ -96,7 +94,7 @@ impl Maker<'_> {
         if self.read.is_none() {
             along.slopes.clone_from(&slopes);
         }
-        along.stepped = Some(Stepped::new((tangent.clone(), place), n, (&along.before, lengths), &slopes));
+        along.stepped = Some(Stepped::new((tangent.clone(), place), n, &along.before, &slopes));
         Some(along)
     }
 

@@ -6,15 +6,6 @@ use crate::refine::Experiment;
 use crate::refine::lanes::buffer::Buffer;
 use crate::refine::lanes::lockstep::{Group, Job, MOST_ROWS};
 
-/// By what the next states are differentiated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum By {
-    /// The states alone: what a filter needs.
-    States,
-    /// The states and all that goes to the simulator.
-    All,
-}
-
 /// Rows whose differences are derivatives: those of the steps that wait for the simulator.
 pub(super) struct Differences<'a> {
     engine: &'a dyn Steps,
@@ -22,8 +13,6 @@ pub(super) struct Differences<'a> {
     n: usize,
     widths: (usize, usize),
     scale: &'a [f64],
-    /// Typical sizes of the arguments that are moved.
-    sizes: Vec<f64>,
     pending: Buffer,
     /// Lengths of the rows' steps, s, and how many steps wait.
     lengths: Vec<f64>,
@@ -31,14 +20,13 @@ pub(super) struct Differences<'a> {
 }
 
 impl<'a> Differences<'a> {
-    pub(super) fn new(system: &'a System, experiment: &'a Experiment, by: By) -> Option<Self> {
+    pub(super) fn new(system: &'a System, experiment: &'a Experiment) -> Option<Self> {
         let (engine, simulator) = (system.engine()?, system.simulator()?);
         Some(Self {
             engine,
             n: simulator.n_states(),
             widths: (simulator.n_controls(), engine.n_forces()),
             scale: &experiment.scale,
-            sizes: if by == By::All { argument_sizes(system) } else { Vec::new() },
             pending: Buffer::default(),
             lengths: Vec::new(),
             waiting: 0,
@@ -47,7 +35,7 @@ impl<'a> Differences<'a> {
 
     /// Rows of a step.
     fn rows(&self) -> usize {
-        1 + self.n + self.sizes.len()
+        1 + self.n
     }
 
     /// Adds the rows of a step of `dt` s at `x`; `group` knows the arguments of other states.
@@ -61,11 +49,6 @@ impl<'a> Differences<'a> {
             let arguments: Vec<f64> = there.arguments(0).collect();
             self.pending.push(&moved, &arguments, self.widths);
         }
-        for (i, size) in self.sizes.iter().enumerate() {
-            let mut arguments = arguments.to_vec();
-            arguments[i] += DIFFERENCE * size;
-            self.pending.push(x, &arguments, self.widths);
-        }
         self.lengths.resize(self.pending.count, dt);
         self.waiting += 1;
     }
@@ -78,23 +61,19 @@ impl<'a> Differences<'a> {
     /// Calls the simulator for the rows that wait, and keeps what it says as derivatives of the last `steps`; `None` where it fails.
     pub(super) fn finish(&mut self, system: &System, steps: &mut [Step]) -> Option<()> {
         self.pending.step_each(self.engine, system, &self.lengths);
-        let (n, a, rows) = (self.n, self.sizes.len(), self.rows());
+        let (n, rows) = (self.n, self.rows());
         let first = steps.len() - self.waiting;
         for (k, step) in steps[first..].iter_mut().enumerate() {
             let of = |row: usize, j: usize| self.pending.next[(k * rows + row) * n + j];
             step.next = (0..n).map(|j| of(0, j)).collect();
             step.by_states = vec![0.0; n * n];
-            step.by_arguments = vec![0.0; n * a];
             for j in 0..n {
                 for i in 0..n {
                     step.by_states[j * n + i] = (of(1 + i, j) - of(0, j)) / (DIFFERENCE * self.scale[i]);
                 }
-                for i in 0..a {
-                    step.by_arguments[i * n + j] = (of(1 + n + i, j) - of(0, j)) / (DIFFERENCE * self.sizes[i]);
-                }
             }
             let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
-            if !(finite(&step.next) && finite(&step.by_states) && finite(&step.by_arguments)) {
+            if !(finite(&step.next) && finite(&step.by_states)) {
                 return None;
             }
         }
@@ -125,13 +104,7 @@ pub(super) fn along(
         group.put(system, dt, Some(&x[..n]), &mut own);
         let arguments: Vec<f64> = own.arguments(0).collect();
         differences.put(system, &mut group, dt, (&x[..n], &arguments));
-        steps.push(Step {
-            x: x[..n].to_vec(),
-            arguments,
-            next: Vec::new(),
-            by_states: Vec::new(),
-            by_arguments: Vec::new(),
-        });
+        steps.push(Step { x: x[..n].to_vec(), arguments, dt, next: Vec::new(), by_states: Vec::new() });
         // The added states go on as they did.
         let next = path.get(k + 1).map_or_else(|| x[..n].to_vec(), |next| next[..n].to_vec());
         group.take(system, period, dt, &next);
@@ -139,10 +112,29 @@ pub(super) fn along(
     Some(())
 }
 
-/// Typical sizes of commands, forces and parameters of the simulator.
-fn argument_sizes(system: &System) -> Vec<f64> {
+/// The derivatives of the next states by argument `i`, of one step after the other (n a step); no numbers where the simulator fails.
+pub(super) fn by_argument(system: &System, steps: &[Step], i: usize) -> Vec<f64> {
+    let (Some(engine), Some(simulator)) = (system.engine(), system.simulator()) else { return Vec::new() };
+    let (n, widths) = (simulator.n_states(), (simulator.n_controls(), engine.n_forces()));
+    let by = DIFFERENCE * argument_size(system, i);
+    let (mut rows, mut all) = (Buffer::default(), Vec::with_capacity(steps.len() * n));
+    for some in steps.chunks(MOST_ROWS) {
+        rows.clear();
+        for step in some {
+            let mut arguments = step.arguments.clone();
+            arguments[i] += by;
+            rows.push(&step.x, &arguments, widths);
+        }
+        rows.step_each(engine, system, &some.iter().map(|step| step.dt).collect::<Vec<_>>());
+        let next = some.iter().flat_map(|step| &step.next);
+        all.extend(rows.next.iter().zip(next).map(|(moved, next)| (moved - next) / by));
+    }
+    all
+}
+
+/// Typical size of a command, force or parameter of the simulator.
+fn argument_size(system: &System, i: usize) -> f64 {
     let model = system.model();
-    let ones = model.controls.len() + model.ports.len();
-    let own = system.engine().map_or(0, |e| e.n_parameters());
-    std::iter::repeat_n(1.0, ones).chain(model.parameters.iter().take(own).map(|p| p.typical())).collect()
+    let parameter = i.checked_sub(model.controls.len() + model.ports.len());
+    parameter.and_then(|place| model.parameters.get(place)).map_or(1.0, |parameter| parameter.typical())
 }
