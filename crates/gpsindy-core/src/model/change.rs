@@ -36,7 +36,7 @@ impl Change {
     /// `None` where the two don't have the same states, or a rate is late.
     ///
     /// # Errors
-    /// As [`System::new`].
+    /// As [`System::new`]; a change of what a simulator that steps answers.
     pub(crate) fn between(base: &System, changed: &Model, moved: &[usize]) -> Result<Option<Self>> {
         let n = base.n_states();
         if changed.states.len() != n || changed.states.iter().zip(&base.model().states).any(|(a, b)| a.name != b.name) {
@@ -86,6 +86,8 @@ impl Change {
             changed.parameters.iter().map(|p| p.name.clone()).chain(moved.iter().map(|&p| own(p))).collect();
         let (inputs, variables) = extraction.compiled(&parameters)?;
         let late = extraction.late_states(&parameters)?;
+        // What a simulator that steps answers is nothing to calculate with.
+        let n_outputs = if steps { 0 } else { n_outputs };
         let with_late: Vec<String> = variables.iter().cloned().chain((0..late.len()).map(late_name)).collect();
         Ok(Some(Self {
             inputs,
@@ -174,6 +176,24 @@ mod tests {
         // x, v, u, k, c, and k as it was.
         let found = change.added.evaluate_once(&[0.5, 0.0, 0.2, 5.0, 0.0, 4.0], 0.0);
         assert!((found[0] + 0.5).abs() < 1e-15, "{found:?}");
+    }
+
+    #[test]
+    fn a_simulator_that_steps_takes_other_arguments_and_terms_beside_it_but_no_other_answer() {
+        let servo = std::sync::Arc::new(crate::model::stepping::Stepping::servo());
+        let base = servo.system("q", ("inertia", 0.03));
+        let change = |of: &dyn Fn(Expression) -> Expression| {
+            let mut changed = base.model().clone();
+            changed.parameters.push(Parameter::new("c", 0.5));
+            let rate = &mut changed.states[1].equation;
+            *rate = of(rate.clone());
+            Change::between(&base, &changed, &[])
+        };
+        let entries = |of: &dyn Fn(Expression) -> Expression| change(of).unwrap().unwrap().entries;
+        let more = |e: Expression| e.plus(Expression::parse("c*v").unwrap());
+        assert_eq!(entries(&more), [Entry::Rate(1)]);
+        assert_eq!(entries(&|e| e.substitute("u", &Expression::parse("u + c").unwrap())), [Entry::Argument(0)]);
+        assert!(change(&|e| e.times(Expression::parse("1 + c").unwrap())).is_err());
     }
 
     #[test]
