@@ -6,12 +6,12 @@
 
 mod differences;
 
-use super::buffer::Buffer;
 use super::correction::Correction;
-use super::lockstep::{Group, Job, L, MOST_ROWS};
+use super::lockstep::{Group, Job, L};
 use super::product::Product;
 use crate::model::System;
 use crate::refine::{Experiment, Window};
+pub(super) use differences::answers;
 use differences::{Differences, along, by_argument};
 use std::sync::{Arc, OnceLock};
 
@@ -189,7 +189,7 @@ impl Tangent {
             }
             moved.clear();
             moved.extend(step.x.iter().enumerate().map(|(j, x)| group.state(j).map(|now| now - x)));
-            commands.ask((number, dt), &arguments[..own], &mut changed[..own], group.count());
+            commands.ask(number, &arguments[..own], &mut changed[..own], group.count());
             step.next(&moved, &mut next);
             let n = next.len();
             for (slopes, lanes) in slopes.iter().zip(&changed) {
@@ -218,14 +218,13 @@ enum Commands {
 /// Commands of one lane at one step: which of them are by how much other ones.
 struct Asked {
     step: usize,
-    dt: f64,
     lane: usize,
     changed: Vec<(usize, f64)>,
 }
 
 impl Commands {
     /// Notes the commands that changed at a step; the derivatives have no part in them.
-    fn ask(&mut self, (step, dt): (usize, f64), commands: &[usize], changed: &mut [[f64; L]], count: usize) {
+    fn ask(&mut self, step: usize, commands: &[usize], changed: &mut [[f64; L]], count: usize) {
         if matches!(self, Self::Lines) {
             return;
         }
@@ -234,7 +233,7 @@ impl Commands {
                 let by = || commands.iter().zip(changed.iter()).map(|(&i, by)| (i, by[lane]));
                 // Nearer than that it is the same command, but for rounding.
                 if by().any(|(_, by)| by.abs() > DIFFERENCE) {
-                    all.push(Asked { step, dt, lane, changed: by().collect() });
+                    all.push(Asked { step, lane, changed: by().collect() });
                 }
             }
         }
@@ -243,22 +242,9 @@ impl Commands {
 
     /// The next states to all that was asked along a window.
     fn answered(self, system: &System, tangent: &Tangent, window: usize) -> Self {
-        let (Self::Asked(all), Some(engine), Some(simulator)) = (self, system.engine(), system.simulator()) else {
-            return Self::Lines;
-        };
-        let widths = (simulator.n_controls(), engine.n_forces());
-        let (mut rows, mut answers) = (Buffer::default(), Vec::new());
-        for some in all.chunks(MOST_ROWS) {
-            rows.clear();
-            for Asked { step, changed, .. } in some {
-                let step = &tangent.steps[window][*step];
-                let mut arguments = step.arguments.clone();
-                changed.iter().for_each(|(i, by)| arguments[*i] += by);
-                rows.push(&step.x, &arguments, widths);
-            }
-            rows.step_each(engine, system, &some.iter().map(|asked| asked.dt).collect::<Vec<_>>());
-            answers.extend_from_slice(&rows.next);
-        }
+        let Self::Asked(all) = self else { return Self::Lines };
+        let step = |asked: &Asked| &tangent.steps[window][asked.step];
+        let answers = answers(system, all.iter().map(|asked| (step(asked), &asked.changed)));
         Self::Answered(all, answers)
     }
 

@@ -6,9 +6,7 @@
 use super::L;
 use crate::model::System;
 use crate::model::change::Entry;
-use crate::refine::lanes::buffer::Buffer;
-use crate::refine::lanes::lockstep::MOST_ROWS;
-use crate::refine::lanes::tangent::{DIFFERENCE, Step, Tangent};
+use crate::refine::lanes::tangent::{DIFFERENCE, Step, Tangent, answers};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -101,13 +99,9 @@ impl Stepped {
         before: &[usize],
         (entries, signals): (&[Entry], &mut [Vec<Vec<f64>>]),
     ) -> Vec<[f64; L]> {
-        let (Some(engine), Some(simulator), Some(_)) = (system.engine(), system.simulator(), &self.tangent.corrections)
-        else {
-            return Vec::new();
-        };
-        let widths = (simulator.n_controls(), engine.n_forces());
+        let (Some(simulator), Some(_)) = (system.simulator(), &self.tangent.corrections) else { return Vec::new() };
         let command = |(place, entry): (usize, &Entry)| match entry {
-            Entry::Argument(i) if *i < widths.0 => Some((place, *i)),
+            Entry::Argument(i) if *i < simulator.n_controls() => Some((place, *i)),
             _ => None,
         };
         let commands: Vec<(usize, usize)> = entries.iter().enumerate().filter_map(command).collect();
@@ -121,25 +115,17 @@ impl Stepped {
         if !asked.is_empty() {
             moved.resize((before.len() - 1) * self.n, [0.0; L]);
         }
-        let (mut rows, mut lengths) = (Buffer::default(), Vec::new());
-        for some in asked.chunks(MOST_ROWS) {
-            rows.clear();
-            lengths.clear();
-            for &(lane, number) in some {
-                let step = &self.steps()[number];
-                let mut arguments = step.arguments.clone();
-                commands.iter().for_each(|&(place, i)| arguments[i] += signals[lane][place][number]);
-                rows.push(&step.x, &arguments, widths);
-                lengths.push(step.dt);
-            }
-            rows.step_each(engine, system, &lengths);
-            for (&(lane, number), next) in some.iter().zip(rows.next.chunks_exact(self.n)) {
-                let off: Vec<f64> = next.iter().zip(&self.steps()[number].next).map(|(a, b)| a - b).collect();
-                let sample = before.partition_point(|&first| first <= number) - 1;
-                let behind = &self.behind[number * self.n * self.n..][..self.n * self.n];
-                for (moved, by) in moved[sample * self.n..].iter_mut().zip(product(behind, &off, self.n)) {
-                    moved[lane] += by;
-                }
+        let ask = |&(lane, step): &(usize, usize)| {
+            let changed = commands.iter().map(|&(place, i)| (i, signals[lane][place][step]));
+            (&self.steps()[step], changed.collect::<Vec<_>>())
+        };
+        let answers = answers(system, asked.iter().map(ask));
+        for (&(lane, step), next) in asked.iter().zip(answers.chunks_exact(self.n)) {
+            let off: Vec<f64> = next.iter().zip(&self.steps()[step].next).map(|(a, b)| a - b).collect();
+            let sample = before.partition_point(|&first| first <= step) - 1;
+            let behind = &self.behind[step * self.n * self.n..][..self.n * self.n];
+            for (moved, by) in moved[sample * self.n..].iter_mut().zip(product(behind, &off, self.n)) {
+                moved[lane] += by;
             }
         }
         for signals in signals.iter_mut() {

@@ -1,6 +1,6 @@
 //! The path of a simulator that steps, from its derivatives along rollouts or along the logs.
 
-use super::making::Differences;
+use super::making::{Differences, Maker};
 use super::stepped::Stepped;
 use super::{Along, MOST, Path, Read, read};
 use crate::model::System;
@@ -29,28 +29,24 @@ impl Path {
         }
         let job = |window: usize| Job { window, parameters: parameters.to_vec(), initial: initial[window].clone() };
         let jobs: Vec<Job> = (0..experiment.windows.len()).map(job).collect();
-        let read = read(system, experiment);
+        let maker = Maker { system, experiment, read: read(system, experiment) };
         let of = |(number, &place): (usize, &usize)| {
             let group = Group::new(system, experiment, &jobs, number, 1);
-            let maker = Maker { system, experiment, parameters, read: read.as_deref() };
-            maker.along(group, number, (tangent, place)).map(Into::into)
+            maker.along(group, (number, parameters), (tangent, place)).map(Into::into)
         };
         let windows = places.iter().enumerate().map(of).collect::<Option<Vec<_>>>()?;
         Some(Self { n, windows, late: Vec::new() })
     }
 }
 
-/// What is made of a contestant's system along its windows.
-struct Maker<'a> {
-    system: &'a System,
-    experiment: &'a Experiment,
-    parameters: &'a [f64],
-    read: Option<&'a [Read]>,
-}
-
 impl Maker<'_> {
     /// Window `number`, which is another one of the tangent; what goes to the simulator is taken at the beginning of a step.
-    fn along(&self, mut group: Group<'_>, number: usize, (tangent, place): (&Arc<Tangent>, usize)) -> Option<Along> {
+    fn along(
+        &self,
+        mut group: Group<'_>,
+        (number, parameters): (usize, &[f64]),
+        (tangent, place): (&Arc<Tangent>, usize),
+    ) -> Option<Along> {
         let Self { system, experiment, .. } = self;
         let window = experiment.windows[number];
         let (n, m, period) = (system.n_states(), system.n_controls(), system.engine()?.period());
@@ -90,7 +86,7 @@ impl Maker<'_> {
         }
         along.before.push(steps.len());
         along.show(log, &steps.last()?.next);
-        let slopes = self.slopes(&along);
+        let slopes = self.slopes(&along, parameters);
         if self.read.is_none() {
             along.slopes.clone_from(&slopes);
         }
@@ -99,8 +95,8 @@ impl Maker<'_> {
     }
 
     /// Derivatives of the readings by the states, sample by sample (c x n).
-    fn slopes(&self, along: &Along) -> Vec<f64> {
-        let Self { system, experiment, parameters, read } = self;
+    fn slopes(&self, along: &Along, parameters: &[f64]) -> Vec<f64> {
+        let Self { system, experiment, read } = self;
         let n = system.n_states();
         if let Some(read) = read {
             let of = |read: &Read, j: usize| f64::from(u8::from(matches!(read, Read::Now(state) if *state == j)));
@@ -144,9 +140,12 @@ mod tests {
     use std::sync::Arc;
 
     /// A servo of two or three steps a sample and its logs in windows of half a second.
-    fn servo() -> (System, Experiment) {
+    fn servo(reading: &str) -> (System, Experiment) {
         let servo = Arc::new(Stepping::servo());
         let system = servo.system("q", ("inertia", 0.03));
+        let mut model = system.model().clone();
+        model.states[0].measured = Some(Expression::parse(reading).unwrap());
+        let system = System::with_simulator(&model, system.simulator().cloned()).unwrap();
         let command = |i: usize| (0.05 * i as f64).sin();
         let data = servo.log(("q", 0.03), ([0.0; 2], 300), command, command, |_, x| x);
         let mut experiment = Experiment::new(&system, &data, Some(&[1e-3, 1e-2])).unwrap();
@@ -158,7 +157,11 @@ mod tests {
 
     #[test]
     fn terms_along_a_path_of_steps_move_the_readings_as_in_rollouts() {
-        let (system, experiment) = servo();
+        ["q", "sin(q) + 0.1*v"].into_iter().for_each(terms_move);
+    }
+
+    fn terms_move(reading: &str) {
+        let (system, experiment) = servo(reading);
         let terms = ["sin(3*q)", "u*v", "t*delay(u, 0.03)"].map(|term| Expression::parse(term).unwrap());
         let start: Vec<Vec<f64>> = experiment.windows.iter().map(|w| vec![0.01 * w.first as f64, 0.2]).collect();
         let size = 1e-6;

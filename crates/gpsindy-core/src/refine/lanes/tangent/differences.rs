@@ -114,20 +114,32 @@ pub(super) fn along(
 
 /// The derivatives of the next states by argument `i`, of one step after the other (n a step); no numbers where the simulator fails.
 pub(super) fn by_argument(system: &System, steps: &[Step], i: usize) -> Vec<f64> {
-    let (Some(engine), Some(simulator)) = (system.engine(), system.simulator()) else { return Vec::new() };
-    let (n, widths) = (simulator.n_states(), (simulator.n_controls(), engine.n_forces()));
     let by = DIFFERENCE * argument_size(system, i);
-    let (mut rows, mut all) = (Buffer::default(), Vec::with_capacity(steps.len() * n));
-    for some in steps.chunks(MOST_ROWS) {
+    let moved = answers(system, steps.iter().map(|step| (step, [(i, by)])));
+    let next = steps.iter().flat_map(|step| &step.next);
+    moved.iter().zip(next).map(|(moved, next)| (moved - next) / by).collect()
+}
+
+/// The next states (n a row) of steps of which some arguments, by number, are changed by so much; no numbers where the simulator fails.
+pub(in crate::refine::lanes) fn answers<'s, A: AsRef<[(usize, f64)]>>(
+    system: &System,
+    asked: impl Iterator<Item = (&'s Step, A)>,
+) -> Vec<f64> {
+    let (Some(engine), Some(simulator)) = (system.engine(), system.simulator()) else { return Vec::new() };
+    let widths = (simulator.n_controls(), engine.n_forces());
+    let (mut rows, mut lengths, mut all) = (Buffer::default(), Vec::new(), Vec::new());
+    let mut asked = asked.peekable();
+    while asked.peek().is_some() {
         rows.clear();
-        for step in some {
+        lengths.clear();
+        for (step, changed) in asked.by_ref().take(MOST_ROWS) {
             let mut arguments = step.arguments.clone();
-            arguments[i] += by;
+            changed.as_ref().iter().for_each(|(i, by)| arguments[*i] += by);
             rows.push(&step.x, &arguments, widths);
+            lengths.push(step.dt);
         }
-        rows.step_each(engine, system, &some.iter().map(|step| step.dt).collect::<Vec<_>>());
-        let next = some.iter().flat_map(|step| &step.next);
-        all.extend(rows.next.iter().zip(next).map(|(moved, next)| (moved - next) / by));
+        rows.step_each(engine, system, &lengths);
+        all.extend_from_slice(&rows.next);
     }
     all
 }
