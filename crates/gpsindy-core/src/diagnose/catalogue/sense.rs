@@ -59,7 +59,7 @@ impl Sense {
             Self::Placed(_) => "the variable is not an amount, such as a voltage or a pressure",
             Self::Angle(_) => "the variable is not a length",
             Self::Lossy(_) => "the variable is a control that is no flow of matter, or a current, a voltage or a speed",
-            Self::NoScale => "no parameter scales the whole equation",
+            Self::NoScale => "no parameter of this equation alone scales it as a whole",
             Self::NoTarget(_) => "the variable is not the target of a position servo",
             Self::Modes => "the model has equations, not a simulator that steps",
         }
@@ -98,7 +98,7 @@ impl Sense {
                 Some(j) => is_lossy(&model.states[j].unit),
                 None => model.control_index(name).is_none_or(|c| !is_flow(&model.controls[c].unit)),
             }),
-            Self::NoScale => !is_scaled(&model.states[state].equation, model),
+            Self::NoScale => !is_scaled(state, model),
             Self::NoTarget(index) => {
                 let control = variables.get(index).and_then(|name| model.control_index(name));
                 control.is_none_or(|c| !is_place(&model.controls[c].unit))
@@ -284,9 +284,8 @@ mod tests {
         assert_eq!(of(["-q", "q - r"], "m"), (true, true));
     }
 
-    #[test]
-    fn a_mass_scales_its_equation_and_a_stiffness_does_not() {
-        let model = |equation: &str| Model {
+    fn model(equation: &str) -> Model {
+        Model {
             states: vec![
                 State::new("x", Expression::variable("v")),
                 State::new("v", Expression::parse(equation).unwrap()),
@@ -294,13 +293,22 @@ mod tests {
             controls: vec![Control::new("u")],
             parameters: ["m", "k"].map(|n| Parameter::new(n, 1.7)).into(),
             ..Model::default()
-        };
-        let scaled = |equation: &str| {
-            let model = model(equation);
-            is_scaled(&model.states[1].equation, &model)
-        };
+        }
+    }
+
+    #[test]
+    fn a_mass_scales_its_equation_and_a_stiffness_does_not() {
+        let scaled = |equation: &str| is_scaled(1, &model(equation));
         assert!(scaled("(u - k*x - 0.2*v)/m"));
         assert!(!scaled("u/m - k*x - 0.2*v"));
         assert!(!scaled("u - k*x"));
+    }
+
+    #[test]
+    fn one_mass_of_two_axes_is_not_the_inertia_of_one() {
+        let mut table = model("(u - 0.2*v)/m");
+        assert!(is_scaled(1, &table));
+        table.states.push(State::new("w", Expression::parse("-0.3*w/m").unwrap()));
+        assert!(!is_scaled(1, &table));
     }
 }

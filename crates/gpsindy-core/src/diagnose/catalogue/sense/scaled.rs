@@ -10,9 +10,15 @@ const ROUNDING: f64 = 1e-9;
 /// Points at which an equation is probed: of a polynomial or a ratio, few agree nowhere by chance. Exact.
 const POINTS: usize = 5;
 
-/// Whether one of the parameters scales the whole equation.
-pub(super) fn is_scaled(equation: &Expression, model: &Model) -> bool {
-    model.parameters.iter().any(|parameter| scales(equation, model, &parameter.name))
+/// Whether a parameter scales the whole equation of `state` and stands in no other: another value of it is then another inertia of this
+/// axis. One mass of two axes is not: a bridge moves with one of them alone.
+pub(super) fn is_scaled(state: usize, model: &Model) -> bool {
+    let equation = &model.states[state].equation;
+    let is_own = |name: &str| {
+        let mut others = model.states.iter().enumerate().filter(|(j, _)| *j != state);
+        !others.any(|(_, other)| other.equation.contains(name))
+    };
+    model.parameters.iter().any(|parameter| scales(equation, model, &parameter.name) && is_own(&parameter.name))
 }
 
 /// Whether `p d(f)/dp` is the same multiple of `f` everywhere.
