@@ -156,8 +156,11 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
         }
         Place::Load => {
             let equation = &model.states[j].equation;
-            let loads = position.into_iter().chain(controls()).filter(|n| equation.contains(n));
-            loads.map(|load| vec![own, load]).collect()
+            // What is logged and stands in no equation, as what a clamp presses with, was logged for a reason.
+            let is_read = |n: &str| model.states.iter().any(|s| s.equation.contains(n));
+            let place = position.filter(|n| equation.contains(n));
+            let controls = controls().filter(|n| equation.contains(n) || !is_read(n));
+            place.into_iter().chain(controls).map(|load| vec![own, load]).collect()
         }
         // A simulator that steps has both ends in one step.
         Place::OtherEnd if model.calls_simulator() => Vec::new(),
@@ -283,6 +286,16 @@ mod tests {
             parameters: parameters.iter().map(|name| Parameter::new(*name, 0.8)).collect(),
             ..Model::default()
         }
+    }
+
+    #[test]
+    fn what_is_logged_and_stands_in_no_equation_may_be_the_load_of_a_friction() {
+        let slider = model(
+            [("x", "m", "v"), ("v", "m/s", "u - 0.3*v"), ("T", "K", "q - T")],
+            &[("u", "N"), ("q", "W"), ("N", "N")],
+            &[],
+        );
+        assert_eq!(variables(Place::Load, &slider, 1), [["v", "u"], ["v", "N"]]);
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "-9*q - 1.5*v + 6*u - (0.2 + 0.5*abs(6*u))*tanh(v/0.02)")],
     ),
     in_mjcf: None,
-    about: "The load is a control of the equation, or the force that the equation has by the position alone, as the weight of an arm; where that force goes with the position, as a spring's does, the position itself. Source: the friction models M3 to M6 of BAM (Duclusaud et al. 2024) increase with the torque that the gears carry.",
+    about: "The load is a control of the equation, a logged control that no equation uses, or the force that the equation has by the position alone, as the weight of an arm; where that force goes with the position, as a spring's does, the position itself. Source: the friction models M3 to M6 of BAM (Duclusaud et al. 2024) increase with the torque that the gears carry.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
