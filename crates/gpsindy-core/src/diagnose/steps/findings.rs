@@ -4,7 +4,7 @@ use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::forcing::CROWDED_LAW;
 use crate::diagnose::limits::weigh::{CROWDED, DISTINGUISHED, TWINS};
-use crate::diagnose::limits::{CERTAIN, MATERIAL, NO_REST, SUBSTITUTE};
+use crate::diagnose::limits::{CERTAIN, FAR, MATERIAL, NO_REST, SUBSTITUTE};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::survey::Summary;
 
@@ -166,9 +166,22 @@ impl Judged {
     }
 }
 
-/// Whether `best` removes a `share` of the gap beyond what `rest` does.
+/// Whether `best` removes a `share` of the gap beyond what `rest` does: of that of all values together, or of the columns' own, each
+/// counting alike. A speed that misses by forty times its noise is nothing beside an angle that misses by a thousand, and yet has a cause.
 pub(crate) fn counts(nominal: &Contestant, best: &Contestant, rest: &Contestant, share: f64) -> bool {
-    rest.evidence.misfit() - best.evidence.misfit() >= share * gap_size(nominal, best)
+    let is_of_all = rest.evidence.misfit() - best.evidence.misfit() >= share * gap_size(nominal, best);
+    is_of_all || removed_by_column(nominal, best, rest) >= share
+}
+
+/// The share of its gap that `best` removes beyond what `rest` does, a mean over the columns that miss by more than noise can.
+fn removed_by_column(nominal: &Contestant, best: &Contestant, rest: &Contestant) -> f64 {
+    let [nominal, best, rest] = [nominal, best, rest].map(|one| &one.evidence.colours);
+    let columns = || nominal.iter().zip(best).zip(rest).filter(|((nominal, _), _)| nominal.variance() > FAR);
+    let removed = columns().map(|((nominal, best), rest)| {
+        let gap = nominal.variance() - best.variance().min(1.0);
+        (rest.variance() - best.variance()) / gap
+    });
+    removed.sum::<f64>() / columns().count().max(1) as f64
 }
 
 /// Mean squared residual (noise units) that the nominal model leaves beyond noise.
@@ -177,8 +190,40 @@ pub(crate) fn gap_size(nominal: &Contestant, best: &Contestant) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fit::fitter::Fitter;
+    use crate::diagnose::fixture::{drive, model_of};
+    use crate::diagnose::limits::Budget;
+    use crate::model::{Model, System};
+    use crate::refine::Experiment;
+    use faer::Mat;
+
+    #[test]
+    fn what_explains_a_column_counts_beside_one_that_misses_far_more() {
+        // Two machines in one log, of which one is known a thousand times better than the other.
+        let (drive, data) = drive(None, |x| x, 0.0, (2, 200));
+        let twice = |run: &Run| Run {
+            values: Mat::from_fn(run.n_samples(), 3, |i, c| run.values[(i, c.saturating_sub(1))]),
+            ..run.clone()
+        };
+        let runs = data.runs().iter().map(twice).collect();
+        let data = Dataset::new(["x", "v", "u"].map(Channel::new).into(), runs).unwrap();
+        let fit = |first: &str, second: &str| {
+            let model =
+                Model { controls: drive.controls.clone(), ..model_of(&[("x", "m", first), ("v", "m", second)]) };
+            let system = System::new(&model).unwrap();
+            let experiment = Experiment::new(&system, &data, Some(&[1e-6, 1e-3])).unwrap();
+            Fitter::default().nominal(system, experiment, Vec::new(), Budget::Rough).unwrap()
+        };
+        let (nominal, rest, best) = (fit("u - 1.5*x", "u - 1.5*v"), fit("u - x", "u - 1.5*v"), fit("u - x", "u - v"));
+        let misfit = |one: &Contestant| one.evidence.misfit();
+        assert!(misfit(&rest) - misfit(&best) < 0.01 * misfit(&nominal), "{} {}", misfit(&rest), misfit(&best));
+        assert!(counts(&nominal, &best, &rest, 0.01));
+        assert!(!counts(&nominal, &rest, &rest, 0.01));
+    }
 
     #[test]
     fn a_force_at_which_the_likelihood_has_no_peak_is_not_determined() {

@@ -1,7 +1,7 @@
 //! Where the gap lies: by equation, by region of a variable, and over time.
 //!
 //! The gap of an equation is the difference between the rates of the corrected and of the nominal model along
-//! the corrected trajectory. The corrected model is the winner, or the nominal model with the best generic function.
+//! the corrected trajectory. The corrected model is the winner, with the best generic function where that is in an equation of its own.
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::catalogue::rival::Rival;
@@ -96,9 +96,10 @@ fn cut<T>(rows: &mut Vec<T>, share: impl Fn(&T) -> f64) {
     }
 }
 
-/// The winner, or without one the best function without a name, fitted.
+/// The winner, and beside it the best function without a name, fitted, where what that is missing from has no effect of the winner.
 fn corrected(contest: &Contest<'_>, outcome: &Outcome, rivals: &[Rival]) -> Contestant {
-    let Some(left) = outcome.left.as_ref().filter(|_| outcome.best.hypotheses.is_empty()) else {
+    let is_elsewhere = |row: usize| outcome.best.hypotheses.iter().all(|h| h.state != row);
+    let Some(left) = outcome.left.as_ref().filter(|left| is_elsewhere(rivals[left.rival].state)) else {
         return outcome.best.clone();
     };
     let rival = &rivals[left.rival];
@@ -168,9 +169,9 @@ fn shares(
     if total > 0.0 { energy.iter().map(|e| e / total).collect() } else { energy }
 }
 
-/// Relative standard deviation of the first parameter of the effects in equation `j`.
+/// Relative standard deviation of the first parameter of the effects in equation `j`; that of a function without a name says nothing of its size.
 fn relative_error(corrected: &Contestant, j: usize) -> f64 {
-    let own = corrected.hypotheses.iter().zip(&corrected.added).filter(|(h, _)| h.state == j);
+    let own = corrected.hypotheses.iter().zip(&corrected.added).filter(|(h, _)| h.state == j && !h.is_nameless());
     let errors = own.filter_map(|(_, added)| {
         let (index, _) = added.first()?;
         Some((deviation(corrected, *index)? / corrected.refined.parameters[*index]).abs())
