@@ -13,7 +13,8 @@ use crate::refine::{Experiment, Hold};
 /// What the search begins with: the first round under interpolated controls, where one of its leaders accounts for the logs clearly
 /// better with them than any does with held ones; the user does not say which.
 ///
-/// A wrong hold is worth half a sample of delay everywhere, and a search that begins with it spends effects on that.
+/// A wrong hold is worth half a sample of delay everywhere, and a search that begins with it spends effects on that. Where one effect does not
+/// account for the logs, it begins with held controls, and the hold is asked once more with the causes in place.
 pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected) -> Result<Suspected> {
     let Some(leader) = held.first.fits.first().filter(|_| held.detected.gap && is_open(contest, prepared)) else {
         return Ok(held);
@@ -30,7 +31,9 @@ pub(crate) fn begun(contest: &Contest<'_>, prepared: &Prepared, held: Suspected)
         // Whatever held controls would need, interpolated ones leave nothing of it.
         return Ok(other);
     }
-    let is_better = |fit: &Contestant| contest.lead(fit, leader) > HOLD && !is_delayed(fit);
+    // Where a rest is left, the holds are compared by what happens to be left of it.
+    let is_better =
+        |fit: &Contestant| contest.lead(fit, leader) > HOLD && !is_delayed(fit) && !fit.evidence.leaves_a_rest();
     if !other.detected.gap || !other.first.fits.first().is_some_and(is_better) {
         return Ok(held);
     }

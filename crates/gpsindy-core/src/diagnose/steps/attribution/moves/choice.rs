@@ -1,7 +1,7 @@
 //! Which moves are worth a fit, by straight lines.
 
 use super::Move;
-use crate::diagnose::catalogue::hypothesis::Start;
+use crate::diagnose::catalogue::hypothesis::{Combine, Start};
 use crate::diagnose::fit::colours::noise::Noise;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::fit::linear::gains::Gain;
@@ -81,7 +81,7 @@ pub(super) fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a S
                 promised: gain.gain - views(first)[view].loss,
             };
             // In the place of another effect one start says enough; beside them it is all that there is.
-            order.into_iter().take(if view == 0 { STARTS } else { 1 }).map(job).collect::<Vec<_>>()
+            apart(&order, if view == 0 { STARTS } else { 1 }).into_iter().map(job).collect::<Vec<_>>()
         };
         suspects[h].as_ref().map(of).unwrap_or_default()
     };
@@ -94,6 +94,18 @@ pub(super) fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a S
     // Two beside all that is there must promise as much as one.
     let is_worth = |pair: &&Pair| !pair.places.is_empty() || is_promising(base, pair.gain);
     wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().filter(is_worth).map(pair)).collect()
+}
+
+/// So many of the starts in their `order`, of finite steps those first that differ in their size: two of one size that differ in something else
+/// besides, as a play's with and without its damper, lead to one end as often as not.
+fn apart<'a>(order: &[(&'a Start, &'a Gain)], count: usize) -> Vec<(&'a Start, &'a Gain)> {
+    let size = |start: &Start| (start.combine == Combine::Keep).then(|| start.columns[0][0]);
+    let is_again = |place: &usize| {
+        let own = size(order[*place].0);
+        own.is_some() && order[..*place].iter().any(|(start, _)| size(start) == own)
+    };
+    let (again, first): (Vec<usize>, Vec<usize>) = (0..order.len()).partition(is_again);
+    first.into_iter().chain(again).take(count).map(|place| order[place]).collect()
 }
 
 /// The suspects, and the views, that promise most in the place of one or two effects, by one noise model.
@@ -145,4 +157,25 @@ fn more(contest: &Contest<'_>, suspects: &[Option<Screened>], noise: Noise) -> V
         }
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_of_another_size_come_before_those_that_differ_in_a_share() {
+        let starts = [[0.1, 1.0], [0.1, 0.0], [0.3, 0.0]].map(|values| Start {
+            columns: vec![values.into()],
+            combine: Combine::Keep,
+            amplitudes: Vec::new(),
+        });
+        let gain = Gain { gain: 1.0, values: Vec::new(), degrees: 1, deviation: None };
+        let order: Vec<(&Start, &Gain)> = starts.iter().map(|start| (start, &gain)).collect();
+        let first = |count: usize| -> Vec<&[f64]> {
+            apart(&order, count).into_iter().map(|(start, _)| &start.columns[0][..]).collect()
+        };
+        assert_eq!(first(2), [[0.1, 1.0], [0.3, 0.0]]);
+        assert_eq!(first(3), [[0.1, 1.0], [0.3, 0.0], [0.1, 0.0]]);
+    }
 }

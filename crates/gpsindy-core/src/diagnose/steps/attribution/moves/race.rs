@@ -9,14 +9,14 @@ use crate::diagnose::steps::attribution::contest::{Contest, keep_first_of_each};
 use crate::error::Result;
 
 /// Places of the fits with one more effect that promised most, of those whose first step fell short of it and which promised more than
-/// any step achieved: where a straight line holds but the size is far off, as at a rate limit, it is the step that misled.
+/// any step of one more achieved: where a straight line holds but the size is far off, as at a rate limit, it is the step that misled.
 fn held_back(base: &Contestant, fits: &[Contestant], promises: &[(Vec<&Hypothesis>, f64)]) -> Vec<usize> {
-    let most = fits.iter().map(|fit| achieved(base, fit)).fold(0.0, f64::max);
+    let is_one_more = |fit: &Contestant| fit.hypotheses.len() == base.hypotheses.len() + 1;
+    let most = fits.iter().filter(|fit| is_one_more(fit)).map(|fit| achieved(base, fit)).fold(0.0, f64::max);
     let short = |(place, fit): (usize, &Contestant)| {
         let promised = promised(fit, promises)?;
-        let is_one_more = fit.hypotheses.len() == base.hypotheses.len() + 1;
         let is_short = falls_short(achieved(base, fit), promised) && promised > most;
-        (is_one_more && is_short).then_some((place, promised))
+        (is_one_more(fit) && is_short).then_some((place, promised))
     };
     let mut found: Vec<(usize, f64)> = fits.iter().enumerate().filter_map(short).collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
