@@ -71,6 +71,10 @@ pub(crate) const MATERIAL: f64 = 0.04;
 /// Share of [`MATERIAL`] that a straight line must promise: it underrates a curved effect by half. Argument.
 pub(crate) const PROMISING: f64 = 0.5;
 
+/// Mean squared rest (noise units) beyond the noise from which a leader may imitate what waits: twice what the noise of a column is known to
+/// within. Argument.
+pub(crate) const LEFT_OVER: f64 = 0.1;
+
 /// Evidence (nats beyond BIC) that one more effect must bring: odds of 150, "very strong" to Kass and Raftery 1995. Convention.
 pub(crate) const CONVINCING: f64 = 5.0;
 

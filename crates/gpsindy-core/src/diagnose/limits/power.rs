@@ -4,6 +4,10 @@
 /// Argument.
 pub(crate) const SHOWN: f64 = 1.645 + 1.645;
 
+/// Share of the typical size of an effect below which none is excluded: a thousandth of a motion's amplitude is what integrators and the digits of
+/// a log agree to. Argument.
+pub(crate) const FINEST: f64 = 1e-3;
+
 /// A rollout further from its log than this many ranges of the column has left it: the run is then cut into pieces. Convention.
 pub(crate) const LEFT_LOG: f64 = 2.0;
 

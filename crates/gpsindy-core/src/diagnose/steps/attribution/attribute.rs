@@ -3,13 +3,13 @@
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::LEAST_REST;
-use crate::diagnose::limits::{Budget, IN_SIGHT, MOST_MOVES, NAMED, SWAP};
+use crate::diagnose::limits::{Budget, CHANCE, IN_SIGHT, MOST_MOVES, NAMED, SWAP};
 use crate::diagnose::notes::Note;
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::detect::{Suspected, nameless_p_value};
 use crate::diagnose::steps::attribution::moves::scatter::resettled;
 use crate::diagnose::steps::attribution::places::{self, Place};
-use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_behind};
+use crate::diagnose::steps::attribution::round::{Expansion, expand, expand_behind, expand_further};
 use crate::diagnose::steps::attribution::screen::nameless;
 use crate::diagnose::steps::attribution::search::{Found, is_exchange, richer, search};
 use crate::diagnose::steps::attribution::settle::{Settled, settle};
@@ -47,6 +47,11 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
         round = again(contest, &best)?;
         // What longer rollouts leave, shorter ones did not ask for.
         round = expand_behind(contest, &nominal, &best, &round)?.unwrap_or(round);
+    }
+    if nameless_p_value(&left, &best) <= CHANCE && !contest.run.is_out_of_time() {
+        // What is left may be what waits behind an effect that never led.
+        let waiting = contest.calls_all();
+        round = expand_further(contest, &nominal, (&best, round), waiting)?;
     }
     if is_redrawn && is_known {
         round.fits = from_starts_of(contest, &best, &found, round.fits)?;

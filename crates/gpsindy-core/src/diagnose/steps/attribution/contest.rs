@@ -11,7 +11,7 @@ use crate::diagnose::fit::contestant::{Contestant, Entrant};
 use crate::diagnose::fit::evidence::gain_tail;
 use crate::diagnose::fit::fitter::{Fitter, standing_at};
 use crate::diagnose::fit::own_sizes::inherited;
-use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, MATERIAL, OWN_SIZES, SHOWN_CLOCK};
+use crate::diagnose::limits::{Budget, CHANCE, CLOCK, CONVINCING, LEFT_OVER, MATERIAL, OWN_SIZES, SHOWN_CLOCK};
 use crate::diagnose::run::Run;
 use crate::diagnose::steps::attribution::survey::Summary;
 use crate::diagnose::steps::attribution::suspects::Suspects;
@@ -49,11 +49,17 @@ impl<'a> Contest<'a> {
     /// Makes suspects of those that an effect of the `leaders` imitates, and where the first of them leaves more than noise of all others
     /// whose straight line is their own; their numbers.
     pub(crate) fn calls(&mut self, leaders: &[Contestant]) -> Range<usize> {
-        let is_left = leaders.first().is_some_and(|leader| leader.evidence.leaves_a_rest());
+        let is_left =
+            leaders.first().is_some_and(|leader| leader.evidence.rest() > LEFT_OVER * leader.evidence.count() as f64);
         let leading = || leaders.iter().flat_map(|leader| &leader.hypotheses);
         let is_called =
             |h: &Hypothesis| (is_left && !h.begins_as_imitator()) || leading().any(|leading| h.stands_behind(leading));
         self.call(&is_called)
+    }
+
+    /// Makes suspects of all that wait for an effect that imitates them: nothing that they could stand behind is there. Their numbers.
+    pub(crate) fn calls_all(&mut self) -> Range<usize> {
+        self.call(&Hypothesis::waits)
     }
 
     /// Makes suspects of those that come into question beside `best`, and of those that mark a place where more than noise is left; their

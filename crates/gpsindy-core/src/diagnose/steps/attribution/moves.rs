@@ -56,7 +56,7 @@ pub(crate) fn moves(
         let (members, values, promised) = (vec![gross.hypothesis], vec![gross.values], gross.gain);
         Some(Move { members, out: Vec::new(), applied: Some(applied), values, promised })
     }));
-    if survey.is_partial && !base.hypotheses.is_empty() {
+    if survey.is_behind {
         // They were asked for because of an effect that is there; what marks a place, because of what is left.
         let is_for = |m: &Move<'_>, place: &usize| {
             let leading = &base.hypotheses[*place];

@@ -53,19 +53,23 @@ impl Expansion {
 
 /// Screens everything at `base` and fits what is promising; `stage` is what this is for.
 pub(crate) fn expand(contest: &Contest<'_>, nominal: &Contestant, base: &Contestant, stage: &str) -> Result<Expansion> {
-    expand_by(contest, nominal, base, (stage, None), None)
+    expand_by(contest, nominal, base, Asked { stage, only: None, is_behind: false }, None)
 }
 
-/// The round at the nominal model with what the `new` hypotheses add to it, which became suspects by it. Those that do not lead then wait
-/// again.
+/// The `round` at `base` with what the `new` hypotheses add to it, which became suspects by it. Those that do not lead then wait again.
 pub(crate) fn expand_further(
     contest: &mut Contest<'_>,
     nominal: &Contestant,
-    first: Expansion,
+    (base, round): (&Contestant, Expansion),
     new: Range<usize>,
 ) -> Result<Expansion> {
-    let more = expand_by(contest, nominal, nominal, ("further suspects", Some(new.clone())), first.fits.first())?;
-    let mut all = first.with(contest, more.fits, more.searches);
+    if new.is_empty() {
+        return Ok(round);
+    }
+    let known = if base.hypotheses.is_empty() { round.fits.first() } else { Some(base) };
+    let asked = Asked { stage: "further suspects", only: Some(new.clone()), is_behind: false };
+    let more = expand_by(contest, nominal, base, asked, known)?;
+    let mut all = round.with(contest, more.fits, more.searches);
     let stay = contest.dismisses(new.clone(), all.leaders());
     all.fits.retain(|fit| !fit.hypotheses.iter().any(|h| contest.is_waiting(h)));
     // Sets that apply together come behind all hypotheses.
@@ -88,18 +92,28 @@ pub(crate) fn expand_behind(
     if new.is_empty() {
         return Ok(None);
     }
-    let more = expand_by(contest, nominal, best, ("what stands behind", Some(new.clone())), Some(best))?;
+    let asked = Asked { stage: "what stands behind", only: Some(new.clone()), is_behind: true };
+    let more = expand_by(contest, nominal, best, asked, Some(best))?;
     let mut all = round.clone().with(contest, more.fits, more.searches);
     contest.with_places(&mut all.screened);
     all.screened[new.clone()].clone_from_slice(&more.screened[new]);
     Ok(Some(all))
 }
 
+/// Who is asked in a round.
+struct Asked<'a> {
+    stage: &'a str,
+    /// Numbers of the hypotheses; of all where there are none.
+    only: Option<Range<usize>>,
+    /// Whether only what stands behind an effect that is there, in its place, and what marks a place.
+    is_behind: bool,
+}
+
 fn expand_by(
     contest: &Contest<'_>,
     nominal: &Contestant,
     base: &Contestant,
-    (stage, only): (&str, Option<Range<usize>>),
+    Asked { stage, only, is_behind }: Asked<'_>,
     known: Option<&Contestant>,
 ) -> Result<Expansion> {
     if contest.run.is_out_of_time() {
@@ -107,6 +121,7 @@ fn expand_by(
         return Ok(Expansion { fits: Vec::new(), screened: none, searches: Searches::NONE });
     }
     let survey = screen(contest, nominal, base, (&format!("{stage}: screening"), only))?;
+    let survey = Survey { is_behind, ..survey };
     let Survey { suspects, .. } = &survey;
     let screened = suspects.iter().map(|s| s.as_ref().map_or_else(Summary::default, Screened::summary)).collect();
     let searches = Searches::of(suspects.iter().flatten().map(|s| s.gains.len()).sum());

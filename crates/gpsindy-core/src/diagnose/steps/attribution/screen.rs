@@ -133,7 +133,7 @@ impl Screening<'_> {
                 }
             }
         }
-        Ok(Survey { suspects, looked, pairs: found, kept: None, is_partial: self.only.is_some() })
+        Ok(Survey { suspects, looked, pairs: found, kept: None, is_behind: false })
     }
 
     fn one(

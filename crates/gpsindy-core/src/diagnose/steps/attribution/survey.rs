@@ -3,6 +3,7 @@
 use crate::diagnose::catalogue::hypothesis::{Applied, Start};
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::linear::gains::Gain;
+use crate::diagnose::limits::{FINEST, SHOWN};
 use crate::refine::Kept;
 use std::sync::Arc;
 
@@ -41,8 +42,8 @@ pub(crate) struct Survey {
     pub(crate) pairs: Vec<Pair>,
     /// Derivatives at the contestant, for first steps from it; none of a simulator that steps, whose fits hand on their own.
     pub(crate) kept: Option<Arc<Kept>>,
-    /// Whether some of the suspects alone were looked at.
-    pub(crate) is_partial: bool,
+    /// Whether a suspect has a turn only in the place of an effect that it stands behind, or where it marks a place.
+    pub(crate) is_behind: bool,
 }
 
 impl Screened {
@@ -75,7 +76,9 @@ impl Screened {
             Some((_, gains)) => gains.of(Noise::Coloured).and_then(|gains| gains.first()?.deviation),
             None => best.deviation,
         };
-        let resolution = deviation.map(|deviation| (deviation, unit));
+        // Nothing is known better than what integrators and the digits of a log agree to, whatever a straight line says where something sticks.
+        let finest = FINEST * self.applied.fitted.first().map_or(0.0, |(_, added)| added.scale.abs());
+        let resolution = deviation.map(|deviation| (deviation.max(finest / SHOWN), unit));
         Summary { gain: best.gain, degrees: best.degrees, resolution }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::diagnose::limits::CHANCE;
 use crate::diagnose::limits::stability::DISAGREES;
-use crate::diagnose::limits::verify::{LEAST_PERCENT, PERCENT};
+use crate::diagnose::limits::verify::{HARM, LEAST_PERCENT, PERCENT};
 use crate::diagnose::limits::weigh::{LEAST_REST, LIKELY, TYPICAL};
 use crate::diagnose::report::{Check, Closure, Unexplained};
 use crate::diagnose::steps::findings::{Left, Outcome};
@@ -25,8 +25,8 @@ impl Checked<'_> {
     /// All checks that apply, in the contract's order.
     pub(crate) fn all(&self) -> Vec<Check> {
         let mut all = Vec::new();
-        // No rollout follows a random force: its spread is checked in the place of the closure.
-        all.extend(self.forced.is_none().then(|| self.closure()));
+        // No rollout follows a random force: its spread is checked in the place of the closure, and that causes with a name do no harm.
+        all.extend(if self.forced.is_none() { Some(self.closure()) } else { self.no_harm() });
         all.extend(self.constancy());
         all.push(self.lack_of_fit());
         all.extend(self.typicality());
@@ -54,6 +54,21 @@ impl Checked<'_> {
             _ => "A held-out rollout diverges, so that nothing can be said of what the causes close.".into(),
         };
         Check { id: "closure".into(), passed, p_value: Some(p_value), says }
+    }
+
+    /// None where no cause has a name.
+    fn no_harm(&self) -> Option<Check> {
+        let closure = &self.verification.closure;
+        let (before, after) = (closure.before?, closure.after?);
+        let passed = after <= HARM * before;
+        let says = match passed {
+            true => {
+                "Held-out rollouts follow no random force; with the other causes they miss the logs by no more than without."
+            }
+            false => "With the causes that have a name held-out rollouts miss the logs by more than without them.",
+        };
+        let is_named = !self.outcome.best.hypotheses.is_empty();
+        is_named.then(|| Check { id: "closure".into(), passed, p_value: None, says: says.into() })
     }
 
     /// None where no size can be compared between parts of the logs.

@@ -55,7 +55,10 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     writer.read_as(writer.reads().substitute(&name, &seen));
     // From half a sample at the end of the logs on.
     let sizes = std::iter::successors(Some(0.5 * period / span), |e| Some(2.0 * e)).take_while(|&e| e <= 0.5 * LARGEST);
-    Ok(sizes.flat_map(|e| [keep(&[-e, 0.0]), keep(&[e, 0.0])]).collect())
+    let rates = sizes.flat_map(|e| [keep(&[-e, 0.0]), keep(&[e, 0.0])]);
+    // What is late is a delay; nothing else is early.
+    let early = std::iter::successors(Some(0.5 * period), |tau| Some(2.0 * tau)).take_while(|&tau| tau <= longest);
+    Ok(rates.chain(early.map(|tau| keep(&[0.0, tau]))).collect())
 }
 
 fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
