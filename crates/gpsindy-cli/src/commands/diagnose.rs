@@ -17,7 +17,7 @@ use crate::screen::Screen;
 use clap::Args;
 use files::Augmented;
 use gpsindy_core::diagnose::report::Verdict;
-use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Diagnosis, PartKind, Power, hold_out};
+use gpsindy_core::diagnose::{Diagnose as Settings, Diagnosed, Diagnosis, Part, PartKind, Power, hold_out};
 use gpsindy_core::{Dataset, Hold, Model};
 use gpsindy_files::{TopicOffset, model_to_toml, read_effects};
 use gpsindy_report::Provenance;
@@ -194,7 +194,7 @@ pub(crate) fn run(command: &Diagnose, session: &Session<'_>) -> Outcome {
         let settings = command.parts.among(nominal.parts()?, settings)?;
         let (model, holdout) = (&nominal.model, &command.holdout);
         let Parts { train, holdout, offsets, time_unit } =
-            logs(model, &train, holdout, settings.hold, &command.columns, screen)?;
+            logs(model, &settings.only, (&train, holdout), settings.hold, &command.columns, screen)?;
         provenance.time_unit.clone_from(&time_unit);
         provenance.logs = facts(&train, false).chain(facts(&holdout, true)).collect();
         let progress = screen.progress().ending_with(session.first_request.heed());
@@ -288,11 +288,11 @@ pub(crate) struct Parts {
     pub(crate) time_unit: String,
 }
 
-/// The logs to learn from and those to verify on; without the latter a part of the former is held out.
+/// The logs to learn from and those to verify on; without the latter a part of the former is held out. They measure what is `asked` about.
 pub(crate) fn logs(
     model: &Model,
-    train: &[PathBuf],
-    holdout: &[PathBuf],
+    asked: &[Part],
+    (train, holdout): (&[PathBuf], &[PathBuf]),
     hold: Option<Hold>,
     columns: &Columns,
     screen: &Screen,
@@ -300,6 +300,7 @@ pub(crate) fn logs(
     let hold = hold.unwrap_or_default();
     let logs = opened(train, columns, screen)?;
     let time_unit = logs.time_unit().to_string();
+    measured::check_asked(&logs, asked, model)?;
     let (train, mut offsets) = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
     measured::tell(&logs, None, model, screen);
     measured::doubt_degrees(&logs, &train, model, screen);

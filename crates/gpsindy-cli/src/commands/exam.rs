@@ -208,8 +208,8 @@ fn case<K>(command: &Exam, job: &Job<'_, K>, screen: &Screen) -> Outcome<Diagnos
     let quiet = screen.quietly();
     let Parts { train, holdout, .. } = diagnose::logs(
         &model,
-        &files(&folder, "real_")?,
-        &files(&folder, "holdout_")?,
+        &[],
+        (&files(&folder, "real_")?, &files(&folder, "holdout_")?),
         settings.hold,
         &command.columns,
         &quiet,

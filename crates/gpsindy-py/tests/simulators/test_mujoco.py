@@ -62,6 +62,15 @@ def test_a_rollout_that_diverges_prints_nothing_and_leaves_no_file(tmp_path, mon
     assert not list(tmp_path.iterdir())
 
 
+def test_the_engine_logs_nothing_of_what_a_search_tries(tmp_path, monkeypatch, capfd):
+    # The constraint solver of some trial parameters warns at every step, and no counter of the engine holds that back.
+    monkeypatch.chdir(tmp_path)
+    gpsindy.simulate(gm.Simulator(HINGE).model, real_log(4))
+    log = mujoco.MjLogConfig.get()
+    assert not log.logto_console and not log.logto_file
+    assert capfd.readouterr() == ("", "") and not list(tmp_path.iterdir())
+
+
 def test_velocities_may_be_missing():
     logs = [real_log(seed, dof_frictionloss=0.15) for seed in range(3)]
     for log in logs:

@@ -3,6 +3,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::aligned_left;
+use gpsindy_core::diagnose::{Part, PartKind};
 use gpsindy_core::{Dataset, Expression, Model};
 use gpsindy_files::{Logs, meant};
 
@@ -26,14 +27,36 @@ pub(crate) fn tell(logs: &Logs, before: Option<&Logs>, model: &Model, screen: &S
          model that does not move with --lock",
         names.join(", ")
     ));
-    let is_taken = |column: &String| model.states.iter().any(|state| state.name == *column);
-    let columns: Vec<String> = logs.columns().into_iter().filter(|column| !is_taken(column)).collect();
+    let columns = free(logs, model);
     for name in names {
         let near = meant(name, columns.iter().map(String::as_str));
         if !near.is_empty() {
             screen.warn(&format!("no column is `{name}`{near}"));
         }
     }
+}
+
+/// Columns that carry no state and no control of the model.
+fn free(logs: &Logs, model: &Model) -> Vec<String> {
+    let states = model.states.iter().map(|state| &state.name);
+    let taken: Vec<&String> = states.chain(model.controls.iter().map(|control| &control.name)).collect();
+    logs.columns().into_iter().filter(|column| !taken.contains(&column)).collect()
+}
+
+/// Refuses a joint that is asked about and of which the logs carry nothing: the others would be searched for what it lacks.
+pub(crate) fn check_asked(logs: &Logs, asked: &[Part], model: &Model) -> Outcome {
+    let is_carried = |name: &String| logs.resolve(name).is_ok();
+    let Some(part) = asked.iter().find(|part| part.kind == PartKind::Joint && !part.states.iter().any(is_carried))
+    else {
+        return Ok(());
+    };
+    let columns = free(logs, model);
+    let near = part.states.first().map_or(String::new(), |name| meant(name, columns.iter().map(String::as_str)));
+    Err(Failure::input(format!(
+        "--joint {}: no column of the logs measures it, neither `{}`{near}; give a column that name with --rename",
+        part.name,
+        part.states.join("` nor `")
+    )))
 }
 
 /// Warns of a joint whose readings go beyond a full turn and have no unit in their header: degrees look like that, and would be read as radians.

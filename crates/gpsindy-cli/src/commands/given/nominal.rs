@@ -19,6 +19,10 @@ pub(crate) struct Nominal {
 impl Nominal {
     pub(crate) fn open(path: &Path, setup: &Setup, session: &Session<'_>) -> Outcome<Self> {
         let kind = kind(path);
+        if kind.is_none() && !path.exists() {
+            // A file that is missing is none of the wrong kind.
+            return Ok(Self { model: read_model(path)?, engine: None });
+        }
         let of_mujoco = !setup.drivers.is_empty() || setup.base.is_some() || !setup.locks.is_empty();
         if of_mujoco && kind != Some(FileKind::MuJoCo) {
             return Err(Failure::input(format!(

@@ -89,10 +89,15 @@ def _library() -> Any:
     """The engine's own library, by an extension module that is linked to it; Windows looks into the library alone.
 
     The package's clock is taken out: the engine reads it several times a step for a profile, ``MjData.timer``, which is half of a small
-    model's time. ``mujoco.set_mjcb_time(None)`` puts it back.
+    model's time. ``mujoco.set_mjcb_time(None)`` puts it back. Its log is turned off: trial parameters with which a solver does not converge
+    are part of a search, and would print a line at every step and leave a file. The fields ``logto_console`` and ``logto_file`` of
+    ``mujoco.MjLogConfig.get()`` turn it on again.
     """
     windows = sys.platform == "win32"
     library = ctypes.CDLL(str(pathlib.Path(mujoco.__file__).with_name("mujoco.dll")) if windows else batch._batch.__file__)
     if mujoco.get_mjcb_time() is None:
         ctypes.c_void_p.in_dll(library, "mjcb_time").value = None
+    log = mujoco.MjLogConfig.get()
+    log.logto_console = log.logto_file = False
+    log.set()
     return library
