@@ -48,8 +48,9 @@ pub(crate) fn attribute(contest: &mut Contest<'_>, suspected: Suspected) -> Resu
         // What longer rollouts leave, shorter ones did not ask for.
         round = expand_behind(contest, &nominal, &best, &round)?.unwrap_or(round);
     }
-    if nameless_p_value(&left, &best) <= CHANCE && !contest.run.is_out_of_time() {
-        // What is left may be what waits behind an effect that never led.
+    // Beside a rest what waits was asked at the beginning; what is left of less may be what waits behind an effect that never led.
+    let is_little = !best.evidence.leaves_a_rest() && nameless_p_value(&left, &best) <= CHANCE;
+    if is_little && !contest.run.is_out_of_time() {
         let waiting = contest.calls_all();
         round = expand_further(contest, &nominal, (&best, round), waiting)?;
     }
