@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -60,6 +63,9 @@ def test_the_loss_of_each_cause_is_that_of_the_truth_without_it(diagnosis):
     for loss in found.losses:
         assert abs(loss.loss - real[loss.cause.effect]) < 0.1 * abs(real[loss.cause.effect]), loss
     assert "quadratic_drag" in repr(found)
+    wrong = SimpleNamespace(effect="parameter_error", variables=("hinge.damping",), place=None, state="hinge_vel")
+    loss = replace(found.losses[0], cause=wrong, loss=1.0)
+    assert "parameter_error (hinge.damping): +1" in repr(replace(found, losses=(loss,)))
 
 
 def test_mistakes_are_stated(diagnosis):

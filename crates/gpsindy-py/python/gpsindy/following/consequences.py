@@ -95,7 +95,10 @@ class Consequence:
         lines = [f"cost {self.nominal:.4g} in the nominal simulator, {self.corrected:.4g} in the corrected one"]
         for loss in self.losses:
             share = "" if np.isnan(loss.share) else f", {100 * loss.share:.0f} % of the difference"
-            lines.append(f"  {loss.cause.effect} ({loss.cause.place or loss.cause.state}): {loss.loss:+.4g}{share}")
+            cause = loss.cause
+            # A wrong parameter is known by its name, not by the equation that it moves most.
+            where = cause.variables[0] if cause.effect == "parameter_error" else cause.place or cause.state
+            lines.append(f"  {cause.effect} ({where}): {loss.loss:+.4g}{share}")
         return "\n".join(lines)
 
 
