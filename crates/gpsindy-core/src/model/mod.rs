@@ -320,6 +320,11 @@ impl Model {
         self.states.iter().position(|s| s.equation == Expression::Variable(name.clone()))
     }
 
+    /// The states in whose equations `name` stands.
+    pub(crate) fn rows_with(&self, name: &str) -> impl Iterator<Item = usize> {
+        (0..self.states.len()).filter(move |&j| self.states[j].equation.contains(name))
+    }
+
     /// Whether the equation of state `index` is just the name of another state (`x = "v"`).
     pub fn is_kinematic(&self, index: usize) -> bool {
         matches!(&self.states[index].equation, Expression::Variable(name) if self.state_index(name).is_some())

@@ -93,7 +93,7 @@ fn acts_in(model: &Model, scene: &Scene, name: &str) -> Option<usize> {
     if let Some(row) = scene.reach.row(name) {
         return Some(row);
     }
-    let places = (0..model.states.len()).filter(|&j| model.states[j].equation.contains(name));
+    let places = model.rows_with(name);
     let mut best: Option<(usize, f64)> = None;
     for j in places {
         let moved = influence(model, scene, j, name);
@@ -157,7 +157,7 @@ fn variables(place: Place, model: &Model, j: usize) -> Vec<Vec<&str>> {
         Place::Load => {
             let equation = &model.states[j].equation;
             // What is logged and stands in no equation, as what a clamp presses with, was logged for a reason.
-            let is_read = |n: &str| model.states.iter().any(|s| s.equation.contains(n));
+            let is_read = |n: &str| model.rows_with(n).next().is_some();
             let place = position.filter(|n| equation.contains(n));
             let controls = controls().filter(|n| equation.contains(n) || !is_read(n));
             place.into_iter().chain(controls).map(|load| vec![own, load]).collect()

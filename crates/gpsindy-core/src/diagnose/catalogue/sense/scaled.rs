@@ -14,10 +14,7 @@ const POINTS: usize = 5;
 /// axis. One mass of two axes is not: a bridge moves with one of them alone.
 pub(super) fn is_scaled(state: usize, model: &Model) -> bool {
     let equation = &model.states[state].equation;
-    let is_own = |name: &str| {
-        let mut others = model.states.iter().enumerate().filter(|(j, _)| *j != state);
-        !others.any(|(_, other)| other.equation.contains(name))
-    };
+    let is_own = |name: &str| model.rows_with(name).all(|row| row == state);
     model.parameters.iter().any(|parameter| scales(equation, model, &parameter.name) && is_own(&parameter.name))
 }
 

@@ -3,7 +3,7 @@
 //! A force that repeats along the place is out of step once a rollout is a fraction of a ripple off, and no straight line from there says which
 //! ripples they are. So where nothing accounts for the logs they are looked for in rollouts so short that the nominal model has not left these.
 
-use crate::diagnose::catalogue::hypothesis::{Applied, Start};
+use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
 use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
@@ -18,8 +18,7 @@ use crate::error::{Result, unless_refused};
 /// The nominal model on shorter rollouts in which ripples along a place leave only noise, where nothing does in its own; none where there are none.
 pub(crate) fn nearer(contest: &Contest<'_>, nominal: &Contestant, first: &Expansion) -> Result<Option<Contestant>> {
     let is_open = first.fits.first().is_none_or(|leader| leader.evidence.leaves_a_rest());
-    let ripples = || contest.hypotheses.iter().filter(|h| h.is(Effect::Cogging));
-    if !is_open || nominal.system.engine().is_some() || ripples().next().is_none() {
+    if !is_open || nominal.system.engine().is_some() || ripples(contest).next().is_none() {
         return Ok(None);
     }
     let mut near = nominal.clone();
@@ -31,32 +30,37 @@ pub(crate) fn nearer(contest: &Contest<'_>, nominal: &Contestant, first: &Expans
     if near.experiment.windows.len() == nominal.experiment.windows.len() {
         return Ok(None);
     }
-    let scene = contest.scene_of(&near);
-    for hypothesis in ripples() {
+    Ok(explain(contest, &near)?.then_some(near))
+}
+
+/// Whether ripples along one of the places leave only noise beside `near`.
+fn explain(contest: &Contest<'_>, near: &Contestant) -> Result<bool> {
+    let scene = contest.scene_of(near);
+    let at = near.linearised()?;
+    let basis = Basis::new(&at, Noise::White, &[]);
+    for hypothesis in ripples(contest) {
         let Ok(applied) = hypothesis.apply(near.system.model(), &scene) else { continue };
-        let Some(values) = line(&near, &applied)? else { continue };
+        let Some(values) = line(near, &applied, &gains(&applied, &at, &[&basis])) else { continue };
         // The grid of frequencies is too coarse for a straight line to leave nothing.
         let entrant = Entrant::new(hypothesis, Searches::NONE);
-        let fit = unless_refused(contest.fitter.with(&near, &[entrant], &applied, &values, Budget::Usual))?;
+        let fit = unless_refused(contest.fitter.with(near, &[entrant], &applied, &values, Budget::Usual))?;
         if fit.is_some_and(|fit| !fit.evidence.leaves_a_rest()) {
-            return Ok(Some(near));
+            return Ok(true);
         }
     }
-    Ok(None)
+    Ok(false)
+}
+
+fn ripples<'c>(contest: &'c Contest<'_>) -> impl Iterator<Item = &'c Hypothesis> {
+    contest.hypotheses.iter().filter(|h| h.is(Effect::Cogging))
 }
 
 /// Values to start from at the frequency that gains most by a straight line; none where that is less than a straight line leaves of the truth.
-fn line(near: &Contestant, applied: &Applied) -> Result<Option<Vec<Vec<f64>>>> {
-    let at = near.linearised()?;
-    let basis = Basis::new(&at, Noise::White, &[]);
-    let all = gains(applied, &at, &[&basis]);
-    let of = |(start, gains): (&Start, &ByNoise<Vec<Gain>>)| {
-        let found = gains.of(Noise::White)?.first()?;
-        Some((found.gain, start.shortened(&found.values)))
-    };
-    let best = applied.starts.iter().zip(&all).filter_map(of);
-    let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(best.filter(|(gain, _)| *gain > (1.0 - SUBSTITUTE) * near.evidence.squares()).map(|(_, values)| values))
+fn line(near: &Contestant, applied: &Applied, gains: &[ByNoise<Vec<Gain>>]) -> Option<Vec<Vec<f64>>> {
+    let of = |(start, gains): (_, &ByNoise<Vec<Gain>>)| Some((start, gains.of(Noise::White)?.first()?.clone()));
+    let all = applied.starts.iter().zip(gains).filter_map(of);
+    let (start, best) = all.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
+    (best.gain > (1.0 - SUBSTITUTE) * near.evidence.squares()).then(|| start.shortened(&best.values))
 }
 
 #[cfg(test)]
