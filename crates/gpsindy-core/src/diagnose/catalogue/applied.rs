@@ -124,6 +124,8 @@ pub(crate) struct Start {
     pub(crate) combine: Combine,
     /// For [`Combine::Amplitude`]: which parameter each column moves, and at which value it does nothing.
     pub(crate) amplitudes: Vec<(usize, f64)>,
+    /// Whether what a fit leaves points to it most: it is then fitted whatever its straight line promises.
+    pub(crate) is_pointed: bool,
 }
 
 /// A model with a hypothesis written into it.

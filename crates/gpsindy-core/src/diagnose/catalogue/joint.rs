@@ -142,7 +142,7 @@ impl Start {
         let columns = columns.chain(other.columns.iter().map(|c| [&mine, c.as_slice()].concat())).collect();
         let shifted = other.amplitudes.iter().map(|&(i, origin)| (i + own, origin));
         let amplitudes: Vec<(usize, f64)> = self.amplitudes.iter().copied().chain(shifted).collect();
-        Some(Self { columns, combine: self.combine, amplitudes })
+        Some(Self { columns, combine: self.combine, amplitudes, is_pointed: false })
     }
 
     /// Values that a screening found, and the same with smaller sizes: what is free with them may have to move first,

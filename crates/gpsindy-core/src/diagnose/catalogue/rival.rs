@@ -163,7 +163,7 @@ impl Rival {
     pub(crate) fn start(&self, scene: &Scene) -> Start {
         let (small, count) = (self.size(scene), self.basis.len());
         let columns = (0..count).map(|k| (0..count).map(|i| if i == k { small } else { 0.0 }).collect()).collect();
-        Start { columns, combine: Combine::Span, amplitudes: Vec::new() }
+        Start { columns, combine: Combine::Span, amplitudes: Vec::new(), is_pointed: false }
     }
 }
 

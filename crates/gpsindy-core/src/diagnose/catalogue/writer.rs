@@ -47,12 +47,12 @@ pub(crate) fn number(value: f64) -> Expression {
 
 /// A start whose first value is a size: a small one, drawn to its length by the screening.
 pub(crate) fn amplitude(values: &[f64]) -> Start {
-    Start { columns: vec![values.to_vec()], combine: Combine::Amplitude, amplitudes: vec![(0, 0.0)] }
+    Start { columns: vec![values.to_vec()], combine: Combine::Amplitude, amplitudes: vec![(0, 0.0)], is_pointed: false }
 }
 
 /// A start from where nothing is a straight line.
 pub(crate) fn keep(values: &[f64]) -> Start {
-    Start { columns: vec![values.to_vec()], combine: Combine::Keep, amplitudes: Vec::new() }
+    Start { columns: vec![values.to_vec()], combine: Combine::Keep, amplitudes: Vec::new(), is_pointed: false }
 }
 
 /// A start whose first value is a size and whose last a phase.
@@ -61,7 +61,12 @@ pub(crate) fn sinusoid(values: &[f64]) -> Start {
     if let Some(phase) = turned.last_mut() {
         *phase += 0.5 * PI;
     }
-    Start { columns: vec![values.to_vec(), turned], combine: Combine::Sinusoid, amplitudes: Vec::new() }
+    Start {
+        columns: vec![values.to_vec(), turned],
+        combine: Combine::Sinusoid,
+        amplitudes: Vec::new(),
+        is_pointed: false,
+    }
 }
 
 impl Hypothesis {
@@ -360,7 +365,9 @@ impl<'a> Writer<'a> {
         let tried = periods.take_while(|&period| period <= longest).map(|period| keep(&[period, self.scene.times.0]));
         let control = self.hypothesis.variables.first().and_then(|name| self.model.control_index(name));
         let pointed = control.and_then(|control| self.scene.holds.get(control)).into_iter().flatten();
-        pointed.map(|&(period, phase)| keep(&[period, phase])).chain(tried).collect()
+        let best = |(place, &(period, phase))| Start { is_pointed: place == 0, ..keep(&[period, phase]) };
+        let pointed = pointed.enumerate().map(best);
+        pointed.chain(tried).collect()
     }
 
     /// What the column of the hypothesis reads now.

@@ -27,6 +27,10 @@ pub(crate) const SKETCHED_READINGS: usize = 1500;
 /// is then passed by. Convention.
 pub(crate) const LAWFUL: f64 = 1e-3;
 
+/// Correlation times of a force that a sketch holds where it may show a law: with fewer its variance is known to worse than a quarter
+/// (`sqrt(2/30)`), and some function runs beside it by chance. Argument.
+pub(crate) const CHANGES: f64 = 30.0;
+
 /// How the chances of laws crowd near zero: one that explains a hundredth of what is left gains 60 by [`MOST_READINGS`], a chance of a
 /// millionth for ten functions, and half of the laws explain more. Then `0.5 = 1e-6^0.05`. Argument.
 pub(crate) const CROWDED_LAW: f64 = 0.05;

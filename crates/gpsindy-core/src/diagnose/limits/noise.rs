@@ -8,6 +8,9 @@ pub(crate) const MAX_ORDER: usize = 6;
 /// walk, the slowest noise there is, as 3.6. Argument.
 pub(crate) const ROUGH: f64 = 4.0;
 
+/// Means of a window up to which a column is not predicted from another: twice as many as there are terms. Argument.
+pub(crate) const MEANS: usize = 4 * (MAX_ORDER + 1);
+
 /// Residual variance (noise units) up to which the winner's residual counts as noise, with its colour: an effect of half
 /// the noise's variance would have been material. Argument.
 pub(crate) const NOISE: f64 = 1.5;

@@ -20,7 +20,12 @@ pub(crate) fn starts(custom: &CustomEffect, model: &Model, scene: &Scene, state:
     let steps: Option<Vec<f64>> = sizes.iter().map(|&i| small_step(custom, i, model, scene, state)).collect();
     let Some(steps) = steps.filter(|s| !s.is_empty()) else {
         return PARTS
-            .map(|part| Start { columns: vec![shapes(part)], combine: Combine::Keep, amplitudes: Vec::new() })
+            .map(|part| Start {
+                columns: vec![shapes(part)],
+                combine: Combine::Keep,
+                amplitudes: Vec::new(),
+                is_pointed: false,
+            })
             .into();
     };
     let has_shape = sizes.len() < custom.parameters.len();
@@ -36,6 +41,7 @@ pub(crate) fn starts(custom: &CustomEffect, model: &Model, scene: &Scene, state:
         columns: (0..sizes.len()).map(|moved| column(part, moved)).collect(),
         combine: Combine::Amplitude,
         amplitudes: sizes.iter().map(|&i| (i, 0.0)).collect(),
+        is_pointed: false,
     };
     parts.iter().map(|&part| start(part)).collect()
 }

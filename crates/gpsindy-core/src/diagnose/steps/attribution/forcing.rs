@@ -136,21 +136,25 @@ fn replaced(contest: &Contest<'_>, mut judged: Judged, found: Account, forcing: 
     outcome.left = None;
     let fit = &found.fit;
     if !fit.has_effects_of(&outcome.best) {
-        let twins = found.twins(contest, &outcome.near);
+        // In the place of one of its effects, the others as they are.
+        let is_instead = |twin: &Contestant, hypothesis: &Hypothesis| {
+            let mut others = fit.hypotheses.iter().filter(|h| *h != hypothesis);
+            twin.hypotheses.len() == fit.hypotheses.len() && others.all(|h| twin.hypotheses.contains(h))
+        };
+        let is_near = |twin: &&Contestant| fit.hypotheses.iter().any(|hypothesis| is_instead(twin, hypothesis));
+        let near: Vec<&Contestant> = outcome.near.iter().filter(is_near).collect();
+        let twins = found.twins(contest, &near);
         let seat = |hypothesis: &Hypothesis| {
-            let others: Vec<_> = fit.hypotheses.iter().filter(|h| *h != hypothesis).collect();
-            let stands_there = |twin: &&&Contestant| {
-                twin.hypotheses.len() == fit.hypotheses.len() && others.iter().all(|h| twin.hypotheses.contains(h))
-            };
+            let is_alone = fit.hypotheses.len() == 1;
             let known = outcome.seats.iter().find(|known| known.hypothesis == *hypothesis);
             let removed_from = |before: &Contestant| before.evidence.misfit() - fit.evidence.misfit();
             let removed = match known {
                 // Alone it takes what no effect takes; beside others that imitate the force it took next to nothing.
-                _ if others.is_empty() => removed_from(&judged.nominal),
+                _ if is_alone => removed_from(&judged.nominal),
                 Some(known) => known.removed,
                 None => removed_from(&outcome.best),
             };
-            let twins = twins.iter().filter(stands_there).map(|twin| (*twin).clone());
+            let twins = twins.iter().filter(|twin| is_instead(twin, hypothesis)).map(|twin| (*twin).clone());
             let alternatives = keep_first_of_each(std::iter::once(fit.clone()).chain(twins).collect());
             Seat { hypothesis: hypothesis.clone(), alternatives, removed: removed.max(0.0) }
         };

@@ -56,17 +56,10 @@ impl Checked<'_> {
         Check { id: "closure".into(), passed, p_value: Some(p_value), says }
     }
 
-    /// None where no cause has a name.
+    /// None where no cause has a name, or where the nominal model diverges itself.
     fn no_harm(&self) -> Option<Check> {
         let closure = &self.verification.closure;
-        let (before, after) = (closure.before?, closure.after?);
-        let passed = after <= HARM * before;
-        let says = match passed {
-            true => {
-                "Held-out rollouts follow no random force; with the other causes they miss the logs by no more than without."
-            }
-            false => "With the causes that have a name held-out rollouts miss the logs by more than without them.",
-        };
+        let (passed, says) = harmless(closure.before?, closure.after);
         let is_named = !self.outcome.best.hypotheses.is_empty();
         is_named.then(|| Check { id: "closure".into(), passed, p_value: None, says: says.into() })
     }
@@ -151,6 +144,20 @@ impl Checked<'_> {
     }
 }
 
+/// Whether causes beside a random force leave held-out rollouts no worse than without them; `after` is None where they diverge.
+fn harmless(before: f64, after: Option<f64>) -> (bool, &'static str) {
+    match after {
+        Some(after) if after <= HARM * before => (
+            true,
+            "Held-out rollouts follow no random force; with the other causes they miss the logs by no more than without.",
+        ),
+        Some(_) => {
+            (false, "With the causes that have a name held-out rollouts miss the logs by more than without them.")
+        }
+        None => (false, "With the causes that have a name a held-out rollout diverges, and without them it does not."),
+    }
+}
+
 /// A share of the gap in words; one that would be printed as zero is said to be small.
 fn share_of_gap(share: f64) -> String {
     let percent = PERCENT * share;
@@ -169,6 +176,13 @@ fn ratio(closure: &Closure) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn causes_beside_a_random_force_do_harm_where_rollouts_get_worse_or_diverge() {
+        assert!(harmless(2.0, Some(2.05)).0);
+        assert!(!harmless(2.0, Some(2.2)).0);
+        assert!(!harmless(2.0, None).0);
+    }
 
     #[test]
     fn a_share_is_never_printed_as_nothing() {

@@ -52,6 +52,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         columns: vec![vec![small, 0.0, CORNER * size], vec![0.0, small, CORNER * size]],
         combine: Combine::Amplitude,
         amplitudes: vec![(0, 0.0), (1, 0.0)],
+        is_pointed: false,
     }])
 }
 

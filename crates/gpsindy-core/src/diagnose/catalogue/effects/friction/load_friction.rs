@@ -56,6 +56,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         columns: vec![vec![small, 0.0, CORNER * speed], vec![0.0, small / load, CORNER * speed]],
         combine: Combine::Amplitude,
         amplitudes: vec![(0, 0.0), (1, 0.0)],
+        is_pointed: false,
     }])
 }
 

@@ -56,6 +56,7 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
         columns: vec![vec![small, 0.0, w * size, CORNER * size], vec![0.0, small, w * size, CORNER * size]],
         combine: Combine::Amplitude,
         amplitudes: vec![(0, 0.0), (1, 0.0)],
+        is_pointed: false,
     };
     Ok([0.1, 0.3, 1.0].map(start).into())
 }

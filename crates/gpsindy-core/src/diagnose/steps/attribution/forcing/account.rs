@@ -6,7 +6,7 @@ use crate::diagnose::fit::evidence::{gain_tail, with_fitted_level};
 use crate::diagnose::fit::filter::{Acts, Course, Filter, Filtered, Linear, Pace, Process};
 use crate::diagnose::fit::linear::functions::courses;
 use crate::diagnose::limits::forcing::{
-    CLIMBED, CURVED, LAWFUL, MOST_PATHS, MOST_READINGS, SETTLED, SKETCHED_READINGS,
+    CHANGES, CLIMBED, CURVED, LAWFUL, MOST_PATHS, MOST_READINGS, SETTLED, SKETCHED_READINGS,
 };
 use crate::diagnose::limits::weigh::TWINS;
 use crate::diagnose::limits::{CONVINCING, IN_SIGHT};
@@ -66,7 +66,7 @@ impl Account {
 
     /// What was found on a part of the readings, on all of them; nothing where a law shows on the part.
     pub(super) fn on_all(self, contest: &Contest<'_>) -> Result<Option<Self>> {
-        if self.functions(contest)? < LAWFUL {
+        if self.shows_laws(contest) && self.functions(contest)? < LAWFUL {
             return Ok(None);
         }
         let (fit, places) = (self.fit.clone(), places(&self.fit));
@@ -81,6 +81,12 @@ impl Account {
             _ => whole.charged_anew(contest),
         };
         whole.map(|whole| whole.grown(contest, &places)).transpose()
+    }
+
+    /// Whether its forces change often enough on the samples that are looked at: a slow one runs beside some function by chance.
+    fn shows_laws(&self, contest: &Contest<'_>) -> bool {
+        let lasts = self.most as f64 * contest.scene.period;
+        self.processes.iter().filter(|process| process.row().is_some()).all(|force| lasts > CHANGES * force.time)
     }
 
     /// As [`Self::forced`], the one of some other fits of which the same readings speak best beside the same processes; nothing where none convinces,
@@ -114,12 +120,12 @@ impl Account {
     }
 
     /// Those of some fits that the logs do not distinguish from its own, given its processes: odds as of twins.
-    pub(super) fn twins<'f>(&self, contest: &Contest<'_>, fits: &'f [Contestant]) -> Vec<&'f Contestant> {
-        let is_twin = |fit: &Contestant| {
+    pub(super) fn twins<'f>(&self, contest: &Contest<'_>, fits: &[&'f Contestant]) -> Vec<&'f Contestant> {
+        let is_twin = |fit: &&Contestant| {
             self.beside(contest, fit).is_some_and(|other| 2.0 * (self.score - other.score).abs() < TWINS)
         };
         let found = parallel::map(fits, is_twin);
-        fits.iter().zip(found).filter_map(|(fit, is_twin)| is_twin.then_some(fit)).collect()
+        fits.iter().zip(found).filter_map(|(fit, is_twin)| is_twin.then_some(*fit)).collect()
     }
 
     /// With random processes at some of `places` besides, the best first, while they convince.

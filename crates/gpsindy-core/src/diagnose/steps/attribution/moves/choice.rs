@@ -96,8 +96,8 @@ pub(super) fn chosen<'a>(contest: &Contest<'_>, base: &Contestant, survey: &'a S
     wanted.into_iter().flat_map(starts).chain(survey.pairs.iter().filter(is_worth).map(pair)).collect()
 }
 
-/// So many of the starts in their `order`, of finite steps those first that differ in their size: two of one size that differ in something else
-/// besides, as a play's with and without its damper, lead to one end as often as not.
+/// So many of the starts in their `order`, and one that is pointed to among them; of finite steps those first that differ in their size: two of
+/// one size that differ in something else besides, as a play's with and without its damper, lead to one end as often as not.
 fn apart<'a>(order: &[(&'a Start, &'a Gain)], count: usize) -> Vec<(&'a Start, &'a Gain)> {
     let size = |start: &Start| (start.combine == Combine::Keep).then(|| start.columns[0][0]);
     let is_again = |place: &usize| {
@@ -105,7 +105,14 @@ fn apart<'a>(order: &[(&'a Start, &'a Gain)], count: usize) -> Vec<(&'a Start, &
         own.is_some() && order[..*place].iter().any(|(start, _)| size(start) == own)
     };
     let (again, first): (Vec<usize>, Vec<usize>) = (0..order.len()).partition(is_again);
-    first.into_iter().chain(again).take(count).map(|place| order[place]).collect()
+    let mut chosen: Vec<(&Start, &Gain)> =
+        first.into_iter().chain(again).take(count).map(|place| order[place]).collect();
+    let pointed = order.iter().find(|(start, _)| start.is_pointed);
+    if let Some(pointed) = pointed.filter(|_| !chosen.iter().any(|(start, _)| start.is_pointed)) {
+        chosen.pop();
+        chosen.push(*pointed);
+    }
+    chosen
 }
 
 /// The suspects, and the views, that promise most in the place of one or two effects, by one noise model.
@@ -169,6 +176,7 @@ mod tests {
             columns: vec![values.into()],
             combine: Combine::Keep,
             amplitudes: Vec::new(),
+            is_pointed: false,
         });
         let gain = Gain { gain: 1.0, values: Vec::new(), degrees: 1, deviation: None };
         let order: Vec<(&Start, &Gain)> = starts.iter().map(|start| (start, &gain)).collect();
@@ -177,5 +185,9 @@ mod tests {
         };
         assert_eq!(first(2), [[0.1, 1.0], [0.3, 0.0]]);
         assert_eq!(first(3), [[0.1, 1.0], [0.3, 0.0], [0.1, 0.0]]);
+        let pointed = Start { is_pointed: true, ..starts[1].clone() };
+        let order = [(&starts[0], &gain), (&starts[2], &gain), (&pointed, &gain)];
+        let values: Vec<&[f64]> = apart(&order, 2).into_iter().map(|(start, _)| &start.columns[0][..]).collect();
+        assert_eq!(values, [[0.1, 1.0], [0.1, 0.0]]);
     }
 }
