@@ -268,6 +268,36 @@ impl Expression {
         })
     }
 
+    /// The name that it is a multiple of, and the number: `(180/pi)*w`; `None` for anything else.
+    pub(crate) fn multiple(&self) -> Option<(f64, &str)> {
+        match self {
+            Self::Variable(name) => Some((1.0, name)),
+            Self::Negate(a) => a.multiple().map(|(factor, name)| (-factor, name)),
+            Self::Binary(Operator::Multiply, a, b) => match (a.number(), b.number()) {
+                (Some(number), None) => b.multiple().map(|(factor, name)| (number * factor, name)),
+                (None, Some(number)) => a.multiple().map(|(factor, name)| (number * factor, name)),
+                _ => None,
+            },
+            Self::Binary(Operator::Divide, a, b) => {
+                let (factor, name) = a.multiple()?;
+                Some((factor / b.number()?, name))
+            }
+            _ => None,
+        }
+    }
+
+    /// Its value where it is made of numbers alone.
+    fn number(&self) -> Option<f64> {
+        match self {
+            Self::Number(value) => Some(*value),
+            Self::Pi => Some(std::f64::consts::PI),
+            Self::Negate(a) => a.number().map(|a| -a),
+            Self::Binary(Operator::Multiply, a, b) => Some(a.number()? * b.number()?),
+            Self::Binary(Operator::Divide, a, b) => Some(a.number()? / b.number()?),
+            _ => None,
+        }
+    }
+
     /// The names in it, each once, in order of appearance.
     pub fn variables(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();

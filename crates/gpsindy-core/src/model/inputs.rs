@@ -102,6 +102,11 @@ impl LateState {
         std::array::from_fn(|lane| [now[lane], if is_held { phase[lane] } else { later[lane] - now[lane] }])
     }
 
+    /// Whether a sensor holds what it read at its last sample.
+    pub(crate) fn is_held(&self) -> bool {
+        self.kind == InputKind::SampleHold
+    }
+
     /// How late a reading is at most between two times, s.
     pub(crate) fn lateness(&self, amounts: [f64; 2], (first, last): (f64, f64)) -> f64 {
         match self.kind {

@@ -314,10 +314,28 @@ impl Model {
         self.parameters.iter().position(|p| p.name == name)
     }
 
-    /// The state of which state `index` is the time derivative (an equation that is just its name).
+    /// The state of which state `index` is the time derivative: its equation is just that name, or turns its unit into that of the place
+    /// (`6*n` for a speed in rpm of an angle in degrees).
     pub fn integral_of(&self, index: usize) -> Option<usize> {
-        let name = &self.states[index].name;
-        self.states.iter().position(|s| s.equation == Expression::Variable(name.clone()))
+        (0..self.states.len()).find(|&place| self.rate_of(place).is_some_and(|(rate, _)| rate == index))
+    }
+
+    /// The state that is the time derivative of state `place`, and what one of it is in the unit of the place per second.
+    pub(crate) fn rate_of(&self, place: usize) -> Option<(usize, f64)> {
+        /// How far the number in an equation may be from what the units say: it is typed by hand.
+        const TYPED: f64 = 0.01;
+        let State { equation, unit, .. } = &self.states[place];
+        let (factor, name) = equation.multiple()?;
+        let rate = self.state_index(name)?;
+        let is_unit = || {
+            unit::per_second(unit, &self.states[rate].unit).is_some_and(|known| (factor / known - 1.0).abs() < TYPED)
+        };
+        (*equation == Expression::Variable(name.into()) || is_unit()).then_some((rate, factor))
+    }
+
+    /// What one of the rate of state `place` is in the unit of the place per second; one where no state is its rate.
+    pub(crate) fn per_rate(&self, place: usize) -> f64 {
+        self.rate_of(place).map_or(1.0, |(_, factor)| factor)
     }
 
     /// The states in whose equations `name` stands.
@@ -325,9 +343,9 @@ impl Model {
         (0..self.states.len()).filter(move |&j| self.states[j].equation.contains(name))
     }
 
-    /// Whether the equation of state `index` is just the name of another state (`x = "v"`).
+    /// Whether the equation of state `index` is just the name of another state (`x = "v"`), or that in another unit.
     pub fn is_kinematic(&self, index: usize) -> bool {
-        matches!(&self.states[index].equation, Expression::Variable(name) if self.state_index(name).is_some())
+        self.rate_of(index).is_some()
     }
 
     /// Every unit that is given, empty ones included.

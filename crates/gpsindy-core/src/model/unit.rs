@@ -1,5 +1,7 @@
 //! Units as text: their products and powers, as far as the text can be read.
 
+use std::f64::consts::TAU;
+
 /// The product of `(unit, power)` pairs in the shortest form: `m/s^2` by `m/s` squared gives `1/m`.
 ///
 /// Empty where a unit is empty (unknown), where one can't be read without doubt (`W/m K`), and where all units cancel.
@@ -80,9 +82,57 @@ fn factor(word: &str) -> Option<Option<(String, i32)>> {
 /// A full turn in a unit of angle; `None` for other units.
 pub(crate) fn turn(unit: &str) -> Option<f64> {
     match unit {
-        "rad" => Some(std::f64::consts::TAU),
+        "rad" => Some(TAU),
         "deg" | "°" => Some(360.0),
         _ => None,
+    }
+}
+
+/// By how much a place in one unit moves in a second at a rate of one in another: 6 for `deg` and `rpm`; `None` where the two do not belong
+/// together, or one is unknown.
+pub(crate) fn per_second(place: &str, rate: &str) -> Option<f64> {
+    let (of, per) = if rate == "rpm" { ("rev", "min") } else { rate.split_once('/')? };
+    let seconds = match per {
+        "s" => 1.0,
+        "min" => 60.0,
+        "h" => 3600.0,
+        _ => return None,
+    };
+    let ((kind, size), (other, of_rate)) = (size_of_place(place)?, size_of_place(of)?);
+    (kind == other).then(|| of_rate / (seconds * size))
+}
+
+/// Whether a unit is one of an angle or a length.
+pub(crate) fn is_place(unit: &str) -> bool {
+    size_of_place(unit).is_some()
+}
+
+/// Whether a unit is one of a length.
+pub(crate) fn is_length(unit: &str) -> bool {
+    matches!(size_of_place(unit), Some((Place::Length, _)))
+}
+
+/// What a unit of a place measures.
+#[derive(PartialEq)]
+enum Place {
+    Angle,
+    Length,
+}
+
+/// The unit of a place in radians or metres; `None` for other units.
+fn size_of_place(unit: &str) -> Option<(Place, f64)> {
+    let angle = |size: f64| Some((Place::Angle, size));
+    let length = |size: f64| Some((Place::Length, size));
+    match unit {
+        "rev" | "turn" => angle(TAU),
+        "m" => length(1.0),
+        "km" => length(1e3),
+        "cm" => length(1e-2),
+        "mm" => length(1e-3),
+        "um" => length(1e-6),
+        "in" => length(0.0254),
+        "ft" => length(0.3048),
+        _ => angle(TAU / turn(unit)?),
     }
 }
 
@@ -124,6 +174,25 @@ mod tests {
             (&[("V", -1), ("A", -1)], "1/(V*A)"),
         ] {
             assert_eq!(product(parts), wanted, "{parts:?}");
+        }
+    }
+
+    #[test]
+    fn a_place_moves_by_as_much_as_its_rate_says_in_a_second() {
+        for (place, rate, wanted) in [
+            ("deg", "rpm", Some(6.0)),
+            ("rad", "rpm", Some(TAU / 60.0)),
+            ("deg", "rad/s", Some(360.0 / TAU)),
+            ("mm", "m/s", Some(1e3)),
+            ("m", "km/h", Some(1.0 / 3.6)),
+            ("m", "rad/s", None),
+            ("mol", "mol/s", None),
+            ("rad", "", None),
+        ] {
+            match (per_second(place, rate), wanted) {
+                (Some(found), Some(wanted)) => assert!((found / wanted - 1.0).abs() < 1e-12, "{place} {rate} {found}"),
+                (found, wanted) => assert_eq!(found, wanted, "{place} {rate}"),
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::data::{Dataset, Hold, Run};
 use crate::error::{Error, Result};
-use crate::model::System;
+use crate::model::{LateState, System};
 use crate::refine::tally::Tally;
 use std::sync::Arc;
 
@@ -31,9 +31,24 @@ pub struct Log {
     pub own: Vec<(usize, f64)>,
     /// Controls that a limited rate has not brought to their first value as the run begins: which, and by how much it is more there.
     pub begun: Vec<(usize, f64)>,
+    /// Slow sensors whose clock begins anew with each run: which state they read, and a moment at which they sample it here, s. The phase of a
+    /// hold counts from there.
+    pub sampled: Vec<(usize, f64)>,
 }
 
 impl Log {
+    /// How late every state that is read late is read in this run, as [`LateState::amounts`](crate::model::LateState::amounts) has it.
+    pub(crate) fn lateness<const L: usize>(&self, system: &System, parameters: &[[f64; L]]) -> Vec<[[f64; 2]; L]> {
+        let of = |late: &LateState| {
+            let mut amounts = late.amounts(parameters);
+            let own = self.sampled.iter().find(|(state, _)| late.is_held() && *state == late.state);
+            let from = own.map_or(0.0, |(_, from)| *from);
+            amounts.iter_mut().for_each(|amounts| amounts[1] += from);
+            amounts
+        };
+        system.late_states().iter().map(of).collect()
+    }
+
     /// The parameters of a rollout of this run, of those of all runs.
     pub(crate) fn parameters<const L: usize>(&self, all: &[[f64; L]]) -> Vec<[f64; L]> {
         let mut own = all.to_vec();
@@ -262,6 +277,7 @@ fn log(run: &Run, channels: &[usize], controls: &[usize], model: &crate::model::
         measured: channels.iter().map(|&c| run.column(c).to_vec()).collect(),
         own: Vec::new(),
         begun: Vec::new(),
+        sampled: Vec::new(),
     })
 }
 
@@ -296,8 +312,8 @@ fn state_scales(system: &System, logs: &[Log], columns: &[usize], spreads: &[f64
             if let Some(c) = columns.iter().position(|&c| c == j) {
                 return spreads[c];
             }
-            let position = model.integral_of(j).and_then(|i| columns.iter().position(|&c| c == i));
-            let Some(c) = position else { return 1.0 };
+            let place = model.integral_of(j).and_then(|i| Some((i, columns.iter().position(|&c| c == i)?)));
+            let Some((place, c)) = place else { return 1.0 };
             // Over a fortieth of the log, so that noise and encoder steps do not count as motion.
             let mut sum = 0.0;
             let mut count = 0.0;
@@ -310,7 +326,7 @@ fn state_scales(system: &System, logs: &[Log], columns: &[usize], spreads: &[f64
                     count += 1.0;
                 }
             }
-            (sum / f64::max(count, 1.0)).sqrt().max(f64::MIN_POSITIVE)
+            ((sum / f64::max(count, 1.0)).sqrt() / model.per_rate(place).abs()).max(f64::MIN_POSITIVE)
         })
         .collect()
 }

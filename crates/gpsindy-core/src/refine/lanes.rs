@@ -83,7 +83,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
         rates[first..first + parameters.len()].copy_from_slice(parameters);
         let mut outputs = system.outputs().registers::<L>();
         outputs[first..first + parameters.len()].copy_from_slice(parameters);
-        let late = system.late_states().iter().map(|late| late.amounts(parameters)).collect();
+        let late = log.lateness(system, parameters);
         let slots = Slots::new(system, parameters).map(Box::new);
         let parameters = parameters.to_vec();
         Self { system, log, hold, past, histories, late, rates, outputs, parameters, followed: None, slots }

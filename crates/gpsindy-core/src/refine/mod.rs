@@ -254,8 +254,8 @@ pub(crate) fn guess_initial(system: &System, experiment: &Experiment) -> Vec<Vec
                     if let Some(c) = experiment.column_of(j) {
                         return lines[c].0;
                     }
-                    match model.integral_of(j).and_then(|i| experiment.column_of(i)) {
-                        Some(c) => lines[c].1,
+                    match model.integral_of(j).and_then(|i| Some((i, experiment.column_of(i)?))) {
+                        Some((place, c)) => lines[c].1 / model.per_rate(place),
                         None => model.initial.get(&model.states[j].name).copied().unwrap_or(0.0),
                     }
                 })

@@ -75,10 +75,11 @@ impl Series {
 #[derive(Debug, Clone)]
 enum Source {
     Logged(Series),
-    /// Derivative number `order` of the logged state `of`.
+    /// Derivative number `order` of the logged state `of`, of which one is `per` in its unit.
     Derivative {
         of: usize,
         order: usize,
+        per: f64,
     },
     /// What makes the equation of the logged state `of` hold, with the columns of the run without gaps.
     Solved {
@@ -160,8 +161,9 @@ impl StateReader {
             .iter()
             .map(|source| match source {
                 Source::Logged(series) => Ok(series.interpolate(t).unwrap_or(f64::NAN)),
-                Source::Derivative { of, order } => match &self.sources[*of] {
+                Source::Derivative { of, order, per } => match &self.sources[*of] {
                     Source::Logged(series) => local_derivative(&series.time, &series.values, series.noise, t, *order)
+                        .map(|derivative| derivative / per)
                         .ok_or_else(|| too_few(order + 2, series)),
                     _ => Err(Error::data("a derivative's state is not logged")),
                 },
@@ -310,12 +312,13 @@ fn sensor_delay(model: &Model, measured: &Expression, name: &str) -> Result<f64>
 }
 
 fn derivative_of_logged(model: &Model, found: &[Option<Source>], state: usize) -> Option<Source> {
-    let (mut of, mut order) = (state, 0);
+    let (mut of, mut order, mut per) = (state, 0, 1.0);
     while order < 3 {
         of = model.integral_of(of)?;
         order += 1;
+        per *= model.per_rate(of);
         if matches!(found[of], Some(Source::Logged(_))) {
-            return Some(Source::Derivative { of, order });
+            return Some(Source::Derivative { of, order, per });
         }
     }
     None

@@ -7,7 +7,7 @@ use crate::diagnose::catalogue::site::Reach;
 use crate::diagnose::limits::catalogue::MOMENTS_OF_PATHS;
 use crate::model::System;
 use crate::refine::{Experiment, Log, Window, present};
-use repeats::Repeats;
+use repeats::{Repeats, own_period};
 
 /// The trajectories of the nominal model and what they excite.
 #[derive(Debug, Clone)]
@@ -85,7 +85,10 @@ impl Scene {
         let rates: Vec<f64> = (0..n).map(|j| typical_rate(experiment, paths, j, states[j].size() / duration)).collect();
         let reach = Reach::new(system, &states, &controls, &rates);
         let clocks = clocks(system, experiment, paths);
-        let sampling = |j: usize| Repeats::of(&experiment.logs, experiment.column_of(j)?)?.clock;
+        let sampling = |j: usize| {
+            let column = experiment.column_of(j)?;
+            Repeats::of(&experiment.logs, column)?.clock.or_else(|| Some((own_period(&experiment.logs, column)?, 0.0)))
+        };
         let samplings = (0..n).map(sampling).collect();
         let window = experiment.longest_window();
         let moments = moments(experiment, paths);

@@ -8,6 +8,7 @@ use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::excursion::Excursion;
 use crate::diagnose::limits::catalogue::{MOVES, REVERSES};
 use crate::model::Model;
+use crate::model::unit::{is_length, is_place};
 use scaled::is_scaled;
 use servo::is_servo;
 
@@ -122,17 +123,8 @@ fn excursion<'a>(name: &str, model: &Model, scene: &'a Scene) -> Option<&'a Excu
 
 /// Whether a unit is one of a speed: it has no spring, no weight and no teeth. Only what may be a place or an angle does.
 pub(crate) fn is_speed(unit: &str) -> bool {
-    unit.ends_with("/s")
-}
-
-/// Whether a unit is one of an angle or a length.
-fn is_place(unit: &str) -> bool {
-    matches!(unit, "rad" | "deg" | "°" | "rev" | "turn") || is_length(unit)
-}
-
-/// Whether a unit is one of a length.
-fn is_length(unit: &str) -> bool {
-    matches!(unit, "m" | "cm" | "mm" | "um" | "km" | "in" | "ft")
+    let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "min" | "h");
+    unit == "rpm" || unit.ends_with("/s") || unit.split_once('/').is_some_and(is_rate)
 }
 
 /// Whether a unit is a base, or one of these prefixes and a base.

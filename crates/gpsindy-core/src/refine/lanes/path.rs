@@ -15,8 +15,8 @@ mod stepped;
 mod steps;
 
 use super::Lanes;
-use crate::model::System;
 use crate::model::change::{Change, Entry};
+use crate::model::{LateState, System};
 use crate::refine::experiment::{Experiment, Window};
 use crate::refine::history::Histories;
 use making::{Maker, Making};
@@ -80,6 +80,11 @@ impl Path {
         let n = system.n_states();
         let read = read(system, experiment);
         if system.engine().is_some() || (read.is_none() && !system.late_states().is_empty()) {
+            return None;
+        }
+        // A path knows one moment of every late reading, whatever the run.
+        let is_own = experiment.logs.iter().any(|log| !log.sampled.is_empty());
+        if is_own && system.late_states().iter().any(LateState::is_held) {
             return None;
         }
         if 2 * n * n * experiment.n_samples() * experiment.substeps > MOST {

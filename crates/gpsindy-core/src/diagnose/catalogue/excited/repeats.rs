@@ -51,6 +51,56 @@ impl Repeats {
     }
 }
 
+/// Period, s, of a sensor whose clock begins anew with each run; `None` where it does not repeat its readings, or one clock serves all runs.
+pub(crate) fn own_period(logs: &[Log], column: usize) -> Option<f64> {
+    if Repeats::of(logs, column)?.clock.is_some() {
+        return None;
+    }
+    let changes: Vec<Vec<Change>> = logs.iter().map(|log| changes(log, column)).collect();
+    let alone = changes.iter().filter_map(|own| Some((own.len() as f64, clock(std::slice::from_ref(own))?.0)));
+    // A slope is known as the third power of the number of its points.
+    let (sum, weight) =
+        alone.fold((0.0, 0.0), |(sum, weight), (n, period)| (sum + n.powi(3) * period, weight + n.powi(3)));
+    let period = Some(sum / weight).filter(|period| period.is_finite())?;
+    changes.iter().any(|own| moment(own, period).is_some()).then_some(period)
+}
+
+/// A moment at which a sensor of this period samples in a run; `None` where it does not show it.
+pub(crate) fn own_moment(log: &Log, column: usize, period: f64) -> Option<f64> {
+    moment(&changes(log, column), period)
+}
+
+/// The middle of the moments which, a whole number of periods on, lie between the two stamps of nearly every change.
+fn moment(changes: &[Change], period: f64) -> Option<f64> {
+    let &(first, _) = changes.get(1)?;
+    // Of every change the earliest and the latest moment, from the middle of one of them on and less whole periods.
+    let around = |origin: f64| {
+        let of = move |&(before, after): &Change| {
+            let off = OFF_STAMP * (after - before);
+            let turns = ((0.5 * (before + after) - origin) / period).round() * period;
+            (before - off - turns, after + off - turns)
+        };
+        changes.iter().map(of)
+    };
+    let holds = |at: f64| around(at).filter(|(low, high)| (*low..=*high).contains(&at)).count();
+    let candidates = around(first).flat_map(|(low, high)| [low, high]);
+    let best = candidates.max_by_key(|&at| holds(at))?;
+    if (holds(best) as f64) < FITTING * changes.len() as f64 {
+        return None;
+    }
+    let held = || around(best).filter(|(low, high)| (*low..=*high).contains(&best));
+    let low = held().map(|(low, _)| low).fold(f64::NEG_INFINITY, f64::max);
+    let high = held().map(|(_, high)| high).fold(f64::INFINITY, f64::min);
+    Some(0.5 * (low + high))
+}
+
+/// Where the values of a column change in a log.
+fn changes(log: &Log, column: usize) -> Vec<Change> {
+    let there = present(&log.measured[column]);
+    let pairs = there.windows(2).filter(|pair| pair[1].1 != pair[0].1);
+    pairs.map(|pair| (log.time[pair[0].0], log.time[pair[1].0])).collect()
+}
+
 /// The readings of a column that repeats them, and the rows in which they come.
 pub(crate) fn readings(column: &[f64]) -> Vec<(usize, f64)> {
     let mut all = present(column);
@@ -145,6 +195,24 @@ mod tests {
             assert!((clock.0 - period).abs() * 26.0 / period < STEP, "{clock:?} for {period}");
             let off = (clock.1 - phase + 0.5 * period).rem_euclid(period) - 0.5 * period;
             assert!(off.abs() <= STEP, "{clock:?} for {phase}");
+        }
+    }
+
+    #[test]
+    fn a_sensor_whose_clock_begins_anew_in_each_run_shows_one_period() {
+        let period = 0.168;
+        // Each log is as long as 53.6 periods.
+        let begins = |t: f64| (t / (STEP * 450.0)).floor() * STEP * 450.0;
+        let phase = |t: f64| [0.02, 0.11, 0.07][(begins(t) / (STEP * 450.0)) as usize];
+        let sampled = |t: f64| sampled_at(t, begins(t) + phase(t), period);
+        let logs = logs(sampled, swing, 0.05, 1e-6);
+        assert_eq!(Repeats::of(&logs, 0).unwrap().clock, None);
+        let found = own_period(&logs, 0).unwrap();
+        assert!((found / period - 1.0).abs() < 1e-3, "{found}");
+        for log in &logs {
+            let turns = (own_moment(log, 0, found).unwrap() - log.time[0] - phase(log.time[0])) / period;
+            // Half of a sample.
+            assert!((turns - turns.round()).abs() * period < 0.5 * STEP, "{turns}");
         }
     }
 

@@ -4,4 +4,5 @@ pub(crate) mod affordable;
 pub(crate) mod check;
 pub(crate) mod noise;
 pub(crate) mod prepare;
+pub(crate) mod sampled;
 pub(crate) mod windows;

@@ -15,6 +15,7 @@ use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::affordable::affordable;
 use crate::diagnose::steps::logs::check;
 use crate::diagnose::steps::logs::noise::{moves, news, noise_levels, remove_outliers, still_levels};
+use crate::diagnose::steps::logs::sampled::set_clocks;
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halvings, whole_runs};
 use crate::error::Result;
 use crate::excitation::{choose, excitation, variance};
@@ -138,6 +139,8 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
         notes.push(Note::Decimated { stride });
     }
     experiment.news = news(&experiment.logs, n_columns);
+    let own = experiment.clone();
+    set_clocks(&mut experiment, &own);
     let free = tolerated(system.model());
     let parameters = system.parameter_values();
     let start = guess_initial(system, &experiment);
@@ -238,6 +241,7 @@ fn decimated(experiment: &Experiment) -> Option<(Experiment, usize)> {
                 measured: log.measured.iter().map(|c| c.iter().copied().step_by(stride).collect()).collect(),
                 own: log.own.clone(),
                 begun: log.begun.clone(),
+                sampled: log.sampled.clone(),
             }
         })
         .collect();

@@ -158,8 +158,11 @@ fn beliefs(system: &System, beginning: &Experiment, nominal_states: usize) -> Ve
         };
         let lines: Vec<Option<Line>> = (0..beginning.columns.len()).map(of_column).collect();
         let state = |j: usize| {
-            let position = model.integral_of(j).and_then(|i| beginning.column_of(i));
-            let rate = position.and_then(|c| lines[c].as_ref()).map(|l| l.slope);
+            let place = model.integral_of(j).and_then(|i| Some((i, beginning.column_of(i)?)));
+            let rate = place.and_then(|(place, c)| {
+                let ((slope, deviation), per) = (lines[c].as_ref()?.slope, model.per_rate(place));
+                Some((slope / per, deviation / per.abs()))
+            });
             match rate.filter(|_| beginning.column_of(j).is_none()) {
                 Some((slope, deviation)) => (slope, deviation.min(UNTOLD * beginning.scale[j])),
                 None => (guess[j], UNTOLD * beginning.scale[j]),

@@ -13,6 +13,7 @@ use crate::diagnose::notes::Note;
 use crate::diagnose::report::{Closure, ClosureState, ResidualCheck, RolloutFigure, finite};
 use crate::diagnose::steps::findings::Judged;
 use crate::diagnose::steps::logs::noise::{moves, noise_levels, remove_outliers};
+use crate::diagnose::steps::logs::sampled::set_clocks;
 use crate::diagnose::steps::logs::windows::{Purpose, choose_windows, halved};
 use crate::diagnose::steps::verdict::spread::{self, Spread};
 use crate::diagnose::steps::verdict::start::{beginnings, starts};
@@ -168,6 +169,7 @@ fn held_out(best: &Contestant, holdout: &Dataset, sensors: &[usize]) -> Result<H
     experiment.scale.clone_from(&known.scale);
     let own = noise_levels(&experiment.logs, experiment.columns.len());
     remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &own);
+    set_clocks(&mut experiment, known);
     // A column that rests here says nothing of its noise.
     let moves_here = |c: usize| moves(&experiment.logs, c);
     // One that repeats its readings may be too short here to show that it does.

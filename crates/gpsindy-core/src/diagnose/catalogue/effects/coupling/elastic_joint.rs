@@ -80,7 +80,8 @@ fn at_other_end(hypothesis: &Hypothesis, model: &Model) -> Option<String> {
 fn write_two_ends(writer: &mut Writer<'_>, z: &str) -> Result<Vec<Start>> {
     let state = writer.hypothesis.state;
     let (slowest, fastest) = swings(writer);
-    let is_place = writer.model.state_index(z).is_some();
+    let place = writer.model.state_index(z);
+    let is_place = place.is_some();
     // An end without inertia is at no place of its own.
     let m = writer.add("m", 1.0, 1.0, (if is_place { 0.05 } else { 0.0 }, 20.0), "");
     let spring = spring(writer);
@@ -88,10 +89,10 @@ fn write_two_ends(writer: &mut Writer<'_>, z: &str) -> Result<Vec<Start>> {
     let (own, other) = ends(&rigid, z);
     let both = Expression::Number(1.0).plus(m.clone());
     let Twist { twist, unwinding, pull } = Twist::of(writer, spring)?;
-    let other = match is_place {
-        true => other.substitute(z, &Expression::variable(z).plus(twist.clone().over(m.clone()))),
-        false => other,
-    };
+    let other = place.map_or(other.clone(), |place| {
+        let per = Expression::Number(writer.model.per_rate(place));
+        other.substitute(z, &Expression::variable(z).plus(per.times(twist.clone()).over(m.clone())))
+    });
     let rate = both.clone().times(own).plus(pull.clone());
     writer.model.states[state].equation = rate.clone();
     writer.set_rate(&twist, unwinding.clone());

@@ -83,6 +83,6 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
 
 /// How far the place moves whose rate the state is; without one what its speed covers in a tenth of the longest log.
 fn travel(model: &Model, scene: &Scene, state: usize) -> f64 {
-    let place = model.integral_of(state).and_then(|i| scene.states.get(i)).map(|e| e.range());
+    let place = model.integral_of(state).and_then(|i| Some(scene.states.get(i)?.range() / model.per_rate(i).abs()));
     place.filter(|range| *range > 0.0).unwrap_or_else(|| 0.1 * scene.duration * scene.states[state].size())
 }
