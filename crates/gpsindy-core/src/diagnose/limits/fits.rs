@@ -112,6 +112,11 @@ pub(crate) const BEGINNINGS: usize = 4;
 pub(crate) const BEGUN_PLACES: usize = 12;
 pub(crate) const BEGUN_ROUNDS: usize = 3;
 
+/// For how long such a place shows, in times that a way over the whole range takes: what it has done to the states until then lasts a while.
+/// And the fewest samples of a log that are looked at. Convention.
+pub(crate) const BEGUN_SHOWS: f64 = 2.0;
+pub(crate) const BEGUN_SAMPLES: usize = 20;
+
 /// Fits in a row in which starts come from the windows before them, and the share of the squares from which one more is worth it. Convention.
 pub(crate) const CHAINED: usize = 5;
 pub(crate) const CHAIN_GAIN: f64 = 0.05;

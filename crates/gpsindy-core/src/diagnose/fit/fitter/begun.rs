@@ -5,9 +5,9 @@
 
 use super::Fitter;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::{BEGINNINGS, BEGUN_PLACES, BEGUN_ROUNDS, Budget, CONVINCING};
+use crate::diagnose::limits::{BEGINNINGS, BEGUN_PLACES, BEGUN_ROUNDS, BEGUN_SAMPLES, BEGUN_SHOWS, Budget, CONVINCING};
 use crate::error::{Result, unless_refused};
-use crate::model::{InputKind, System};
+use crate::model::{Input, InputKind, System};
 use crate::refine::{Experiment, Log, Point, Refined, Window};
 use std::sync::Arc;
 
@@ -87,6 +87,19 @@ pub(crate) fn settle(system: &System, experiment: Experiment, point: &Point) -> 
     Ok(experiment)
 }
 
+/// How long a control with a limited rate may be on its way over this range, s.
+fn longest_way(system: &System, parameters: &[f64], (control, range): (usize, f64)) -> f64 {
+    let rate = |(number, input): (usize, &Input)| {
+        let mut registers = input.tape.registers::<1>();
+        let place = system.n_controls() + number;
+        registers[place..place + parameters.len()].iter_mut().zip(parameters).for_each(|(own, &value)| *own = [value]);
+        input.tape.evaluate(&mut registers);
+        input.tape.output(&registers, 1)[0].abs()
+    };
+    let limits = system.inputs().iter().enumerate().filter(|(_, i)| i.kind == InputKind::Slew && i.tape.reads(control));
+    range / limits.map(rate).fold(f64::INFINITY, f64::min)
+}
+
 /// The same for one control and one log, of the places from `low` to `high`.
 fn of_log(
     system: &System,
@@ -101,7 +114,14 @@ fn of_log(
     if early.first().is_none_or(|&w| experiment.windows[w].first > 0) {
         return Ok(experiment);
     }
-    let windows: Vec<Window> = early.iter().map(|&w| experiment.windows[w]).collect();
+    let time = &experiment.logs[log].time;
+    let shows = time[0] + BEGUN_SHOWS * longest_way(system, &point.parameters, (control, high - low));
+    let until = time.partition_point(|&t| t <= shows).max(BEGUN_SAMPLES) - 1;
+    let cut = |&w: &usize| {
+        let Window { first, last, .. } = experiment.windows[w];
+        (first < until).then_some((w, Window { last: last.min(until), ..experiment.windows[w] }))
+    };
+    let (early, windows): (Vec<usize>, Vec<Window>) = early.iter().filter_map(cut).unzip();
     let part = Experiment { windows, ..experiment.clone() };
     let initial: Vec<Vec<f64>> = early.iter().map(|&w| point.initial[w].clone()).collect();
     let first = experiment.logs[log].controls[control][0];

@@ -30,7 +30,7 @@ pub(super) static DEFINITION: Definition = Definition {
     reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "sample_hold(x, 0.4, 0)"),
     in_mjcf: None,
-    about: "Where a column shows its last reading again until the next one, with its noise, period and phase begin at what the repeats show, and a reading counts once however often it is repeated. Else period and phase are found by trial, because the values that are shown change in jumps when they move. The other parameters are then fitted as always. All runs share the clock of the log: runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",
+    about: "Where a column shows its last reading again until the next one, with its noise, period and phase begin at what the repeats show, and a reading counts once however often it is repeated. Else period and phase are found by trial, because the values that are shown change in jumps when they move. The other parameters are then fitted as always. Where the repeats show that the sensor's clock begins anew with each run, each run has a moment of its own, and the phase counts from there; else all runs share the clock of the log, and runs that each begin at 0 s are taken to begin alike. A period of two samples of the log is the shortest that is tried. A log that leaves cells empty until the sensor's next sample needs no such effect.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
