@@ -16,3 +16,6 @@ pub(crate) const TOLERABLE: f64 = 0.25;
 
 /// Chance below which what is left is no noise: one null log in a hundred gets a function beside its causes. Convention.
 pub(crate) const STRUCTURED: f64 = 0.01;
+
+/// Frequencies of ripples that are tried from one of the first to the next: half a ripple over the range apart, an eighth of one is left. Argument.
+pub(crate) const BETWEEN: usize = 4;

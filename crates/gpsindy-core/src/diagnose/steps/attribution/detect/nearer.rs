@@ -3,13 +3,13 @@
 //! A force that repeats along the place is out of step once a rollout is a fraction of a ripple off, and no straight line from there says which
 //! ripples they are. So where nothing accounts for the logs they are looked for in rollouts so short that the nominal model has not left these.
 
-use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis};
+use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Start};
 use crate::diagnose::catalogue::list::Effect;
 use crate::diagnose::fit::colours::noise::{ByNoise, Noise};
-use crate::diagnose::fit::contestant::{Contestant, Entrant, Searches};
+use crate::diagnose::fit::contestant::{Contestant, Entrant, Linearised, Searches};
 use crate::diagnose::fit::linear::basis::Basis;
 use crate::diagnose::fit::linear::gains::{Gain, gains};
-use crate::diagnose::limits::{Budget, FAR, SUBSTITUTE};
+use crate::diagnose::limits::{BETWEEN, Budget, FAR, SUBSTITUTE};
 use crate::diagnose::steps::attribution::contest::Contest;
 use crate::diagnose::steps::attribution::round::Expansion;
 use crate::diagnose::steps::logs::windows::halved;
@@ -40,7 +40,7 @@ fn explain(contest: &Contest<'_>, near: &Contestant) -> Result<bool> {
     let basis = Basis::new(&at, Noise::White, &[]);
     for hypothesis in ripples(contest) {
         let Ok(applied) = hypothesis.apply(near.system.model(), &scene) else { continue };
-        let Some(values) = line(near, &applied, &gains(&applied, &at, &[&basis])) else { continue };
+        let Some(values) = line(near, &applied, &at, &basis) else { continue };
         // The grid of frequencies is too coarse for a straight line to leave nothing.
         let entrant = Entrant::new(hypothesis, Searches::NONE);
         let fit = unless_refused(contest.fitter.with(near, &[entrant], &applied, &values, Budget::Usual))?;
@@ -56,11 +56,33 @@ fn ripples<'c>(contest: &'c Contest<'_>) -> impl Iterator<Item = &'c Hypothesis>
 }
 
 /// Values to start from at the frequency that gains most by a straight line; none where that is less than a straight line leaves of the truth.
-fn line(near: &Contestant, applied: &Applied, gains: &[ByNoise<Vec<Gain>>]) -> Option<Vec<Vec<f64>>> {
-    let of = |(start, gains): (_, &ByNoise<Vec<Gain>>)| Some((start, gains.of(Noise::White)?.first()?.clone()));
-    let all = applied.starts.iter().zip(gains).filter_map(of);
-    let (start, best) = all.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
-    (best.gain > (1.0 - SUBSTITUTE) * near.evidence.squares()).then(|| start.shortened(&best.values))
+///
+/// Frequencies are tried between the neighbours of the best one, too: half a step off the ripples are out of step at the ends of a travel.
+fn line(near: &Contestant, applied: &Applied, at: &Linearised<'_>, basis: &Basis) -> Option<Vec<Vec<f64>>> {
+    let best = |applied: &Applied| {
+        let gains = gains(applied, at, &[basis]);
+        let of = |(place, gains): (usize, &ByNoise<Vec<Gain>>)| Some((place, gains.of(Noise::White)?.first()?.clone()));
+        gains.iter().enumerate().filter_map(of).max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
+    };
+    let (place, _) = best(applied)?;
+    let starts = &applied.starts;
+    let between = |other: usize| {
+        let towards = move |share: f64| starts[place].towards(starts.get(other).unwrap_or(&starts[place]), share);
+        (0..BETWEEN).map(move |k| towards(k as f64 / BETWEEN as f64))
+    };
+    let finer: Vec<Start> = between(place.saturating_sub(1)).chain(between(place + 1)).collect();
+    let finer = Applied { starts: finer, ..applied.clone() };
+    let (place, gain) = best(&finer)?;
+    let is_enough = gain.gain > (1.0 - SUBSTITUTE) * near.evidence.squares();
+    is_enough.then(|| finer.starts[place].shortened(&gain.values))
+}
+
+impl Start {
+    /// The start a share of the way to another one of the same effect.
+    fn towards(&self, other: &Self, share: f64) -> Self {
+        let between = |a: &Vec<f64>, b: &Vec<f64>| a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect();
+        Self { columns: self.columns.iter().zip(&other.columns).map(|(a, b)| between(a, b)).collect(), ..self.clone() }
+    }
 }
 
 #[cfg(test)]
