@@ -43,6 +43,8 @@ pub(crate) struct View {
     pub(crate) places: Vec<usize>,
     /// By how much twice the negative log likelihood is above that of the whole fit, by a straight line.
     pub(crate) loss: f64,
+    /// Its residual as a sum of those of the windows, each so many times.
+    weights: DVector<f64>,
     /// The free parameters that it has.
     kept: Vec<usize>,
     /// Inverse of their Gram matrix, and their product with the residual.
@@ -78,7 +80,7 @@ struct Projected {
     whitening: Whitening,
     /// Orthonormal directions of the initial state.
     directions: DMatrix<f64>,
-    /// One residual for each view.
+    /// That of the fit, then that without each of its effects: what two of them do is the sum of what each does.
     residuals: Vec<DVector<f64>>,
     /// Directions of the free parameters.
     free: DMatrix<f64>,
@@ -135,6 +137,7 @@ impl Basis {
             .collect();
         let starts = if guide.is_some() { Starts::default() } else { starts(fitted) };
         let first = First { values: starts.samples * fitted.experiment.columns.len(), weight: starts.weight(0).sqrt() };
+        let alone: Vec<&Out> = outs.iter().filter(|out| out.places.len() == 1).collect();
         let projected = |(window, block): (usize, &crate::refine::Block)| {
             let whitening = match guide {
                 Some(guide) => Whitening::Innovations(guide.whitening[window].clone()),
@@ -160,7 +163,7 @@ impl Basis {
             // What stands where its tolerance ends does not go further for an effect.
             (0..q).filter(|&i| is_strained(fitted, i)).for_each(|i| free.column_mut(i).fill(0.0));
             let mut own = Projected { whitening, directions, residuals: Vec::new(), free };
-            let without = outs.iter().map(|out| &block.residual - &out.change[window]);
+            let without = alone.iter().map(|out| &block.residual - &out.change[window]);
             for mut residual in std::iter::once(block.residual.clone()).chain(without) {
                 own.project(&first, &mut residual);
                 own.residuals.push(residual);
@@ -178,25 +181,32 @@ impl Basis {
                 belief[i] = (mean - fitted.refined.parameters[free.parameter]) / (sd * sd);
             }
         }
+        let count = 1 + alone.len();
+        let mut squares = DMatrix::zeros(count, count);
+        let mut products = DMatrix::from_fn(q, count, |i, _| belief[i]);
+        for Projected { residuals, free, .. } in &windows {
+            let all = DMatrix::from_columns(residuals);
+            products += free.tr_mul(&all);
+            squares += all.tr_mul(&all);
+        }
         let mut views: Vec<View> = Vec::with_capacity(1 + outs.len());
         let mut whole = 0.0;
         for number in 0..=outs.len() {
             let out = number.checked_sub(1).map(|place| &outs[place]);
+            let weights = weights(&alone, out);
             let kept: Vec<usize> = (0..q).filter(|i| out.is_none_or(|out| !out.free.contains(i))).collect();
             let own = DMatrix::from_fn(kept.len(), kept.len(), |i, j| gram[(kept[i], kept[j])]);
             let ridge = if kept.is_empty() { 0.0 } else { own.diagonal().max() * 1e-12 } + f64::MIN_POSITIVE;
             let unit = DMatrix::identity(kept.len(), kept.len());
             let inverse = (own + &unit * ridge).try_inverse().unwrap_or_else(|| DMatrix::zeros(kept.len(), kept.len()));
-            let mut product = belief.clone();
-            windows.iter().for_each(|w| product += w.free.tr_mul(&w.residuals[number]));
+            let product = &products * &weights;
             let slope = DVector::from_iterator(kept.len(), kept.iter().map(|&i| product[i]));
-            let squares: f64 = windows.iter().map(|w| w.residuals[number].norm_squared()).sum();
-            let cost = squares - slope.dot(&(&inverse * &slope));
+            let cost = weights.dot(&(&squares * &weights)) - slope.dot(&(&inverse * &slope));
             if number == 0 {
                 whole = cost;
             }
             let places = out.map_or_else(Vec::new, |out| out.places.clone());
-            views.push(View { places, loss: cost - whole, kept, inverse, slope });
+            views.push(View { places, loss: cost - whole, weights, kept, inverse, slope });
         }
         Self { noise, windows, first, views, strained }
     }
@@ -220,8 +230,9 @@ impl Basis {
         let all: Vec<&Vec<DVector<f64>>> = columns.iter().chain(self.strained.iter().map(|s| &s.column)).collect();
         let (own, k) = (columns.len(), all.len());
         let q = self.windows.first().map_or(0, |w| w.free.ncols());
-        // Of every column the products with the residual of each view, with the free directions and with the columns up to itself.
-        let mut products: Vec<Vec<f64>> = (1..=k).map(|upto| vec![0.0; self.views.len() + q + upto]).collect();
+        // Of every column the products with the residuals, with the free directions and with the columns up to itself.
+        let alone = self.windows.first().map_or(0, |w| w.residuals.len());
+        let mut products: Vec<Vec<f64>> = (1..=k).map(|upto| vec![0.0; alone + q + upto]).collect();
         for (w, Projected { residuals, free, .. }) in self.windows.iter().enumerate() {
             let mut others: Vec<&[f64]> = residuals.iter().map(DVector::as_slice).collect();
             others.extend(free.as_slice().chunks_exact(free.nrows().max(1)));
@@ -230,27 +241,40 @@ impl Basis {
                 dots(column[w].as_slice(), &others, products);
             }
         }
-        let (first, behind) = (self.views.len(), self.views.len() + q);
+        let (first, behind) = (alone, alone + q);
         let mut gram = DMatrix::from_fn(k, k, |i, j| products[i.max(j)][behind + i.min(j)]);
         let mixed = DMatrix::from_fn(q, k, |i, j| products[j][first + i]);
-        let mut slopes: Vec<DVector<f64>> =
-            (0..first).map(|view| DVector::from_fn(k, |i, _| products[i][view])).collect();
+        let mut slopes = DMatrix::from_fn(k, first, |i, residual| products[i][residual]);
         for (i, strained) in self.strained.iter().enumerate() {
             gram[(own + i, own + i)] += strained.belief;
-            slopes.iter_mut().for_each(|slope| slope[own + i] += strained.belief);
+            slopes.row_mut(own + i).add_scalar_mut(strained.belief);
         }
-        let of = |(view, slope): (&View, DVector<f64>)| {
+        let of = |view: &View| {
+            let slope = &slopes * &view.weights;
             let mixed = DMatrix::from_fn(view.kept.len(), k, |i, j| mixed[(view.kept[i], j)]);
             let eliminated = &view.inverse * &mixed;
             (&gram - mixed.tr_mul(&eliminated), slope - eliminated.tr_mul(&view.slope))
         };
-        self.views.iter().zip(slopes).map(of).collect()
+        self.views.iter().map(of).collect()
     }
 
     /// Whether a parameter stands where its tolerance ends.
     pub(super) fn is_strained(&self) -> bool {
         !self.strained.is_empty()
     }
+}
+
+/// The residual without the effects that are `out` as a sum of that of the fit and those without each effect `alone`.
+fn weights(alone: &[&Out], out: Option<&Out>) -> DVector<f64> {
+    let mut weights = DVector::zeros(1 + alone.len());
+    weights[0] = 1.0;
+    for place in out.into_iter().flat_map(|out| &out.places) {
+        if let Some(own) = alone.iter().position(|other| other.places == [*place]) {
+            weights[1 + own] += 1.0;
+            weights[0] -= 1.0;
+        }
+    }
+    weights
 }
 
 /// Orthonormal basis of the columns that are not negligible (modified Gram-Schmidt).
