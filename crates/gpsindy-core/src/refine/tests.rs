@@ -203,6 +203,26 @@ fn a_run_with_a_value_of_its_own_is_rolled_out_with_it() {
 }
 
 #[test]
+fn an_unlogged_speed_in_another_unit_begins_with_the_slope_of_its_place() {
+    let of = |place: &str| {
+        let angle = State { unit: place.into(), ..State::new("a", Expression::parse("6*n").unwrap()) };
+        let speed = State { unit: "rpm".into(), ..State::new("n", Expression::parse("0").unwrap()) };
+        Model { states: vec![angle, speed], ..Model::default() }
+    };
+    let model = of("deg");
+    assert_eq!((model.integral_of(1), model.is_kinematic(0)), (Some(0), true));
+    assert_eq!((of("rad").integral_of(1), of("m").integral_of(1), of("").integral_of(1)), (None, None, None));
+    let time: Vec<f64> = (0..40).map(|i| 0.1 * f64::from(i)).collect();
+    let values = Mat::from_fn(40, 1, |i, _| 5.0 + 12.0 * time[i]);
+    let data = Dataset::new(vec![Channel::new("a")], vec![Run { name: "turn".into(), time, values }]).unwrap();
+    let system = model.compile().unwrap();
+    let experiment = Experiment::new(&system, &data, Some(&[1e-3])).unwrap();
+    let start = &guess_initial(&system, &experiment)[0];
+    assert!((start[0] - 5.0).abs() < 1e-9 && (start[1] - 2.0).abs() < 1e-9, "{start:?}");
+    assert!((experiment.scale[1] - 2.0).abs() < 1e-9, "{:?}", experiment.scale);
+}
+
+#[test]
 fn a_fit_follows_a_curved_valley() {
     // Where x moves little, a size and an exponent make up for one another along a bent line.
     let model = Model {

@@ -22,7 +22,7 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
         return Vec::new();
     }
     let spacing = PI / longest;
-    let highest = CARRIED * PI / (longest / experiment.logs[0].time.len().max(2) as f64);
+    let highest = CARRIED * PI / experiment.sampling_step();
     let count = FREQUENCIES.min((highest / spacing) as usize);
     let mut found: Vec<f64> = Vec::new();
     let powers: Vec<[f64; 2]> = parallel::map(1..=count, |k| powers_at(fitted, spacing * k as f64, n_columns));
@@ -40,26 +40,50 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     let around = ((0.5 * spacing / fine).ceil() as i32).clamp(1, 6);
     let between = |&w: &f64| {
         let all = (-around..=around).map(|k| w + fine * f64::from(k)).filter(|&w| w > 0.0 && w.is_finite());
-        let mut all: Vec<(f64, f64)> = all.map(|w| (w, coherent_power_at(fitted, w, n_columns))).collect();
+        let mut all: Vec<(f64, f64)> =
+            all.map(|w| (w, coherent_power_at(fitted, w, n_columns, Seen::Values))).collect();
         all.sort_by(|a, b| b.1.total_cmp(&a.1));
         all.into_iter().take(OF_LINE).map(|(w, _)| w).collect::<Vec<_>>()
     };
     let mut offered: Vec<f64> = parallel::map(&found, between).concat();
+    // What is slower than a rollout shows in how their residuals rise from one to the next.
+    let slow: Vec<f64> = (1..).map(|k| fine * f64::from(k)).take_while(|&w| w < spacing).take(FREQUENCIES).collect();
+    let powers = parallel::map(&slow, |&w| coherent_power_at(fitted, w, n_columns, Seen::Rises));
+    let power = |k: usize| powers.get(k).copied().unwrap_or(0.0);
+    let mut lines: Vec<usize> =
+        (0..slow.len()).filter(|&k| power(k) >= power(k + 1) && (k == 0 || power(k) >= power(k - 1))).collect();
+    lines.sort_by(|&a, &b| power(b).total_cmp(&power(a)));
+    offered.extend(lines.iter().take(OF_LINE).map(|&k| slow[k]));
     offered.sort_by(f64::total_cmp);
     offered.dedup();
     offered
 }
 
+/// What of a residual is looked at: its values, or by how much it rises from one sample to the next of a window.
+#[derive(Clone, Copy, PartialEq)]
+enum Seen {
+    Values,
+    Rises,
+}
+
 /// Power of the residual at one angular frequency on the clock of the logs, all windows in phase, each column in units of its own.
-fn coherent_power_at(fitted: &Contestant, omega: f64, n_columns: usize) -> f64 {
+fn coherent_power_at(fitted: &Contestant, omega: f64, n_columns: usize, seen: Seen) -> f64 {
     let mut sums = vec![(0.0, 0.0, 0.0); n_columns];
     let mut waves = Waves::default();
     for (window, residual) in fitted.experiment.windows.iter().zip(&fitted.refined.residuals) {
         let time = &fitted.experiment.logs[window.log].time[window.first..=window.last];
         let stride = waves.fill(time, omega);
+        let mut before = vec![if seen == Seen::Rises { f64::NAN } else { 0.0 }; n_columns];
         for ((sine, cosine), row) in waves.values().zip(residual.chunks_exact(n_columns).step_by(stride)) {
-            for (sum, value) in sums.iter_mut().zip(row).filter(|(_, value)| value.is_finite()) {
-                *sum = (sum.0 + value * cosine, sum.1 + value * sine, sum.2 + value * value);
+            for ((sum, value), before) in sums.iter_mut().zip(row).zip(&mut before).filter(|((_, v), _)| v.is_finite())
+            {
+                let used = value - *before;
+                if seen == Seen::Rises {
+                    *before = *value;
+                }
+                if used.is_finite() {
+                    *sum = (sum.0 + used * cosine, sum.1 + used * sine, sum.2 + used * used);
+                }
             }
         }
     }
@@ -108,7 +132,9 @@ impl Waves {
     /// By how many samples it goes: long windows are thinned to what the frequency needs.
     fn fill(&mut self, time: &[f64], omega: f64) -> usize {
         let period = (time[time.len() - 1] - time[0]) / (time.len().max(2) - 1) as f64;
-        let stride = ((TAU / omega / OF_PERIOD / period) as usize).max(1);
+        // A window that is shorter than a period has several of its samples, too.
+        let most = (time.len() as f64 / OF_PERIOD) as usize;
+        let stride = ((TAU / omega / OF_PERIOD / period) as usize).min(most).max(1);
         self.sines.clear();
         self.cosines.clear();
         for first in (0..time.len()).step_by(stride * LANES) {
@@ -125,5 +151,44 @@ impl Waves {
 
     fn values(&self) -> impl Iterator<Item = (&f64, &f64)> {
         self.sines.iter().zip(&self.cosines)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::fit::fitter::Fitter;
+    use crate::diagnose::limits::Budget;
+    use crate::expression::Expression;
+    use crate::model::{Model, State, System};
+    use crate::random::normal;
+    use crate::refine::Experiment;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    #[test]
+    fn a_line_that_is_slower_than_a_rollout_is_offered() {
+        let model = Model { states: vec![State::new("v", Expression::parse("-v").unwrap())], ..Model::default() };
+        let (step, fine, omega) = (0.02, 20, 0.61);
+        let time: Vec<f64> = (0..1000).map(|i| step * f64::from(i)).collect();
+        let (mut random, mut v) = (ChaCha8Rng::seed_from_u64(1), 0.0);
+        let values = Mat::from_fn(1000, 1, |i, _| {
+            let read = v + 0.002 * normal(&mut random);
+            for k in 0..fine {
+                let h = step / f64::from(fine);
+                v += h * (0.3 * (omega * (time[i] + h * f64::from(k)) + 0.4).sin() - v);
+            }
+            read
+        });
+        let data = Dataset::new(vec![Channel::new("v")], vec![Run { name: "swing".into(), time, values }]).unwrap();
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[0.002])).unwrap().with_windows_of(1.0);
+        let fitted = Fitter::default().nominal(system, experiment, Vec::new(), Budget::Thorough).unwrap();
+        // As close as twenty seconds show it.
+        let offered = peaks(&fitted);
+        assert!(offered.iter().any(|found| (found - omega).abs() < 0.5 * PI / 20.0), "{offered:?}");
     }
 }

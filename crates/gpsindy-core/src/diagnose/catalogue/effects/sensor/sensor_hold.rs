@@ -59,15 +59,16 @@ mod tests {
 
     const CELL: usize = 14;
 
-    /// Logs of `v' = u - 3 v` whose place is read at every so-many-th sample, with noise, from the third on.
-    fn logs(seed: u64) -> Dataset {
+    /// Logs of `v' = u - 3 v` whose place is read at every so-many-th sample, with noise, from the third on; `later`: by how many samples
+    /// later in each run than in the one before.
+    fn logs(seed: u64, later: usize) -> Dataset {
         let rate = |_: f64, v: f64, u: f64| u - 3.0 * v;
         let input = |time: f64, run: f64| 5.0 * (0.9 * time + run).sin() + 3.0 * (2.3 * time + 2.0 * run).sin();
         let data = slider(seed, rate, input, [0.06, 0.02], 500);
         let mut runs = data.runs().to_vec();
-        for run in &mut runs {
+        for (number, run) in runs.iter_mut().enumerate() {
             for i in 1..run.n_samples() {
-                if i % CELL != 3 {
+                if i % CELL != (3 + later * number) % CELL {
                     run.values[(i, 0)] = run.values[(i - 1, 0)];
                 }
             }
@@ -75,25 +76,29 @@ mod tests {
         Dataset::new(data.channels().to_vec(), runs).unwrap()
     }
 
-    fn found(model: &Model, seed: u64) -> Diagnosis {
-        let (train, holdout) = hold_out(&logs(seed)).unwrap();
+    fn found(model: &Model, seed: u64, later: usize) -> Diagnosis {
+        let (train, holdout) = hold_out(&logs(seed, later)).unwrap();
         Diagnose::default().run(model, &train, &holdout, &Silent).unwrap().diagnosis
     }
 
     #[test]
     fn a_sensor_that_holds_its_readings_and_their_noise_is_all_that_a_log_shows() {
-        let found = found(&slider_model("u - 3*v"), 1);
-        let names: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
-        assert_eq!((names.as_slice(), found.verdict), (&["sensor_hold"][..], Verdict::Explained), "{:?}", found.checks);
-        let cause = found.included().next().unwrap();
-        assert!((cause.parameters[0].value - 0.02 * CELL as f64).abs() < 2e-3, "{:?}", cause.parameters);
+        // On one clock for all runs, and on one that begins anew with each.
+        for later in [0, 4] {
+            let found = found(&slider_model("u - 3*v"), 1, later);
+            let names: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+            let expected = (&["sensor_hold"][..], Verdict::Explained);
+            assert_eq!((names.as_slice(), found.verdict), expected, "{later} {:?}", found.checks);
+            let cause = found.included().next().unwrap();
+            assert!((cause.parameters[0].value - 0.02 * CELL as f64).abs() < 2e-3, "{:?}", cause.parameters);
+        }
     }
 
     #[test]
     fn a_model_that_knows_of_the_hold_has_no_gap() {
         let mut model = slider_model("u - 3*v");
         model.states[0].measured = Some(Expression::parse("sample_hold(x, 0.28, 0.06)").unwrap());
-        let alarms = (1..=6).filter(|&seed| found(&model, seed).gap.detected).count();
+        let alarms = (1..=6).filter(|&seed| found(&model, seed, 0).gap.detected).count();
         // Two or more of six have a chance of 0.03 at a level of 5 %.
         assert!(alarms < 2, "{alarms}");
     }

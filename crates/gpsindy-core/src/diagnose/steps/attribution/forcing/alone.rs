@@ -136,6 +136,50 @@ mod tests {
         assert!(leaves_a_rest && chance > 0.05, "{chance}");
     }
 
+    /// A cart on a spring of half a hertz that is pushed for a second at a time, and a command in steps; four logs of 24 s at 50 Hz, with noise of a third
+    /// of what the push does to either column.
+    fn cart() -> (Model, Dataset) {
+        let states = [("p", "v"), ("v", "(u - 14*p - 2.2*v)/1.6")];
+        let states = states.map(|(name, equation)| State::new(name, Expression::parse(equation).unwrap())).into();
+        let model = Model { states, controls: vec![Control::new("u")], ..Model::default() };
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let runs = (0..4).map(|run| {
+            let (step, fine) = (0.02, 20);
+            let (mut p, mut v, mut push, mut values) = (0.0, 0.0, 0.3 * normal(&mut random), Mat::zeros(1200, 3));
+            for row in 0..1200_i32 {
+                let u = f64::from((row / 140 * 5 + run * 3) % 7 - 3) * 2.0;
+                values[(row as usize, 0)] = p + 0.02 * normal(&mut random);
+                values[(row as usize, 1)] = v + 0.05 * normal(&mut random);
+                values[(row as usize, 2)] = u;
+                for _ in 0..fine {
+                    let h = step / f64::from(fine);
+                    let kept = (-h).exp();
+                    push = push * kept + 0.3 * (1.0 - kept * kept).sqrt() * normal(&mut random);
+                    v += h * ((u - 14.0 * p - 2.2 * v) / 1.6 + push);
+                    p += h * v;
+                }
+            }
+            Run { name: format!("{run}"), time: (0..1200_i32).map(|row| step * f64::from(row)).collect(), values }
+        });
+        (model, Dataset::new(["p", "v", "u"].map(Channel::new).into(), runs.collect()).unwrap())
+    }
+
+    #[test]
+    fn slow_gusts_on_a_spring_are_random() {
+        let (model, data) = cart();
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let named: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(
+            (named.as_slice(), found.verdict),
+            (&["process_noise"][..], Verdict::Explained),
+            "{:?}",
+            found.checks
+        );
+        let rms = found.included().next().and_then(|c| c.parameters.iter().find(|p| p.name == "rms")).unwrap();
+        assert!((0.2..0.4).contains(&rms.value), "{rms:?}");
+    }
+
     #[test]
     fn a_voltmeter_that_rings_is_no_gap() {
         let (model, data) = tank(0.0, 1.5);
