@@ -80,7 +80,7 @@ struct Projected {
     whitening: Whitening,
     /// Orthonormal directions of the initial state.
     directions: DMatrix<f64>,
-    /// That of the fit, then that without each of its effects: what two of them do is the sum of what each does.
+    /// That of the fit, then of all that is left out but for two effects: what they do is the sum of what each does.
     residuals: Vec<DVector<f64>>,
     /// Directions of the free parameters.
     free: DMatrix<f64>,
@@ -137,7 +137,7 @@ impl Basis {
             .collect();
         let starts = if guide.is_some() { Starts::default() } else { starts(fitted) };
         let first = First { values: starts.samples * fitted.experiment.columns.len(), weight: starts.weight(0).sqrt() };
-        let alone: Vec<&Out> = outs.iter().filter(|out| out.places.len() == 1).collect();
+        let alone: Vec<&Out> = outs.iter().filter(|out| !is_sum(out)).collect();
         let projected = |(window, block): (usize, &crate::refine::Block)| {
             let whitening = match guide {
                 Some(guide) => Whitening::Innovations(guide.whitening[window].clone()),
@@ -264,15 +264,25 @@ impl Basis {
     }
 }
 
-/// The residual without the effects that are `out` as a sum of that of the fit and those without each effect `alone`.
+/// Whether what is left out is two effects, of which each is left out alone, too.
+fn is_sum(out: &Out) -> bool {
+    out.places.len() == 2
+}
+
+/// The residual of a view as a sum of that of the fit and those of what is left out `alone`.
 fn weights(alone: &[&Out], out: Option<&Out>) -> DVector<f64> {
     let mut weights = DVector::zeros(1 + alone.len());
     weights[0] = 1.0;
-    for place in out.into_iter().flat_map(|out| &out.places) {
-        if let Some(own) = alone.iter().position(|other| other.places == [*place]) {
+    let mut less = |is_it: &dyn Fn(&Out) -> bool| {
+        if let Some(own) = alone.iter().position(|other| is_it(other)) {
             weights[1 + own] += 1.0;
             weights[0] -= 1.0;
         }
+    };
+    match out {
+        Some(out) if is_sum(out) => out.places.iter().for_each(|place| less(&|other| other.places == [*place])),
+        Some(out) => less(&|other| std::ptr::eq(other, out)),
+        None => {}
     }
     weights
 }

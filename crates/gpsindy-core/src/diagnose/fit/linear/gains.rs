@@ -245,6 +245,7 @@ mod tests {
     use crate::diagnose::fit::colours::noise::Noise;
     use crate::diagnose::fit::contestant::Contestant;
     use crate::diagnose::fit::fitter::Fitter;
+    use crate::diagnose::fit::linear::basis::Out;
     use crate::diagnose::fit::moved::is_strained;
     use crate::diagnose::fit::outputs::scene_of;
     use crate::diagnose::fit::tolerance::tolerated;
@@ -291,6 +292,26 @@ mod tests {
         assert!((part / whole - 1.0).abs() < 0.2, "{part} of {whole}");
         // There is no part of what is few already.
         assert!(at.sketch(readings).is_none());
+    }
+
+    #[test]
+    fn another_residual_of_the_same_fit_is_a_view_of_its_own() {
+        let (model, data) = drive(None, |x| 1.3 * x, 1e-3, (2, 300));
+        let system = System::new(&model).unwrap();
+        let experiment = Experiment::new(&system, &data, Some(&[1e-3])).unwrap();
+        let fitted = Fitter::default().nominal(system, experiment, Vec::new(), Budget::Thorough).unwrap();
+        let at = fitted.linearised().unwrap();
+        // As logs that are simulated with the same causes: here without the residual, and with a third of it.
+        let less = |share: f64| Out {
+            places: Vec::new(),
+            free: Vec::new(),
+            change: at.jacobian.blocks.iter().map(|block| &block.residual * share).collect(),
+        };
+        let views = [less(1.0), less(2.0 / 3.0)];
+        let basis = Basis::new(&at, Noise::White, &views);
+        let losses: Vec<f64> = basis.views().iter().map(|view| view.loss).collect();
+        assert!(losses[0] == 0.0 && losses[1] < -1e3, "{losses:?}");
+        assert!((losses[2] / losses[1] - 8.0 / 9.0).abs() < 1e-9, "{losses:?}");
     }
 
     #[test]
