@@ -54,7 +54,7 @@ const ROOMS: [&str; 3] = ["logs", "attribution", "verdict"];
 
 /// Steps that other steps may know: what they build on, and what they pass on.
 const SHARED_STEPS: &[&str] =
-    &["contest", "findings", "noise", "prepare", "round", "screen", "survey", "suspects", "windows"];
+    &["contest", "findings", "noise", "prepare", "round", "sampled", "screen", "survey", "suspects", "windows"];
 
 /// Steps that are parts of another one, which alone may know them.
 const PARTS: &[(&str, &[&str])] = &[
