@@ -4,7 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
 use crate::text::aligned_left;
 use gpsindy_core::diagnose::{Part, PartKind};
-use gpsindy_core::{Dataset, Expression, Model};
+use gpsindy_core::{Dataset, Model};
 use gpsindy_files::{Logs, meant};
 
 /// Lists the columns of a simulator, and warns of the states that no column carries, with names that are near. Rates of a measured position are
@@ -129,8 +129,8 @@ fn factor(from: &str, to: &str) -> Option<f64> {
 /// Every state and control of a simulator with its unit and its column, whose whole header `header` finds.
 fn table(model: &Model, header: &dyn Fn(&str) -> Option<String>) -> Vec<[String; 3]> {
     let mut rows = vec![["simulator".into(), "unit".into(), "column of the logs".into()]];
-    for state in &model.states {
-        let position = model.states.iter().find(|s| s.equation == Expression::Variable(state.name.clone()));
+    for (index, state) in model.states.iter().enumerate() {
+        let position = model.integral_of(index).map(|place| &model.states[place]);
         let column = header(&state.name).unwrap_or_else(|| match position.filter(|p| header(&p.name).is_some()) {
             Some(position) => format!("derivative of {}", position.name),
             None => "not measured".into(),
@@ -146,16 +146,15 @@ fn table(model: &Model, header: &dyn Fn(&str) -> Option<String>) -> Vec<[String;
 
 /// States that neither a column carries nor a position that one carries gives.
 fn unmeasured<'a>(model: &'a Model, carried: &dyn Fn(&str) -> bool) -> Vec<&'a str> {
-    let is_made = |rate: &str| {
-        model.states.iter().any(|s| s.equation == Expression::Variable(rate.to_string()) && carried(&s.name))
-    };
-    model.states.iter().map(|s| s.name.as_str()).filter(|name| !carried(name) && !is_made(name)).collect()
+    let is_made = |rate: usize| model.integral_of(rate).is_some_and(|place| carried(&model.states[place].name));
+    let states = model.states.iter().enumerate();
+    states.filter(|(rate, s)| !carried(&s.name) && !is_made(*rate)).map(|(_, s)| s.name.as_str()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gpsindy_core::{Channel, Run, State};
+    use gpsindy_core::{Channel, Expression, Run, State};
 
     #[test]
     fn the_farthest_reading_leaves_out_what_is_missing() {

@@ -7,7 +7,7 @@ use crate::diagnose::catalogue::site::Reach;
 use crate::diagnose::limits::catalogue::MOMENTS_OF_PATHS;
 use crate::model::System;
 use crate::refine::{Experiment, Log, Window, present};
-use repeats::{Repeats, own_period};
+use repeats::Repeats;
 
 /// The trajectories of the nominal model and what they excite.
 #[derive(Debug, Clone)]
@@ -86,8 +86,8 @@ impl Scene {
         let reach = Reach::new(system, &states, &controls, &rates);
         let clocks = clocks(system, experiment, paths);
         let sampling = |j: usize| {
-            let column = experiment.column_of(j)?;
-            Repeats::of(&experiment.logs, column)?.clock.or_else(|| Some((own_period(&experiment.logs, column)?, 0.0)))
+            let repeats = Repeats::of(&experiment.logs, experiment.column_of(j)?)?;
+            repeats.clock.or_else(|| Some((repeats.own_period?, 0.0)))
         };
         let samplings = (0..n).map(sampling).collect();
         let window = experiment.longest_window();

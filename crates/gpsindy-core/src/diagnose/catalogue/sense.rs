@@ -123,8 +123,13 @@ fn excursion<'a>(name: &str, model: &Model, scene: &'a Scene) -> Option<&'a Excu
 
 /// Whether a unit is one of a speed: it has no spring, no weight and no teeth. Only what may be a place or an angle does.
 pub(crate) fn is_speed(unit: &str) -> bool {
-    let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "min" | "h");
-    unit == "rpm" || unit.ends_with("/s") || unit.split_once('/').is_some_and(is_rate)
+    unit.ends_with("/s") || is_rate_of_place(unit)
+}
+
+/// Whether a unit is one of the speed of a place.
+fn is_rate_of_place(unit: &str) -> bool {
+    let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "s" | "min" | "h");
+    unit == "rpm" || unit.split_once('/').is_some_and(is_rate)
 }
 
 /// Whether a unit is a base, or one of these prefixes and a base.
@@ -140,8 +145,7 @@ pub(crate) fn is_supply(unit: &str) -> bool {
 /// Whether a unit is one of a current, of a voltage, or of the speed of a place; or none is given.
 fn is_lossy(unit: &str) -> bool {
     let is_electrical = is_or_prefixed(unit, &['k', 'M', 'm', 'u', 'µ'], |unit| matches!(unit, "A" | "V"));
-    let is_rate = |(of, per): (&str, &str)| is_place(of) && matches!(per, "s" | "min" | "h");
-    matches!(unit, "" | "rpm") || is_electrical || unit.split_once('/').is_some_and(is_rate)
+    unit.is_empty() || is_electrical || is_rate_of_place(unit)
 }
 
 /// Whether a unit is one of a flow of matter, or of a share that flows: its square heats nothing.

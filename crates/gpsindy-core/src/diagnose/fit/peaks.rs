@@ -27,11 +27,8 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     let mut found: Vec<f64> = Vec::new();
     let powers: Vec<[f64; 2]> = parallel::map(1..=count, |k| powers_at(fitted, spacing * k as f64, n_columns));
     for kind in 0..2 {
-        let power = |k: usize| powers.get(k).map_or(0.0, |powers| powers[kind]);
-        let is_line = |&k: &usize| power(k) >= power(k + 1) && (k == 0 || power(k) >= power(k - 1));
-        let mut lines: Vec<usize> = (0..powers.len()).filter(is_line).collect();
-        lines.sort_by(|&a, &b| power(b).total_cmp(&power(a)));
-        found.extend(lines.iter().take(LINES).map(|&k| spacing * (k + 1) as f64));
+        let powers: Vec<f64> = powers.iter().map(|powers| powers[kind]).collect();
+        found.extend(lines(&powers).take(LINES).map(|k| spacing * (k + 1) as f64));
     }
     found.sort_by(f64::total_cmp);
     found.dedup();
@@ -49,14 +46,19 @@ pub(crate) fn peaks(fitted: &Contestant) -> Vec<f64> {
     // What is slower than a rollout shows in how their residuals rise from one to the next.
     let slow: Vec<f64> = (1..).map(|k| fine * f64::from(k)).take_while(|&w| w < spacing).take(FREQUENCIES).collect();
     let powers = parallel::map(&slow, |&w| coherent_power_at(fitted, w, n_columns, Seen::Rises));
-    let power = |k: usize| powers.get(k).copied().unwrap_or(0.0);
-    let mut lines: Vec<usize> =
-        (0..slow.len()).filter(|&k| power(k) >= power(k + 1) && (k == 0 || power(k) >= power(k - 1))).collect();
-    lines.sort_by(|&a, &b| power(b).total_cmp(&power(a)));
-    offered.extend(lines.iter().take(OF_LINE).map(|&k| slow[k]));
+    offered.extend(lines(&powers).take(OF_LINE).map(|k| slow[k]));
     offered.sort_by(f64::total_cmp);
     offered.dedup();
     offered
+}
+
+/// Places at which a spectrum is no lower than at its neighbours, the highest first.
+fn lines(powers: &[f64]) -> impl Iterator<Item = usize> + use<> {
+    let power = |k: usize| powers.get(k).copied().unwrap_or(0.0);
+    let is_line = |&k: &usize| power(k) >= power(k + 1) && (k == 0 || power(k) >= power(k - 1));
+    let mut lines: Vec<usize> = (0..powers.len()).filter(is_line).collect();
+    lines.sort_by(|&a, &b| power(b).total_cmp(&power(a)));
+    lines.into_iter()
 }
 
 /// What of a residual is looked at: its values, or by how much it rises from one sample to the next of a window.

@@ -15,6 +15,8 @@ pub(crate) struct Repeats {
     pub(crate) news: f64,
     /// Period and phase at which the sensor samples, s, where one clock serves all logs.
     pub(crate) clock: Option<(f64, f64)>,
+    /// The period, s, where the sensor's clock begins anew with each run instead.
+    pub(crate) own_period: Option<f64>,
 }
 
 /// A value that differs from the one before: when that one was logged, and when it, s.
@@ -32,7 +34,7 @@ impl Repeats {
             let at: Vec<usize> = (1..there.len()).filter(changed).collect();
             gaps.extend(at.windows(2).map(|pair| pair[1] - pair[0]));
             jumps.extend(at.iter().map(|&i| (there[i].1 - there[i - 1].1).abs()));
-            changes.push(at.iter().map(|&i| (log.time[there[i - 1].0], log.time[there[i].0])).collect());
+            changes.push(changes_in(log, column));
             values += there.len();
         }
         if gaps.len() < FEWEST_CHANGES {
@@ -47,16 +49,16 @@ impl Repeats {
         let is_stepped = jumps.iter().filter(|&&jump| jump < ONE_NOT_TWO * step).count() * 2 > jumps.len();
         let firsts = logs.iter().filter(|log| log.measured[column].iter().any(|v| v.is_finite())).count();
         let news = (jumps.len() + firsts) as f64 / values.max(1) as f64;
-        (is_regular && !is_stepped).then(|| Self { news, clock: clock(&changes) })
+        (is_regular && !is_stepped).then(|| {
+            let clock = clock(&changes);
+            let own_period = if clock.is_none() { own_period(&changes) } else { None };
+            Self { news, clock, own_period }
+        })
     }
 }
 
-/// Period, s, of a sensor whose clock begins anew with each run; `None` where it does not repeat its readings, or one clock serves all runs.
-pub(crate) fn own_period(logs: &[Log], column: usize) -> Option<f64> {
-    if Repeats::of(logs, column)?.clock.is_some() {
-        return None;
-    }
-    let changes: Vec<Vec<Change>> = logs.iter().map(|log| changes(log, column)).collect();
+/// Period, s, of a sensor whose clock begins anew with each run.
+fn own_period(changes: &[Vec<Change>]) -> Option<f64> {
     let alone = changes.iter().filter_map(|own| Some((own.len() as f64, clock(std::slice::from_ref(own))?.0)));
     // A slope is known as the third power of the number of its points.
     let (sum, weight) =
@@ -67,7 +69,7 @@ pub(crate) fn own_period(logs: &[Log], column: usize) -> Option<f64> {
 
 /// A moment at which a sensor of this period samples in a run; `None` where it does not show it.
 pub(crate) fn own_moment(log: &Log, column: usize, period: f64) -> Option<f64> {
-    moment(&changes(log, column), period)
+    moment(&changes_in(log, column), period)
 }
 
 /// The middle of the moments which, a whole number of periods on, lie between the two stamps of nearly every change.
@@ -95,7 +97,7 @@ fn moment(changes: &[Change], period: f64) -> Option<f64> {
 }
 
 /// Where the values of a column change in a log.
-fn changes(log: &Log, column: usize) -> Vec<Change> {
+fn changes_in(log: &Log, column: usize) -> Vec<Change> {
     let there = present(&log.measured[column]);
     let pairs = there.windows(2).filter(|pair| pair[1].1 != pair[0].1);
     pairs.map(|pair| (log.time[pair[0].0], log.time[pair[1].0])).collect()
@@ -206,8 +208,9 @@ mod tests {
         let phase = |t: f64| [0.02, 0.11, 0.07][(begins(t) / (STEP * 450.0)) as usize];
         let sampled = |t: f64| sampled_at(t, begins(t) + phase(t), period);
         let logs = logs(sampled, swing, 0.05, 1e-6);
-        assert_eq!(Repeats::of(&logs, 0).unwrap().clock, None);
-        let found = own_period(&logs, 0).unwrap();
+        let repeats = Repeats::of(&logs, 0).unwrap();
+        assert_eq!(repeats.clock, None);
+        let found = repeats.own_period.unwrap();
         assert!((found / period - 1.0).abs() < 1e-3, "{found}");
         for log in &logs {
             let turns = (own_moment(log, 0, found).unwrap() - log.time[0] - phase(log.time[0])) / period;

@@ -139,7 +139,7 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
         notes.push(Note::Decimated { stride });
     }
     experiment.news = news(&experiment.logs, n_columns);
-    let own = experiment.clone();
+    let own = experiment.logs.clone();
     set_clocks(&mut experiment, &own);
     let free = tolerated(system.model());
     let parameters = system.parameter_values();

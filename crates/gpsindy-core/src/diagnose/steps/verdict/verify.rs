@@ -169,7 +169,7 @@ fn held_out(best: &Contestant, holdout: &Dataset, sensors: &[usize]) -> Result<H
     experiment.scale.clone_from(&known.scale);
     let own = noise_levels(&experiment.logs, experiment.columns.len());
     remove_outliers(std::sync::Arc::make_mut(&mut experiment.logs).as_mut_slice(), &own);
-    set_clocks(&mut experiment, known);
+    set_clocks(&mut experiment, &known.logs);
     // A column that rests here says nothing of its noise.
     let moves_here = |c: usize| moves(&experiment.logs, c);
     // One that repeats its readings may be too short here to show that it does.
