@@ -19,6 +19,11 @@ pub enum Note {
         /// Every how many samples one was used.
         stride: usize,
     },
+    /// The sensor of a column samples at moments of its own in each run.
+    OwnClock {
+        /// Name of the column.
+        column: String,
+    },
     /// Of logs that a simulator can't pass through within the time limit only the most exciting windows were used.
     Afforded {
         /// Samples of the logs.
@@ -167,6 +172,10 @@ impl std::fmt::Display for Note {
             Self::Decimated { stride } => {
                 write!(f, "the sampling is far faster than the motion; the search used one sample in {stride}")
             }
+            Self::OwnClock { column } => write!(
+                f,
+                "the sensor of column `{column}` samples at moments of its own in each run; the phase of a hold counts from there, so that the augmented model alone does not say when it samples"
+            ),
             Self::Thinned { samples, length, windows, of } => write!(
                 f,
                 "the logs hold {samples} samples; the search used {windows} of {of} windows of {length:.3} s, half of them spread over the logs, half the most exciting ones"

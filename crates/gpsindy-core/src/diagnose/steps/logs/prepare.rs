@@ -140,7 +140,8 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
     }
     experiment.news = news(&experiment.logs, n_columns);
     let own = experiment.logs.clone();
-    set_clocks(&mut experiment, &own);
+    let own = set_clocks(&mut experiment, &own);
+    notes.extend(own.into_iter().map(|state| Note::OwnClock { column: model.states[state].name.clone() }));
     let free = tolerated(system.model());
     let parameters = system.parameter_values();
     let start = guess_initial(system, &experiment);

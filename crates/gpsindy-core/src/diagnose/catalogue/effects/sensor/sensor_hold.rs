@@ -91,6 +91,8 @@ mod tests {
             assert_eq!((names.as_slice(), found.verdict), expected, "{later} {:?}", found.checks);
             let cause = found.included().next().unwrap();
             assert!((cause.parameters[0].value - 0.02 * CELL as f64).abs() < 2e-3, "{:?}", cause.parameters);
+            let is_said = found.notes.iter().any(|note| note.contains("at moments of its own in each run"));
+            assert_eq!(is_said, later != 0, "{:?}", found.notes);
         }
     }
 
