@@ -272,7 +272,11 @@ impl<'a, const L: usize> Lanes<'a, L> {
     }
 }
 
-/// Cubic Hermite value of a state at time `t`; before the first node its value where it did not move, otherwise its tangent.
+/// Cubic Hermite value of a state at time `t`; before the first node its value where it did not move, otherwise its tangent, and behind the last
+/// one the tangent that led there.
+///
+/// A controller that was fed the reading of this moment has put its noise into the control that is held from now on. A reading that followed
+/// that control would be foretold by itself (Ljung 1999, System Identification, section 13.4).
 fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64, is_still: bool) -> f64 {
     let after = nodes.partition_point(|node| node.t < t).max(1);
     let a = &nodes[after - 1];
@@ -280,7 +284,8 @@ fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64
         if is_still && t <= a.t {
             return a.x[state][lane];
         }
-        return a.x[state][lane] + a.dx[state][lane] * (t - a.t);
+        let led = if t > a.t { after.checked_sub(2).map(|before| &nodes[before].dx_end) } else { None };
+        return a.x[state][lane] + led.unwrap_or(&a.dx)[state][lane] * (t - a.t);
     };
     let h = b.t - a.t;
     let s = (t - a.t) / h;

@@ -97,6 +97,31 @@ fn a_slow_clock_shows_the_state_at_its_own_time_in_a_rollout_and_in_a_simulation
 }
 
 #[test]
+fn a_sensor_that_is_early_shows_nothing_of_the_control_that_its_own_reading_has_set() {
+    let model = Model {
+        states: vec![State {
+            measured: Some(Expression::parse("delay(x, 0 - 0.04)").unwrap()),
+            ..State::new("x", Expression::parse("u").unwrap())
+        }],
+        controls: vec![Control::new("u")],
+        ..Model::default()
+    };
+    let system = System::new(&model).unwrap();
+    let reading = |last: f64| {
+        let controls = (0..6).map(|i| if i == 5 { last } else { 1.0 }).collect();
+        let time = (0..6).map(|i| 0.1 * f64::from(i)).collect();
+        let log = Log { time, controls: vec![controls], ..Log::default() };
+        let mut lanes = Lanes::<1>::new(&system, &log, (Hold::Zero, Past::Moving), &[]);
+        let mut values = Vec::new();
+        lanes.roll((0, 5), &[[0.0]], &[0], 1, |_, _, v| values.push(v[0]));
+        values
+    };
+    for last in [1.0, 100.0] {
+        assert!(reading(last).iter().enumerate().all(|(i, v)| (v - 0.1 * i as f64 - 0.04).abs() < 1e-12), "{last}");
+    }
+}
+
+#[test]
 fn sampled_and_held_inputs_and_sensors_are_those_of_the_simulator() {
     let held = State {
         measured: Some(Expression::parse("sample_hold(x, every, phase)").unwrap()),

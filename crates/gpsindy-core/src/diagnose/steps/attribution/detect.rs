@@ -174,7 +174,10 @@ mod tests {
     use crate::expression::Expression;
     use crate::model::{Control, Model, Parameter, State};
     use crate::progress::Silent;
+    use crate::random::normal;
     use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     #[test]
     fn what_tolerated_parameters_take_up_together_has_a_cause_where_the_sensors_show_it() {
@@ -213,6 +216,32 @@ mod tests {
         });
         // Six or more of 40 have a chance of 0.014 at a level of 5 %.
         assert!(alarms.count() < 6);
+    }
+
+    #[test]
+    fn the_noise_that_a_controller_was_fed_makes_no_column_early() {
+        const STEP: f64 = 0.02;
+        let alarms = (0..6).filter(|&seed| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let runs = (0..4).map(|run| {
+                let (mut x, mut values) = (1.0 + f64::from(run), Mat::zeros(200, 2));
+                for i in 0..200 {
+                    let read = x + 0.05 * normal(&mut random);
+                    let control = 8.0 * ((0.1 * i as f64).sin() - read);
+                    (values[(i, 0)], values[(i, 1)]) = (read, control);
+                    x = control + (x - control) * (-STEP).exp();
+                }
+                let time = (0..200).map(|i| STEP * f64::from(i)).collect();
+                Run { name: format!("run {run}"), time, values }
+            });
+            let (model, data) = drive_of(seed, None, |x| x, 0.05, (1, 10));
+            let data = Dataset::new(data.channels().to_vec(), runs.collect()).unwrap();
+            let (train, holdout) = hold_out(&data).unwrap();
+            let clock = Diagnose { effects: vec!["clock".into()], ..Diagnose::default() };
+            clock.run(&model, &train, &holdout, &Silent).unwrap().diagnosis.gap.detected
+        });
+        // Two or more of six have a chance of 0.03 at a level of 5 %.
+        assert!(alarms.count() < 2);
     }
 
     #[test]

@@ -68,12 +68,28 @@ impl Along {
         let is_still = experiment.past == Past::Still && self.window.first == 0;
         let row = |late: &LateState| {
             let amounts = late.amounts(&lane)[0];
-            // Rollouts of a simulator do not look ahead.
-            let latest = |t: f64| if self.stepped.is_some() { t } else { f64::INFINITY };
-            let then = |t: &f64| self.state_at(late.state, late.moment(*t, amounts).min(latest(*t)), is_still);
-            self.sample_time.iter().map(then).collect()
+            let then = |(sample, &t): (usize, &f64)| {
+                let moment = late.moment(t, amounts);
+                let seen = self.state_at(late.state, moment.min(t), is_still);
+                // Rollouts of a simulator do not look ahead.
+                let ahead = if self.stepped.is_some() { 0.0 } else { (moment - t).max(0.0) };
+                if ahead > 0.0 { seen + ahead * self.slope_before(late.state, sample) } else { seen }
+            };
+            self.sample_time.iter().enumerate().map(then).collect()
         };
         change.late.iter().map(row).collect()
+    }
+
+    /// Slope of a state just before a sample, which no control since has changed; behind the first one of a window the slope after it.
+    fn slope_before(&self, state: usize, sample: usize) -> f64 {
+        let (time, samples) = (&self.sample_time, &self.sample[state]);
+        let to = sample.max(1).min(samples.len() - 1);
+        let before = |step: usize| (self.middle_time[step], self.middle[state][step]);
+        let (t, value) = match self.steps_behind(to.saturating_sub(1)).last() {
+            Some(step) if to == sample => before(step),
+            _ => (time[to.saturating_sub(1)], samples[to.saturating_sub(1)]),
+        };
+        if time[to] > t { (samples[to] - value) / (time[to] - t) } else { 0.0 }
     }
 
     /// A state at a time within the window, on straight lines between samples and middles of steps; before the window its value where
