@@ -8,9 +8,9 @@ mod timings;
 pub(crate) use files::{report_json, write};
 
 use crate::args::{AutoHold, Columns};
-use crate::commands::given::measured;
 use crate::commands::given::nominal::Nominal;
 use crate::commands::given::setup::{PartOptions, SetupOptions};
+use crate::commands::given::{measured, targets};
 use crate::commands::{Session, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
 use crate::screen::Screen;
@@ -304,6 +304,7 @@ pub(crate) fn logs(
     let (train, mut offsets) = model_dataset(&logs, std::slice::from_ref(model), hold, columns, screen)?;
     measured::tell(&logs, None, model, screen);
     measured::doubt_degrees(&logs, &train, model, screen);
+    targets::doubt_targets(&train, model, screen);
     if holdout.is_empty() {
         let (train, holdout) = hold_out(&train)?;
         return Ok(Parts { train, holdout, offsets, time_unit });

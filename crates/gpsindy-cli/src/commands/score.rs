@@ -1,9 +1,9 @@
 //! `gpsindy score`: rollout, windowed and one-step errors of models on logs, by state.
 
 use crate::args::{Columns, Output};
-use crate::commands::given::measured;
 use crate::commands::given::nominal::Nominal;
 use crate::commands::given::setup::SetupOptions;
+use crate::commands::given::{measured, targets};
 use crate::commands::simulate::Between;
 use crate::commands::{Session, check_out, columns_of, deliver, model_dataset, opened};
 use crate::failure::{Failure, Outcome};
@@ -59,6 +59,7 @@ pub(crate) fn run(command: &Score, session: &Session<'_>) -> Outcome {
         if !models[..i].iter().any(|other| columns_of(other) == columns_of(model)) {
             measured::tell(&logs, None, model, screen);
             measured::doubt_degrees(&logs, &data, model, screen);
+            targets::doubt_targets(&data, model, screen);
         }
     }
     let progress = screen.progress();

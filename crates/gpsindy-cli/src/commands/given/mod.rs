@@ -3,3 +3,4 @@
 pub(crate) mod measured;
 pub(crate) mod nominal;
 pub(crate) mod setup;
+pub(crate) mod targets;
