@@ -71,8 +71,7 @@ impl Along {
             let then = |(sample, &t): (usize, &f64)| {
                 let moment = late.moment(t, amounts);
                 let seen = self.state_at(late.state, moment.min(t), is_still);
-                // Rollouts of a simulator do not look ahead.
-                let ahead = if self.stepped.is_some() { 0.0 } else { (moment - t).max(0.0) };
+                let ahead = (moment - t).max(0.0);
                 if ahead > 0.0 { seen + ahead * self.slope_before(late.state, sample) } else { seen }
             };
             self.sample_time.iter().enumerate().map(then).collect()
