@@ -41,7 +41,7 @@ pub(super) static DEFINITION: Definition = Definition {
     reported: as_fitted,
     example: Example::sensor(example::SPRING, Drive::Released, 8.0, "x", "delay(x, 0.5)"),
     in_mjcf: None,
-    about: "It is tested where a delay or a filter of the same column is one of the best effects or one of the causes found, where no single effect leaves only noise, and on request: an offset of half a sample absorbs the timing errors of any other effect. Time is that of the log's stamps. A slow clock is exact. A fast one shows what is still to come; its fits take the tangent of the motion there, which holds for differences that are short compared with the motion.",
+    about: "It is tested where a delay or a filter of the same column is one of the best effects or one of the causes found, where no single effect leaves only noise, and on request: an offset of half a sample absorbs the timing errors of any other effect. Time is that of the log's stamps. A slow clock is exact. A fast one shows what is still to come; its fits take the tangent of the motion that led there, which holds for differences that are short compared with the motion, and shows nothing of a control that was set by this very reading.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {

@@ -43,7 +43,7 @@ pub(super) static DEFINITION: Definition = Definition {
         &[("v", "2*u - 0.8*(1 + 2*T)*v"), ("T", "(2*u^2 - T)/6")],
     ),
     in_mjcf: None,
-    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, less what stands against it where the parameter scales both, as the speed does in a winding whose current is no state; or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects or one of the causes found, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
+    about: "The machine is assumed to be cold at the beginning of every log; a log that begins warm shifts the fitted size. The heat is the square of a control of the same equation, less what stands against it where the parameter scales both, as the speed does in a winding whose current is no state; or of a current or speed that the parameter scales: the losses of a drive, of a resistance, of a friction, which grow with the parameter itself. A parameter that scales a current of its own in each of several equations is heated by all of them: the sum of their squares. It is tested where a drift of the same equation is one of the best effects or one of the causes found, where no single effect leaves only noise, and on request: a drift and a slow lag imitate it in short logs.",
 };
 
 fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
@@ -53,9 +53,10 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     let tau = writer.add_scale("tau", 0.3 * span, 0.1 * span, (5.0 * period, 10.0 * span), "s");
     let [name, heats] = [0, 1].map(|index| writer.hypothesis.variables[index].clone());
     let model = &writer.model;
-    let drives = match model.control_index(&heats) {
-        Some(_) => driven_through(&model.states[writer.hypothesis.state].equation, model, &name, &heats),
-        None => Expression::variable(heats),
+    let is_driven = model.control_index(&heats).is_some();
+    let drives = match is_driven {
+        true => driven_through(&model.states[writer.hypothesis.state].equation, model, &name, &heats),
+        false => Expression::variable(heats),
     };
     let warm = writer.add_state(&format!("{name}_warmth"), Some(0.0));
     let symbols = [("tau", tau), ("size", number(size)), ("T", warm.clone()), ("c", c)];
@@ -67,7 +68,9 @@ fn write(writer: &mut Writer<'_>) -> Result<Vec<Start>> {
     for other in also {
         heat = heat.plus(writer.form("(w/size)^2", &[("w", other), ("size", number(size))])?);
     }
-    writer.set_rate(&warm, writer.form("(heat - T)/tau", &[&symbols[..], &[("heat", heat)]].concat())?);
+    // What a resistance or a friction loses at a current or a speed grows with itself.
+    let rate = if is_driven { "(heat - T)/tau" } else { "(heat*(1 + c*T) - T)/tau" };
+    writer.set_rate(&warm, writer.form(rate, &[&symbols[..], &[("heat", heat)]].concat())?);
     Ok([0.03, 0.1, 0.3, 1.0].map(|part| amplitude(&[1e-3, part * span])).into())
 }
 
@@ -88,7 +91,9 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     ];
     let changed = planting.written("p + p*c*q", "c", &symbols)?;
     planting.replace(&name, &changed);
-    let rate = planting.written("power/tau - q/tau", "c", &symbols)?;
+    let is_driven = planting.model.control_index(&planting.name(1)).is_some();
+    let form = if is_driven { "power/tau - q/tau" } else { "(power + power*c*q)/tau - q/tau" };
+    let rate = planting.written(form, "c", &symbols)?;
     planting.model.states.push(State::new(heat.clone(), rate));
     planting.model.initial.insert(heat, 0.0);
     Ok(Some(Size::within("c", String::new(), (0.02, 3.0), "")))
