@@ -276,7 +276,7 @@ impl<'a, const L: usize> Lanes<'a, L> {
 /// one the tangent that led there.
 ///
 /// A controller that was fed the reading of this moment has put its noise into the control that is held from now on. A reading that followed
-/// that control would be foretold by itself (Ljung 1999, System Identification, section 13.4).
+/// that control would be predicted from its own noise (Ljung 1999, System Identification, section 13.4).
 fn state_at<const L: usize>(nodes: &[Node<L>], state: usize, lane: usize, t: f64, is_still: bool) -> f64 {
     let after = nodes.partition_point(|node| node.t < t).max(1);
     let a = &nodes[after - 1];

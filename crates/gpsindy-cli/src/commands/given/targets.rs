@@ -3,7 +3,7 @@
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Model};
 
-/// Share of a position's mean square by which a command may differ from it and still be what it was told to go to. A torque agrees with an angle
+/// Share of a position's mean square by which a command may differ from it and still be its target. A torque agrees with an angle
 /// in offset and size by accident alone; a loop that lags by a tenth of a radian of a swing of one leaves a hundredth.
 const FOLLOWED: f64 = 0.1;
 
