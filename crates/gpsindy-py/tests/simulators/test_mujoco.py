@@ -27,6 +27,14 @@ def test_a_rollout_is_mujocos_own():
         mujoco.mj_step(model, data, 4)
 
 
+def test_an_actuator_may_be_called_like_the_torque_of_a_joint():
+    named = HINGE.replace('name="drive"', 'name="hinge_torque"')
+    assert named != HINGE
+    found = gm.Simulator(named).model
+    assert [c.name for c in found.controls] == ["hinge_torque"]
+    assert [p.name for p in found.ports] == ["hinge_joint_torque"]
+
+
 @pytest.mark.parametrize(
     ("text", "fields", "effect", "place", "variable"),
     [

@@ -243,6 +243,7 @@ class Simulator:
         hinges = [m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE for j in self._ids]
         units = ["rad" if hinge else "m" for hinge in hinges]
         ports = []
+        taken = {*self._positions, *self._velocities, *self._activations, *self._commands}
         known = {setting.name for setting in self._settings}
         #: Numbers of the engine that carry an effect, by the effect and its port.
         self._carried: dict[tuple[str, str], str] = {}
@@ -255,6 +256,8 @@ class Simulator:
             ]
             carried = [(effect, name) for effect, name in carried if name in known]
             port = f"{position}_torque" if hinge else f"{position}_force"
+            # An actuator may have that name.
+            port = port if port not in taken else f"{position}_joint_{'torque' if hinge else 'force'}"
             # An inertia is reported as a share of the row's own.
             self._carried.update({(effect, port): name for effect, name in carried if effect != "inertia"})
             ports.append((port, velocity, "N m" if hinge else "N", position, carried))
