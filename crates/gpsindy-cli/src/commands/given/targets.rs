@@ -3,7 +3,7 @@
 use crate::screen::Screen;
 use gpsindy_core::{Dataset, Model};
 
-/// Share of a position's mean square by which a command may differ from it and still be its target. A torque agrees with an angle
+/// Share of a position's variance by which a command may differ from it and still be its target. A torque agrees with an angle
 /// in offset and size by accident alone; a loop that lags by a tenth of a radian of a swing of one leaves a hundredth.
 const FOLLOWED: f64 = 0.1;
 
@@ -15,7 +15,7 @@ pub(crate) fn doubt_targets(data: &Dataset, model: &Model, screen: &Screen) {
     for (command, position) in followed(data, model) {
         screen.warn(&format!(
             "`{position}` goes where `{command}` says, as a driver's loop makes it, and the simulator takes `{command}` as it is; if it is the wanted \
-             position and the file has a <motor>, add the loop with --driver ACTUATOR=kp,kd (kp? for a guess)"
+             position and the file has a <motor>, add the loop with --driver ACTUATOR=kp,kd (`?` behind a number marks a guess)"
         ));
     }
 }

@@ -71,8 +71,7 @@ impl Along {
             let then = |(sample, &t): (usize, &f64)| {
                 let moment = late.moment(t, amounts);
                 let seen = self.state_at(late.state, moment.min(t), is_still);
-                let ahead = (moment - t).max(0.0);
-                if ahead > 0.0 { seen + ahead * self.slope_before(late.state, sample) } else { seen }
+                if moment > t { seen + (moment - t) * self.slope_before(late.state, sample) } else { seen }
             };
             self.sample_time.iter().enumerate().map(then).collect()
         };
@@ -82,13 +81,12 @@ impl Along {
     /// Slope of a state just before a sample, which no control since has changed; behind the first one of a window the slope after it.
     fn slope_before(&self, state: usize, sample: usize) -> f64 {
         let (time, samples) = (&self.sample_time, &self.sample[state]);
-        let to = sample.max(1).min(samples.len() - 1);
-        let before = |step: usize| (self.middle_time[step], self.middle[state][step]);
-        let (t, value) = match self.steps_behind(to.saturating_sub(1)).last() {
-            Some(step) if to == sample => before(step),
-            _ => (time[to.saturating_sub(1)], samples[to.saturating_sub(1)]),
-        };
-        if time[to] > t { (samples[to] - value) / (time[to] - t) } else { 0.0 }
+        let to = sample.max(1);
+        let Some(end) = samples.get(to) else { return 0.0 };
+        let last = self.steps_behind(to - 1).last().filter(|_| to == sample);
+        let step = |step: usize| (self.middle_time[step], self.middle[state][step]);
+        let (t, begin) = last.map_or((time[to - 1], samples[to - 1]), step);
+        if time[to] > t { (end - begin) / (time[to] - t) } else { 0.0 }
     }
 
     /// A state at a time within the window, on straight lines between samples and middles of steps; before the window its value where

@@ -98,3 +98,59 @@ fn plant(planting: &mut Planting<'_>) -> Result<Option<Size>> {
     planting.model.initial.insert(heat, 0.0);
     Ok(Some(Size::within("c", String::new(), (0.02, 3.0), "")))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::data::{Channel, Dataset, Run};
+    use crate::diagnose::report::Verdict;
+    use crate::diagnose::{Diagnose, hold_out};
+    use crate::expression::Expression;
+    use crate::model::{Control, Model, Parameter, State};
+    use crate::progress::Silent;
+    use crate::random::normal;
+    use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
+
+    const STEP: f64 = 0.05;
+
+    /// Logs of a winding of 0.8 ohm that doubles as it warms within 8 s, and loses the square of its current times what it has by then.
+    fn logs() -> Dataset {
+        const FINE: usize = 200;
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let runs = (0..4).map(|run| {
+            let (mut current, mut warmth, mut values) = (0.0, 0.0, Mat::zeros(600, 2));
+            for i in 0..600 {
+                let t = STEP * i as f64;
+                let voltage = 6.0 * (0.7 * t + f64::from(run)).sin() + 5.0 * (0.23 * t + 2.0 * f64::from(run)).sin();
+                (values[(i, 0)], values[(i, 1)]) = (current + 0.01 * normal(&mut random), voltage);
+                for _ in 0..FINE {
+                    let resistance = 0.8 * (1.0 + warmth);
+                    let power = resistance / 0.8 * current * current;
+                    warmth += STEP / FINE as f64 * (0.02 * power - warmth) / 8.0;
+                    current += STEP / FINE as f64 * (voltage - resistance * current) / 0.5;
+                }
+            }
+            let time = (0..600).map(|i| STEP * f64::from(i)).collect();
+            Run { name: format!("run {run}"), time, values }
+        });
+        Dataset::new(["i", "u"].map(Channel::new).into(), runs.collect()).unwrap()
+    }
+
+    #[test]
+    fn what_a_winding_loses_grows_with_its_own_resistance() {
+        let parameter = |(name, value): (&str, f64)| Parameter::new(name, value);
+        let model = Model {
+            states: vec![State { unit: "A".into(), ..State::new("i", Expression::parse("(u - R*i)/L").unwrap()) }],
+            controls: vec![Control { unit: "V".into(), ..Control::new("u") }],
+            parameters: [("R", 0.8), ("L", 0.5)].map(parameter).into(),
+            ..Model::default()
+        };
+        let (train, holdout) = hold_out(&logs()).unwrap();
+        let asked = Diagnose { effects: vec!["thermal".into()], ..Diagnose::default() };
+        let found = asked.run(&model, &train, &holdout, &Silent).unwrap().diagnosis;
+        let names: Vec<&str> = found.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!((names.as_slice(), found.verdict), (&["thermal"][..], Verdict::Explained), "{:?}", found.checks);
+    }
+}
