@@ -52,7 +52,7 @@ fn main() -> ExitCode {
     let done = match task.as_str() {
         "test" => test(),
         "rust" => rust(),
-        "python" => python::environment(&[]).and_then(|python| python::test(&python)),
+        "python" => python::environment(CHECKS, &[]).and_then(|python| python::test(&python)),
         "lint" => lint(),
         "package" => package::check(),
         "wheel" => wheel::check(),
@@ -111,7 +111,7 @@ fn test() -> Result<(), String> {
     let python = std::thread::spawn(|| {
         // Both ask for the same lock. Cargo has nothing left to build for the tests, and lets go of it within a second.
         std::thread::sleep(std::time::Duration::from_secs(5));
-        python::test(&python::environment(&[])?)
+        python::test(&python::environment(CHECKS, &[])?)
     });
     // Side by side to their ends: neither alone keeps all cores busy, and who mends one wants to know of the other.
     match (tests(), joined(python, "tests the Python package")) {
@@ -131,8 +131,11 @@ fn rust() -> Result<(), String> {
     tests()
 }
 
-/// What is tested: one profile, so that dependencies are built once.
-const TESTS: &str = "test --release --workspace --exclude gpsindy-benches --features xtask/data";
+/// The profile of all that is tested, the wheel included: dependencies are built once.
+const CHECKS: &str = "checks";
+
+/// What is tested.
+const TESTS: &str = "test --profile checks --workspace --exclude gpsindy-benches --features xtask/data";
 
 /// Some of the tests of Rust, by the arguments that choose them.
 fn cargo_test(which: &[&str], environment: &[(&str, &str)]) -> Result<(), String> {

@@ -80,8 +80,8 @@ fn interpreter() -> Result<PathBuf, String> {
 
 /// The Python that has the wheel of this tree with its test requirements, and `more` packages.
 ///
-/// Everything lives under `target/`: `target/venv` is made once and used again, `target/wheels` holds the wheel.
-pub(crate) fn environment(more: &[&str]) -> Result<PathBuf, String> {
+/// Everything lives under `target/`: `target/venv` is made once and used again, `target/wheels` holds the wheel, built with a `profile`.
+pub(crate) fn environment(profile: &str, more: &[&str]) -> Result<PathBuf, String> {
     let python = interpreter()?;
     install(&python, &[MATURIN], false)?;
 
@@ -90,7 +90,7 @@ pub(crate) fn environment(more: &[&str]) -> Result<PathBuf, String> {
         std::fs::remove_dir_all(&wheels).map_err(|e| format!("{}: {e}", wheels.display()))?;
     }
     let manifest = ["--manifest-path", "crates/gpsindy-py/Cargo.toml", "--out", "target/wheels"];
-    run(&python, ["-m", "maturin", "build", "--release"].iter().chain(&manifest), &[])?;
+    run(&python, ["-m", "maturin", "build", "--profile", profile].iter().chain(&manifest), &[])?;
     let wheel = std::fs::read_dir(&wheels)
         .map_err(|e| format!("{}: {e}", wheels.display()))?
         .filter_map(Result::ok)

@@ -97,7 +97,7 @@ fn tools() -> Result<Tools, String> {
     // With all packages at once: other features of a dependency would build it anew. The extension module is built with its wheel.
     run("cargo", "build --release --workspace --exclude gpsindy-benches --exclude gpsindy-py".split(' '), &[])?;
     let gpsindy = root().join("target/release").join(format!("gpsindy{}", std::env::consts::EXE_SUFFIX));
-    Ok(Tools { gpsindy, python: python::environment(&BUILDERS)? })
+    Ok(Tools { gpsindy, python: python::environment("release", &BUILDERS)? })
 }
 
 /// One page with the help of every command.

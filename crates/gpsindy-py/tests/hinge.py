@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ def real_log(seed, text=HINGE, *, seconds=4.0, late=0, **fields):
     """50 Hz log of the model with other fields, stepped by MuJoCo; the command acts `late` steps later."""
     model = mujoco.MjModel.from_xml_string(text)
     for name, value in fields.items():
-        getattr(model, name)[:] = value
+        operator.attrgetter(name)(model)[:] = value
     mujoco.mj_setConst(model, mujoco.MjData(model))
     data = mujoco.MjData(model)
     rng = np.random.default_rng(seed)

@@ -41,6 +41,8 @@ def test_an_actuator_may_be_called_like_the_torque_of_a_joint():
         (HINGE, {"dof_frictionloss": 0.15}, "coulomb_friction", "hinge_torque", "hinge_vel"),
         (SERVO, {"actuator_gainprm": [[4.0] + [0.0] * 9], "actuator_biasprm": [[0.0, -4.0, -0.4] + [0.0] * 7]},
          "parameter_error", None, "drive.kp"),
+        # A base that leans by 3 degrees.
+        (HINGE, {"opt.gravity": [0.51, 0.0, -9.79]}, "parameter_error", None, "gravity.x"),
     ],
 )  # fmt: skip
 def test_what_mujoco_has_otherwise_is_found_in_its_place(text, fields, effect, place, variable, tmp_path):

@@ -1,6 +1,6 @@
 """The paper's two systems through Rust, the command line and Python: the true terms, no others, and equal numbers.
 
-The two programs are there after `cargo test --release --workspace`.
+The two programs are there after `cargo test --profile checks --workspace`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import gpsindy
 
 ROOT = Path(__file__).parents[4]
 SUFFIX = ".exe" if sys.platform == "win32" else ""
-COMMAND = ROOT / "target" / "release" / f"gpsindy{SUFFIX}"
-EXAMPLE = ROOT / "target" / "release" / "examples" / f"identify{SUFFIX}"
+COMMAND = ROOT / "target" / "checks" / f"gpsindy{SUFFIX}"
+EXAMPLE = ROOT / "target" / "checks" / "examples" / f"identify{SUFFIX}"
 SYSTEMS = [
     ("lotka_volterra", ["x1", "x2"], [], 2, [{"x1", "x1*x2"}, {"x2", "x1*x2"}]),
     ("unicycle", ["x1", "x2", "x3", "x4"], ["u1", "u2"], 1, [{"x3*cos(x4)"}, {"x3*sin(x4)"}, {"u1"}, {"u2"}]),

@@ -214,7 +214,8 @@ mod tests {
         let cogging = vec!["cogging".to_string()];
         assert_eq!(named(&Diagnose::default()), cogging);
         assert_eq!(named(&Diagnose { allow_place: true, ..Diagnose::default() }), cogging);
-        let unnamed = run(&Diagnose { without: cogging, ..Diagnose::default() });
+        let rivals = ["process_noise", "coulomb_friction", "stiction", "linear_stiffness", "bias", "input_gain"];
+        let unnamed = run(&Diagnose { effects: rivals.map(String::from).into(), ..Diagnose::default() });
         assert_eq!(unnamed.verdict, Verdict::Unexplained, "{:?}", unnamed.causes);
     }
 

@@ -24,7 +24,7 @@ from gpsindy.mujoco.corrections import Corrections
 from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
 from gpsindy.mujoco.locks import Locks
-from gpsindy.mujoco.settings import Setting, is_servo, joint_of, name_of, settings_of
+from gpsindy.mujoco.settings import AXES, Setting, is_servo, joint_of, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
 __all__ = ["Driver", "Setting", "Simulator"]
@@ -219,7 +219,9 @@ class Simulator:
         places = self._locks.places
         gains = [s.attribute in ("kp", "kv") and s.index in self._locks.actuators for s in settings]
         still = [bool(places) and s.attribute == "mass" and self._moved_by(s.index) == 0 for s in settings]
-        return [s for s, gain, rests in zip(settings, gains, still) if not gain and not rests]
+        # Which way is down is in the logs of a base whose orientation is logged.
+        logged = [s.attribute in AXES and bool(self._base.columns) for s in settings]
+        return [s for s, *known in zip(settings, gains, still, logged) if not any(known)]
 
     def _inertias(self) -> dict[str, tuple[str, float, str]]:
         masses = {setting.element: setting.scale or 0.0 for setting in self._settings if setting.attribute == "armature"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import operator
 import pathlib
 import sys
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from gpsindy.mujoco._engine import batch, mujoco
 from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.drivers import Drivers
 from gpsindy.mujoco.locks import Locks
-from gpsindy.mujoco.settings import OF_A_DOF, Setting
+from gpsindy.mujoco.settings import AXES, OF_A_DOF, Setting
 
 #: Components of a state, in the order in which the compiled part takes them.
 COMPONENTS = ("TIME", "QPOS", "QVEL", "ACT", "CTRL", "QFRC_APPLIED")
@@ -69,7 +70,7 @@ def _writes(model: Any, setting: Setting) -> list[dict[str, Any]]:
         return []
 
     def write(field: str, column: int = 0, at: float = 1.0, value: float = 1.0) -> dict[str, Any]:
-        array = getattr(model, field)
+        array = operator.attrgetter(field)(model)
         index = int(model.jnt_dofadr[setting.index]) if field.startswith("dof_") else setting.index
         # A field may be a polynomial, the leading coefficient first.
         return {"field": field, "place": index * (array.size // len(array)) + column, "at": at, "value": value}
@@ -81,6 +82,8 @@ def _writes(model: Any, setting: Setting) -> list[dict[str, Any]]:
     if setting.attribute == "mass":
         mass, inertia = float(model.body_mass[setting.index]), model.body_inertia[setting.index]
         return [write("body_mass"), *(write("body_inertia", k, mass, float(inertia[k])) for k in range(3))]
+    if setting.attribute in AXES:
+        return [write("opt.gravity")]
     gain = [write("actuator_gainprm")] if setting.scale is None else []
     return [*gain, write("actuator_biasprm", 1 if setting.attribute == "kp" else 2, value=-1.0)]
 

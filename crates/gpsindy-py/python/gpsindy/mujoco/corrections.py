@@ -11,7 +11,7 @@ from typing import Any
 
 from gpsindy.following import mjcf
 from gpsindy.mujoco._engine import mujoco
-from gpsindy.mujoco.settings import Setting, settings_of
+from gpsindy.mujoco.settings import AXES, Setting, settings_of
 from gpsindy.stepper import seconds_late
 
 #: Actuators whose element says a position servo's gain as ``kp``, a velocity servo's or a damping as ``kv``.
@@ -82,6 +82,9 @@ class Corrections:
     def _set(self, setting: Setting, value: float) -> bool:
         if setting.driver:
             return False
+        if setting.attribute in AXES:
+            self._set_gravity(setting.index, value)
+            return True
         kind = {"kp": "actuator", "kv": "actuator", "mass": "body"}.get(setting.attribute, "joint")
         number = setting.index - 1 if kind == "body" else setting.index
         if kind == "joint" and self.text.named("freejoint"):
@@ -113,6 +116,16 @@ class Corrections:
             if setting.attribute == "kv" and again is not None:
                 self.text.unset(again, "dampratio")
         return True
+
+    def _set_gravity(self, component: int, value: float) -> None:
+        saying = [option for option in self.text.named("option") if "gravity" in option.attributes]
+        numbers = [float(g) for g in (saying[-1].attributes["gravity"].split() if saying else self._mj.opt.gravity)]
+        numbers[component] = value
+        said = " ".join(map(mjcf.number, numbers))
+        if saying:
+            self.text.set(saying[-1], "gravity", said)
+        else:
+            self.text.insert(self.text.named("mujoco")[0], f'<option gravity="{said}"/>')
 
     def _write(self, kind: str, setting: Setting, number: int, attribute: str, value: str) -> None:
         element = self.text.find(kind, setting.element, number)

@@ -21,17 +21,17 @@ class Setting:
     ----------
     name : str
         ``JOINT.frictionloss``, ``JOINT.damping``, ``JOINT.armature``, ``JOINT.stiffness``, ``ACTUATOR.kp``,
-        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion); ``ACTUATOR.kp`` and ``ACTUATOR.kd`` of
-        a driver.
+        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion); ``gravity.x`` and ``gravity.y``, how the
+        base is tilted; ``ACTUATOR.kp`` and ``ACTUATOR.kd`` of a driver.
     value : float
         In the nominal model.
     unit : str
     element : str
-        Name of the joint, actuator or body.
+        Name of the joint, actuator or body; ``gravity``.
     attribute : str
         What comes after the dot.
     index : int
-        Of the element in the engine's arrays.
+        Of the element in the engine's arrays; of the component.
     scale : float or None
         A change that matters, if the value itself does not give one.
     driver : bool
@@ -95,6 +95,9 @@ def is_servo(m: Any, actuator: int) -> bool:
     return bool(affine and bias[1] != 0 and bias[1] == -gain[0])
 
 
+#: Components of gravity.
+AXES = ("x", "y", "z")
+
 #: Numbers of a degree of freedom.
 OF_A_DOF = ("frictionloss", "damping", "armature")
 
@@ -133,4 +136,15 @@ def settings_of(m: Any, joints: Mapping[int, str], actuators: Sequence[str]) -> 
         if m.body_weldid[b] != 0 and m.body_mass[b] > 0:
             body = name_of(m, mujoco.mjtObj.mjOBJ_BODY, b)
             found.append(Setting(f"{body}.mass", float(m.body_mass[b]), "kg", body, "mass", b, None))
-    return found
+    return found + _tilts(m)
+
+
+def _tilts(m: Any) -> list[Setting]:
+    """The components of gravity across its main one: a base that does not stand level has others."""
+    gravity = [float(g) for g in m.opt.gravity]
+    size = float(np.linalg.norm(gravity))
+    if m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY or size == 0.0:
+        return []
+    main = int(np.argmax(np.abs(gravity)))
+    across = [(axis, k) for k, axis in enumerate(AXES) if k != main]
+    return [Setting(f"gravity.{axis}", gravity[k], "m/s^2", "gravity", axis, k, size) for axis, k in across]
