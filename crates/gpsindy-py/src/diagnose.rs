@@ -51,6 +51,9 @@ pub(crate) struct Options {
     confidence: f64,
     most_effects: usize,
     hold: Option<String>,
+    /// Share of the motion below which a gap is none.
+    #[pyo3(default)]
+    material: f64,
     keep_function: bool,
     /// Seconds after which the search ends.
     time_limit: Option<f64>,
@@ -84,6 +87,7 @@ impl Options {
             confidence: self.confidence,
             most_effects: self.most_effects,
             hold: self.hold.as_deref().map(hold_of).transpose()?,
+            material: self.material,
             keep_function: self.keep_function,
             time_limit: self.time_limit,
             power: self.power.map(|seed| Power { seed, ..Power::default() }),

@@ -120,6 +120,9 @@ pub(crate) struct Options {
     /// Largest number of effects in one explanation, 1 to 6; never more than four in one equation
     #[arg(long, value_name = "N", default_value_t = 6)]
     most_effects: usize,
+    /// Share of the motion of each column, 0 to 0.5, below which a gap counts as none: 0.01 is a hundredth
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, allow_negative_numbers = true)]
+    material: f64,
     /// Add the part that no effect explains to the augmented model, as a fitted function
     #[arg(long)]
     keep_function: bool,
@@ -156,6 +159,7 @@ impl Options {
             time_limit: (self.time_limit != 0.0).then_some(self.time_limit),
             power: None,
             model_error: Vec::new(),
+            material: self.material,
             keep_function: self.keep_function,
         })
     }

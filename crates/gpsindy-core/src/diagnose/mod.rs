@@ -39,7 +39,7 @@ pub use report::{Diagnosis, Verdict};
 
 use crate::data::Dataset;
 use crate::diagnose::conformal::Conditions;
-use crate::diagnose::limits::{CONFIDENCE, CONFIDENCES, SEARCHED, TRAINED};
+use crate::diagnose::limits::{CONFIDENCE, CONFIDENCES, MOST_MATERIAL, SEARCHED, TRAINED};
 use crate::error::{Error, Result};
 use crate::model::unit::{has_seconds, in_time_unit};
 use crate::model::{Dynamics, Model, System};
@@ -76,6 +76,7 @@ use steps::verdict::{localise, typicality, verify, weigh};
 /// | `most_effects` | 6 | 1 to 6 | effects together, at most; never more than four in one equation |
 /// | `hold` | estimated | | what the control does between samples |
 /// | `model_error` | none | at least 0 | what the model itself misses of the simulator, in the column's unit |
+/// | `material` | 0 | 0 to 0.5 | share of each column's motion below which a gap is none |
 /// | `keep_function` | false | | add what is left to the corrected model, as a function without a name |
 /// | `time_limit` | none | above 0 | seconds after which the search ends with the best that it has |
 /// | `power` | none | | also study which effects these logs could reveal |
@@ -104,6 +105,8 @@ pub struct Diagnose {
     /// State and root mean square by which the model misses the simulator that it stands for, in the column's unit: a gap of
     /// that size is none. For a model that was identified from the simulator's logs.
     pub model_error: Vec<(String, f64)>,
+    /// Share of the motion, root mean square of each column around its mean, below which a gap is none: what the user would not mend.
+    pub material: f64,
     /// Whether what is left is added to the corrected model as a function without a name.
     pub keep_function: bool,
     /// Seconds after which the search ends with the best that it has; its verdict is then no `explained`. What follows it
@@ -128,6 +131,7 @@ impl Default for Diagnose {
             most_effects: 6,
             hold: None,
             model_error: Vec::new(),
+            material: 0.0,
             keep_function: false,
             time_limit: None,
             power: None,
@@ -285,7 +289,8 @@ impl Diagnose {
     fn conditions(&self, system: &System, train: &Dataset) -> Conditions {
         let lists = [&self.effects, &self.without];
         let has_chosen = lists.iter().any(|ids| !ids.is_empty()) || !self.custom.is_empty() || !self.only.is_empty();
-        let has_more = self.allow_place || self.all_suspects || !self.model_error.is_empty();
+        let has_error = !self.model_error.is_empty() || self.material > 0.0;
+        let has_more = self.allow_place || self.all_suspects || has_error;
         Conditions {
             has_usual_suspects: !has_chosen && !has_more && self.most_effects == Self::default().most_effects,
             steps: system.engine().is_some(),
@@ -308,10 +313,17 @@ impl Diagnose {
         let has_causes = judged.detected.gap && !judged.outcome.best.hypotheses.is_empty() && judged.forcing.is_none();
         let typicality = has_causes.then(|| typicality::of(&contest, &judged.outcome.best)).transpose()?.flatten();
         let interpolated = prepared.is_other_hold(&judged).then_some(Note::Interpolated);
+        let small =
+            verified.is_quiet().then(|| weigh::of_an_integrator(&judged.nominal, &judged.outcome.best)).flatten();
         let mut notes = [&prepared.notes[..], &judged.notes].concat();
         notes.extend(interpolated.into_iter().chain(verified.notes.iter().cloned()).chain(contest.run.note_of_end()));
         let found = weigh::Found { judged: &judged, typicality, verification: verified, located: gap };
         let (mut diagnosis, augmented, of_outcome) = weigh::report(self.confidence, &contest, found, logs, augmented);
+        // What nothing explains, no held-out rollout shows and any integrator leaves is none of the machine's.
+        let is_open = matches!(diagnosis.verdict, Verdict::PartlyExplained | Verdict::Unexplained);
+        if let Some(share) = small.filter(|_| is_open && diagnosis.interrupted.is_none()) {
+            return self.reported(contest, prepared, judged.without_gap(Note::OfAnIntegrator { share }));
+        }
         let resting: Vec<&str> = resting.iter().map(String::as_str).collect();
         diagnosis.excluded = exclusions::telling(diagnosis.excluded, &resting);
         let model = judged.nominal.system.model();
@@ -333,7 +345,7 @@ impl Diagnose {
     }
 
     fn known(&self) -> Known<'_> {
-        Known { hold: self.hold, model_error: &self.model_error }
+        Known { hold: self.hold, model_error: &self.model_error, material: self.material }
     }
 
     fn choice(&self) -> Choice<'_> {
@@ -354,6 +366,9 @@ impl Diagnose {
         }
         if !(1..=6).contains(&self.most_effects) {
             return Err(Error::range("most_effects", "between 1 and 6", self.most_effects));
+        }
+        if !(0.0..=MOST_MATERIAL).contains(&self.material) {
+            return Err(Error::range("material", "between 0 and 0.5", self.material));
         }
         if let Some(seconds) = self.time_limit.filter(|s| !(*s > 0.0)) {
             return Err(Error::range("time_limit", "above 0 s", seconds));

@@ -116,6 +116,11 @@ pub enum Note {
         /// Its root mean square as a share of the motion's.
         share: f64,
     },
+    /// The same, where nothing explains it and no held-out rollout shows it: it counts as none.
+    OfAnIntegrator {
+        /// Its root mean square as a share of the motion's.
+        share: f64,
+    },
     /// What a cause is named for is at the end of what the logs can show.
     Unmeasured {
         /// Its id.
@@ -255,6 +260,10 @@ impl std::fmt::Display for Note {
             Self::Small { share } => write!(
                 f,
                 "the gap is {share:.1e} of the motion, no more than an integrator with steps of a tenth of the sampling period leaves: where another simulator made the logs, its integrator may be the cause"
+            ),
+            Self::OfAnIntegrator { share } => write!(
+                f,
+                "the training logs differ from the nominal model by {share:.1e} of the motion, of the kind that integrators leave; held-out rollouts miss the logs by no more than noise does, so it counts as no gap"
             ),
             Self::Unmeasured { effect, state, parameters } => write!(
                 f,

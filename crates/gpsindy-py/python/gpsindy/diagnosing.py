@@ -38,6 +38,7 @@ def diagnose(
     confidence: float = 0.95,
     most_effects: int = 6,
     hold: Hold | None = None,
+    material: float = 0.0,
     keep_function: bool = False,
     time_limit: float | None = 600.0,
     power: bool = False,
@@ -81,6 +82,8 @@ def diagnose(
         How controls behave between samples. Default: estimated.
     time_limit : float or None, default 600
         Seconds after which the search stops with the best result so far and says so; ``None`` or 0: no limit.
+    material : float, default 0
+        Share of the motion of each column, 0 to 0.5, below which a gap counts as none.
     keep_function : bool
         Add the part that no effect explains to the augmented model, as a fitted function.
     power : bool
@@ -116,6 +119,7 @@ def diagnose(
         "confidence": confidence,
         "most_effects": most_effects,
         "hold": hold,
+        "material": float(material),
         "keep_function": keep_function,
         "time_limit": float(time_limit) if time_limit else None,
         "power": int(seed) if power else None,

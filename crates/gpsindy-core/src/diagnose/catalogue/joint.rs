@@ -3,8 +3,10 @@
 //! The damping of an oscillation mixes dry, linear and quadratic friction. If the nominal model has too much of one and
 //! lacks two others, every single friction is rejected for its sign, and a search that adds one effect at a time misses
 //! the true combination. So the frictions of an equation are also tested together, and with the damping parameter of the
-//! nominal model in the place of viscous friction. An exchange between two states also needs two terms.
+//! nominal model in the place of viscous friction. An exchange between two states also needs two terms. And the commands of a machine
+//! are late together where they go over one bus: one by one they take as many rounds as there are commands.
 
+use crate::diagnose::catalogue::applied::Combine;
 use crate::diagnose::catalogue::excited::Scene;
 use crate::diagnose::catalogue::hypothesis::{Applied, Hypothesis, Kind, Start};
 use crate::diagnose::catalogue::list::Effect;
@@ -112,7 +114,14 @@ pub(crate) fn exchanges(model: &Model, hypotheses: &[Hypothesis]) -> Vec<Vec<usi
     all
 }
 
-/// Several hypotheses written into one model. Their starts, the first of each, become one start with all columns.
+/// The set of the delays of all controls; none of a single control.
+pub(crate) fn late(hypotheses: &[Hypothesis]) -> Vec<Vec<usize>> {
+    let all: Vec<usize> = (0..hypotheses.len()).filter(|&i| hypotheses[i].is(Effect::InputDelay)).collect();
+    if all.len() > 1 { vec![all] } else { Vec::new() }
+}
+
+/// Several hypotheses written into one model. Sizes start together, the first start of each becoming one with all columns; times are alike,
+/// each start of one beside that of the other of the same rank.
 pub(crate) fn apply(hypotheses: &[&Hypothesis], model: &Model, scene: &Scene) -> Result<Applied> {
     let Some((first, others)) = hypotheses.split_first() else {
         return Ok(Applied { model: model.clone(), fitted: Vec::new(), parts: Vec::new(), starts: Vec::new() });
@@ -120,19 +129,25 @@ pub(crate) fn apply(hypotheses: &[&Hypothesis], model: &Model, scene: &Scene) ->
     let mut whole = first.apply(model, scene)?;
     for other in others {
         let next = other.apply(&whole.model, scene)?;
-        let starts = whole.starts.first().zip(next.starts.first());
-        let joined = starts.and_then(|(a, b)| a.beside(b));
+        let are_kept = |starts: &[Start]| starts.iter().all(|start| start.combine == Combine::Keep);
+        let most = if are_kept(&whole.starts) && are_kept(&next.starts) { usize::MAX } else { 1 };
+        let starts = whole.starts.iter().zip(&next.starts).take(most).filter_map(|(a, b)| a.beside(b)).collect();
         whole.fitted.extend(next.fitted);
         whole.parts.extend(next.parts);
         whole.model = next.model;
-        whole.starts = joined.into_iter().collect();
+        whole.starts = starts;
     }
     Ok(whole)
 }
 
 impl Start {
-    /// Columns of both, the other's parameters at nothing in each; `None` where a size is no straight line.
+    /// Columns of both, the other's parameters at nothing in each; one of both where both are kept as they are. `None` where a size is no
+    /// straight line.
     fn beside(&self, other: &Self) -> Option<Self> {
+        if self.combine == Combine::Keep && other.combine == Combine::Keep {
+            let columns = self.columns.iter().zip(&other.columns).map(|(a, b)| [a.as_slice(), b].concat()).collect();
+            return Some(Self { columns, ..self.clone() });
+        }
         let own = self.columns.first()?.len();
         if self.amplitudes.len() != self.columns.len() || other.amplitudes.len() != other.columns.len() {
             return None;

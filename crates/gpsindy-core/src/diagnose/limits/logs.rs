@@ -113,5 +113,8 @@ pub(crate) const TRAINED: f64 = 0.75;
 pub(crate) const CONFIDENCE: f64 = 0.95;
 pub(crate) const CONFIDENCES: (f64, f64) = (0.5, 0.999);
 
+/// Largest share of the motion that a user may call immaterial: from half on it is the motion. Convention.
+pub(crate) const MOST_MATERIAL: f64 = 0.5;
+
 /// Seconds of a limit that is none, a century: clocks can't count much further. Argument.
 pub(crate) const FOREVER: f64 = 3e9;

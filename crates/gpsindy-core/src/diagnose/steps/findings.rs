@@ -157,9 +157,21 @@ pub(crate) struct Judged {
 }
 
 impl Judged {
+    /// The same where what the nominal model misses counts as none, and the reason.
+    pub(crate) fn without_gap(mut self, reason: Note) -> Self {
+        self.detected.gap = false;
+        self.outcome.best = self.nominal.clone();
+        self.outcome.seats.clear();
+        self.outcome.left = None;
+        self.forcing = None;
+        self.notes.push(reason);
+        self
+    }
+
     /// With a gap where the nominal model leaves what no sensor's noise does, however coloured, whether or not anything explains it.
     pub(crate) fn with_structure(mut self) -> Self {
-        if self.forcing.is_none() && self.nominal.evidence.is_structured() {
+        let is_material = gap_size(&self.nominal, &self.nominal) > self.nominal.evidence.model_error;
+        if self.forcing.is_none() && is_material && self.nominal.evidence.is_structured() {
             self.detected = Detected { gap: true, p_value: self.detected.p_value.min(CERTAIN) };
         }
         self

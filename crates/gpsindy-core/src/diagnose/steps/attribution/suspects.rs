@@ -120,7 +120,8 @@ pub(crate) fn suspects(nominal: &Contestant, choice: &Choice<'_>) -> Result<(Sus
     if hypotheses.is_empty() && !random {
         return Err(Error::settings("no effect of the chosen ones can act in this model; choose others"));
     }
-    let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses)].concat();
+    let late = joint::late(&hypotheses);
+    let joint = [joint::frictions(model, &hypotheses), joint::exchanges(model, &hypotheses), late].concat();
     let rivals = rival::enumerate(model, &scene, model.states.len());
     // The place of a machine that moves alike everywhere acts on nothing.
     scene.clocks.retain(|name| !places.contains(&name.as_str()));
@@ -151,9 +152,14 @@ mod tests {
     use super::*;
     use crate::data::{Channel, Dataset, Run};
     use crate::diagnose::fixture::{drive, fitted};
+    use crate::diagnose::{Diagnose, hold_out};
     use crate::expression::Expression;
-    use crate::model::State;
+    use crate::model::{Control, Model, State};
+    use crate::progress::Silent;
+    use crate::random::normal;
     use faer::Mat;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     /// How many suspects are a spring or another axis of a second joint that goes to and fro over `moves` of the first one's way.
     fn on_the_other(moves: f64) -> usize {
@@ -179,5 +185,42 @@ mod tests {
     fn what_never_moves_is_no_spring_and_no_other_axis() {
         assert!(on_the_other(1.0) > 0);
         assert_eq!(on_the_other(0.0), 0);
+    }
+
+    #[test]
+    fn commands_that_are_late_together_are_found_in_one_round() {
+        const STEP: f64 = 0.02;
+        let state = |name: &str, equation: &str| State::new(name, Expression::parse(equation).unwrap());
+        let model = Model {
+            states: vec![state("x", "3*(a - x)"), state("y", "5*(b - y)"), state("z", "4*(c - z)")],
+            controls: ["a", "b", "c"].map(Control::new).into(),
+            ..Model::default()
+        };
+        let rates = [3.0, 5.0, 4.0];
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let runs = (0..4).map(|run| {
+            let command = |i: usize, axis: usize| (0.05 * (1.0 + 0.4 * axis as f64) * i as f64 + run as f64).sin();
+            let mut values = Mat::zeros(200, 6);
+            let mut at = [0.0; 3];
+            for i in 0..200 {
+                for axis in 0..3 {
+                    values[(i, axis)] = at[axis] + 0.002 * normal(&mut random);
+                    values[(i, 3 + axis)] = command(i, axis);
+                    // Three samples late.
+                    let aim = command(i.saturating_sub(3), axis);
+                    at[axis] = aim + (at[axis] - aim) * (-rates[axis] * STEP).exp();
+                }
+            }
+            let time = (0..200).map(|i| STEP * f64::from(i)).collect();
+            Run { name: format!("run {run}"), time, values }
+        });
+        let data = Dataset::new(["x", "y", "z", "a", "b", "c"].map(Channel::new).into(), runs.collect()).unwrap();
+        let (train, holdout) = hold_out(&data).unwrap();
+        let found = Diagnose::default().run(&model, &train, &holdout, &Silent).unwrap();
+        let named: Vec<&str> = found.diagnosis.included().map(|cause| cause.effect.as_str()).collect();
+        assert_eq!(named, ["input_delay"; 3], "{:?}", found.diagnosis.verdict);
+        let first = found.handed.iter().position(|fit| fit.members.len() == 3);
+        let two = found.handed.iter().position(|fit| fit.members.len() == 2);
+        assert!(first.is_some() && (two.is_none() || first < two), "{first:?} {two:?}");
     }
 }

@@ -28,6 +28,8 @@ pub(crate) struct Known<'a> {
     pub(crate) hold: Option<Hold>,
     /// State and root mean square by which the model misses the simulator that it replaces.
     pub(crate) model_error: &'a [(String, f64)],
+    /// Share of the motion below which a gap is none.
+    pub(crate) material: f64,
 }
 
 /// Logs that were checked, and the nominal model fitted to those to learn from.
@@ -68,7 +70,7 @@ pub(crate) fn prepare(run: &Run<'_>, system: &System, logs: [&Dataset; 2], known
     };
     let (experiment, of_experiment) = experiment(run, system, &train, known.hold)?;
     notes.extend(of_experiment);
-    let fitter = Fitter { model_error: error_of(known.model_error, model, &experiment) };
+    let fitter = Fitter { model_error: error_of(known, model, &experiment) };
     let samples: usize = experiment.logs.iter().map(|l| l.time.len()).sum();
     let is_averaged = samples < train.runs().iter().map(|r| r.n_samples()).sum();
     let budget = Budget::Thorough;
@@ -157,12 +159,20 @@ fn experiment(run: &Run<'_>, system: &System, data: &Dataset, hold: Option<Hold>
     Ok((experiment, notes))
 }
 
-/// Mean square of the model's own error over the logged columns, in units of their noise.
-fn error_of(model_error: &[(String, f64)], model: &Model, experiment: &Experiment) -> f64 {
-    let of = |&state: &usize| model_error.iter().find(|(name, _)| *name == model.states[state].name);
-    let errors = experiment.columns.iter().map(of).zip(&experiment.noise);
-    let sum: f64 = errors.map(|(error, noise)| error.map_or(0.0, |(_, rms)| (rms / noise).powi(2))).sum();
+/// Mean square of the model's own error over the logged columns, and of a gap that does not matter, in units of their noise.
+fn error_of(known: &Known<'_>, model: &Model, experiment: &Experiment) -> f64 {
+    let error = |state: usize| known.model_error.iter().find(|(name, _)| *name == model.states[state].name);
+    let of = |(c, &state): (usize, &usize)| {
+        let own = error(state).map_or(0.0, |(_, rms)| rms.powi(2));
+        (own + known.material.powi(2) * variance(&column(experiment, c))) / experiment.noise[c].powi(2)
+    };
+    let sum: f64 = experiment.columns.iter().enumerate().map(of).sum();
     sum / experiment.columns.len() as f64
+}
+
+/// What was measured in a column, log after log.
+fn column(experiment: &Experiment, c: usize) -> Vec<f64> {
+    experiment.logs.iter().flat_map(|log| log.measured[c].iter().copied()).filter(|value| value.is_finite()).collect()
 }
 
 /// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one; and which they are.

@@ -22,7 +22,7 @@ use crate::error::Result;
 use crate::refine::{Experiment, Point};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use sums::{Block, floor_of_all, overall, reached, rms};
+use sums::{Block, floor_of_all, is_quiet, overall, reached, rms};
 
 /// Held-out rollouts of the nominal and of the corrected model.
 pub(crate) struct Verification {
@@ -50,6 +50,13 @@ impl Verification {
     /// Whether the floor is computed from the sensors' noise: it was not seen between runs.
     pub(crate) fn has_computed_floor(&self) -> bool {
         self.closure.floor_source == floor::SENSORS
+    }
+
+    /// Whether held-out rollouts of the nominal model miss by no more than noise does. Below a floor that its own starts have raised nothing
+    /// is quiet: it holds any cause.
+    pub(crate) fn is_quiet(&self) -> bool {
+        let errors = self.closure.before.zip(self.closure.floor);
+        errors.is_some_and(|errors| is_quiet(errors, self.has_computed_floor()))
     }
 
     /// The same where no cause is included: after is before, and nothing is closed.

@@ -19,7 +19,7 @@ use crate::diagnose::steps::verdict::verify::Verification;
 use crate::model::Model;
 use assemble::assemble;
 use decide::Decided;
-use small::of_an_integrator;
+pub(crate) use small::of_an_integrator;
 
 /// All that a report is made of.
 pub(crate) struct Found<'a> {

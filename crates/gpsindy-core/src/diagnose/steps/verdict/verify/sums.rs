@@ -1,5 +1,7 @@
 //! Sums: squared errors of held-out rollouts in blocks, and what they come to by column and over all.
 
+use crate::diagnose::limits::verify::{GROWN, QUIET};
+
 /// Squared errors of one block of a run, in units of the noise: sums and counts by column.
 #[derive(Clone)]
 pub(super) struct Block {
@@ -36,4 +38,10 @@ pub(super) fn floor_of_all(blocks: &[Block], floor: &[f64]) -> f64 {
     let squares: f64 = blocks.iter().flat_map(|b| b.count.iter().zip(floor)).map(|(n, f)| n * f * f).sum();
     let count: f64 = blocks.iter().flat_map(|b| b.count.iter()).sum();
     (squares / count).sqrt()
+}
+
+/// Whether an error before is that of noise, of which the floor was computed or seen.
+pub(super) fn is_quiet((before, floor): (f64, f64), is_computed: bool) -> bool {
+    let is_floor = floor <= GROWN || !is_computed;
+    before < (1.0 + QUIET) * floor && is_floor
 }

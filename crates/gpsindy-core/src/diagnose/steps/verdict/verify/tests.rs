@@ -184,3 +184,10 @@ fn a_slow_error_of_a_sensor_is_said_and_no_rollout_misses_by_more() {
     assert!(found.notes.iter().any(several), "{:?}", found.notes);
     assert!(closure.before.unwrap() < 1.3 * closure.floor.unwrap(), "{closure:?}");
 }
+
+#[test]
+fn nothing_is_quiet_below_a_floor_that_starts_have_raised() {
+    assert!(is_quiet((1.05, 1.0), true) && !is_quiet((1.5, 1.0), true));
+    // Of a friction whose rollouts may go anywhere; and runs that were seen to differ by as much.
+    assert!(!is_quiet((2.6, 171.0), true) && is_quiet((2.6, 3.0), false));
+}

@@ -2,7 +2,6 @@
 
 use crate::diagnose::catalogue::hypothesis::Hypothesis;
 use crate::diagnose::fit::contestant::Contestant;
-use crate::diagnose::limits::verify::{GROWN, QUIET};
 use crate::diagnose::limits::weigh::{
     COUNTS, CROWDING, DIFFERS, FEW, LEAST_REST, LIKELY, MANY, PART, REAL, REST_LEFT, TYPICAL, UNMEASURED,
 };
@@ -160,32 +159,16 @@ fn verdict(judged: &Judged, checks: &[Check], are_credible: bool, verification: 
     let closure = &verification.closure;
     let rescued = closure.before.is_none() && closure.after.is_some();
     let closed = if rescued { 1.0 } else { closure.closed.unwrap_or(0.0) };
-    let is_quiet =
-        closure.before.zip(closure.floor).is_some_and(|errors| is_quiet(errors, verification.has_computed_floor()));
-    let is_closed = closed >= PART || is_quiet || is_forced;
+    let is_closed = closed >= PART || verification.is_quiet() || is_forced;
     if checks.iter().all(|check| check.passed) && are_credible && !has_function && is_closed {
         return Verdict::Explained;
     }
     if closed >= PART || is_forced { Verdict::PartlyExplained } else { Verdict::Unexplained }
 }
 
-/// Whether held-out rollouts of the nominal model miss by no more than noise does. Below a floor that its own starts have raised nothing is
-/// quiet: it holds any cause.
-fn is_quiet((before, floor): (f64, f64), is_computed: bool) -> bool {
-    let is_floor = floor <= GROWN || !is_computed;
-    before < (1.0 + QUIET) * floor && is_floor
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn nothing_is_quiet_below_a_floor_that_starts_have_raised() {
-        assert!(is_quiet((1.05, 1.0), true) && !is_quiet((1.5, 1.0), true));
-        // Of a friction whose rollouts may go anywhere; and runs that were seen to differ by as much.
-        assert!(!is_quiet((2.6, 171.0), true) && is_quiet((2.6, 3.0), false));
-    }
 
     #[test]
     fn small_causes_need_not_be_sure_beside_one_that_is_and_explain_nothing_alone() {

@@ -3,7 +3,7 @@
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::AN_INTEGRATORS;
 
-/// One column of the nominal fit: what the causes explain of its residual, its motion, and by how much it moves in a sample, each a root mean
+/// One column of the nominal fit: what it leaves beyond noise, or beyond what the causes leave, its motion, and by how much it moves in a sample, each a root mean
 /// square.
 struct Column {
     gap: f64,
@@ -47,7 +47,7 @@ fn column((nominal, best): (&Contestant, &Contestant), c: usize) -> Column {
     let mean = sum / f64::max(count, 1.0);
     let variance = |fit: &Contestant| fit.evidence.colours[c].variance();
     Column {
-        gap: noise * (variance(nominal) - variance(best)).max(0.0).sqrt(),
+        gap: noise * (variance(nominal) - variance(best).min(1.0)).max(0.0).sqrt(),
         motion: (squares / f64::max(count, 1.0) - mean * mean).max(0.0).sqrt(),
         step: (moved / f64::max(steps, 1.0)).sqrt(),
     }
@@ -58,6 +58,7 @@ fn column((nominal, best): (&Contestant, &Contestant), c: usize) -> Column {
 mod tests {
     use crate::diagnose::fixture::drive;
     use crate::diagnose::notes::Note;
+    use crate::diagnose::report::Verdict;
     use crate::diagnose::{Diagnose, hold_out};
     use crate::progress::Silent;
 
@@ -77,5 +78,22 @@ mod tests {
         assert!(share.is_some_and(|share| (1e-7..1e-3).contains(&share)), "{share:?}");
         assert_eq!(stated(1.3, 1e-7), None);
         assert_eq!(stated(1.3, 2e-3), None);
+    }
+
+    #[test]
+    fn what_nothing_explains_and_no_held_out_rollout_shows_is_no_gap_where_an_integrator_leaves_it() {
+        let found = |k: f64, material: f64| {
+            let (model, data) = drive(None, |x| k * x, 7e-4, (4, 300));
+            let (train, holdout) = hold_out(&data).unwrap();
+            let effects = vec!["periodic_disturbance".into()];
+            let diagnose = Diagnose { effects, material, ..Diagnose::default() };
+            let found = diagnose.run(&model, &train, &holdout, &Silent).unwrap();
+            let is_noted = found.notes.iter().any(|note| matches!(note, Note::OfAnIntegrator { .. }));
+            (found.diagnosis.verdict, found.diagnosis.gap.detected, is_noted)
+        };
+        assert_eq!(found(1.0006, 0.0), (Verdict::NoGap, false, true));
+        // Too much for an integrator, unless the user does not mind.
+        assert_eq!(found(1.02, 0.0), (Verdict::Unexplained, true, false));
+        assert_eq!(found(1.02, 0.05), (Verdict::NoGap, false, false));
     }
 }
