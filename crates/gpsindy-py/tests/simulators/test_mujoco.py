@@ -41,6 +41,9 @@ def test_an_actuator_may_be_called_like_the_torque_of_a_joint():
         (HINGE, {"dof_frictionloss": 0.15}, "coulomb_friction", "hinge_torque", "hinge_vel"),
         (SERVO, {"actuator_gainprm": [[4.0] + [0.0] * 9], "actuator_biasprm": [[0.0, -4.0, -0.4] + [0.0] * 7]},
          "parameter_error", None, "drive.kp"),
+        # A motor that gives less than its servo asks for: no small change of its limit shows.
+        (SERVO.replace("<position ", '<position forcerange="-8 8" '), {"actuator_forcerange": [[-2.0, 2.0]]},
+         "parameter_error", None, "drive.forcerange"),
         # A base that leans by 3 degrees.
         (HINGE, {"opt.gravity": [0.51, 0.0, -9.79]}, "parameter_error", None, "gravity.x"),
     ],

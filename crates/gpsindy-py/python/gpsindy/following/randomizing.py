@@ -26,7 +26,7 @@ from gpsindy.parts import Parameter
 from gpsindy.stepper import seconds_late
 
 #: Attributes of joints, actuators and bodies that cannot be negative.
-_POSITIVE = re.compile(r"\.(frictionloss|damping|armature|stiffness|kp|kv|kd|mass)$")
+_POSITIVE = re.compile(r"\.(frictionloss|damping|armature|stiffness|kp|kv|kd|mass|forcerange|actuatorfrcrange)$")
 
 #: Least and longest time, s, for which a random force of ``FORCES`` stays: longer than a controller's step, far shorter than an episode.
 FORCE_HELD = (0.1, 0.5)

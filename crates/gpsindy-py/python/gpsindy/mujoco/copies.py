@@ -16,7 +16,7 @@ from gpsindy.mujoco._engine import batch, mujoco
 from gpsindy.mujoco.base import Base
 from gpsindy.mujoco.drivers import Drivers
 from gpsindy.mujoco.locks import Locks
-from gpsindy.mujoco.settings import AXES, OF_A_DOF, Setting
+from gpsindy.mujoco.settings import AXES, LIMITS, OF_A_DOF, Setting
 
 #: Components of a state, in the order in which the compiled part takes them.
 COMPONENTS = ("TIME", "QPOS", "QVEL", "ACT", "CTRL", "QFRC_APPLIED")
@@ -82,6 +82,9 @@ def _writes(model: Any, setting: Setting) -> list[dict[str, Any]]:
     if setting.attribute == "mass":
         mass, inertia = float(model.body_mass[setting.index]), model.body_inertia[setting.index]
         return [write("body_mass"), *(write("body_inertia", k, mass, float(inertia[k])) for k in range(3))]
+    if setting.attribute in LIMITS:
+        field = LIMITS[setting.attribute]
+        return [write(field, 0, value=-1.0), write(field, 1)]
     if setting.attribute in AXES:
         return [write("opt.gravity")]
     gain = [write("actuator_gainprm")] if setting.scale is None else []

@@ -11,7 +11,7 @@ from typing import Any
 
 from gpsindy.following import mjcf
 from gpsindy.mujoco._engine import mujoco
-from gpsindy.mujoco.settings import AXES, Setting, settings_of
+from gpsindy.mujoco.settings import AXES, LIMITS, Setting, settings_of
 from gpsindy.stepper import seconds_late
 
 #: Actuators whose element says a position servo's gain as ``kp``, a velocity servo's or a damping as ``kv``.
@@ -85,7 +85,7 @@ class Corrections:
         if setting.attribute in AXES:
             self._set_gravity(setting.index, value)
             return True
-        kind = {"kp": "actuator", "kv": "actuator", "mass": "body"}.get(setting.attribute, "joint")
+        kind = {"kp": "actuator", "kv": "actuator", "forcerange": "actuator", "mass": "body"}.get(setting.attribute, "joint")
         number = setting.index - 1 if kind == "body" else setting.index
         if kind == "joint" and self.text.named("freejoint"):
             number = self._joints.index(setting.index)
@@ -94,6 +94,8 @@ class Corrections:
             return False
         if setting.attribute == "mass":
             self._set_mass(element, setting, value / setting.value)
+        elif setting.attribute in LIMITS:
+            self._write(kind, setting, number, setting.attribute, f"{mjcf.number(-value)} {mjcf.number(value)}")
         elif element.tag == "general":
             place = 1 if setting.attribute == "kp" else 2
             gain = [float(v) for v in self._mj.actuator_gainprm[setting.index][:3]]

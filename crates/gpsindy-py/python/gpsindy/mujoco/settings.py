@@ -21,8 +21,9 @@ class Setting:
     ----------
     name : str
         ``JOINT.frictionloss``, ``JOINT.damping``, ``JOINT.armature``, ``JOINT.stiffness``, ``ACTUATOR.kp``,
-        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion); ``gravity.x`` and ``gravity.y``, how the
-        base is tilted; ``ACTUATOR.kp`` and ``ACTUATOR.kd`` of a driver.
+        ``ACTUATOR.kv`` or ``BODY.mass`` (the inertia follows the mass in proportion); ``ACTUATOR.forcerange`` and
+        ``JOINT.actuatorfrcrange``, limits alike to both sides; ``gravity.x`` and ``gravity.y``, how the base is tilted;
+        ``ACTUATOR.kp`` and ``ACTUATOR.kd`` of a driver.
     value : float
         In the nominal model.
     unit : str
@@ -98,6 +99,9 @@ def is_servo(m: Any, actuator: int) -> bool:
 #: Components of gravity.
 AXES = ("x", "y", "z")
 
+#: Limits of a force, and the fields that have them.
+LIMITS = {"forcerange": "actuator_forcerange", "actuatorfrcrange": "jnt_actfrcrange"}
+
 #: Numbers of a degree of freedom.
 OF_A_DOF = ("frictionloss", "damping", "armature")
 
@@ -122,7 +126,11 @@ def settings_of(m: Any, joints: Mapping[int, str], actuators: Sequence[str]) -> 
         of("armature", float(m.dof_armature[dof]), "kg m^2" if hinge else "kg", scale)
         if float(m.qpos_spring[m.jnt_qposadr[j]]) == 0.0:
             of("stiffness", float(first(m.jnt_stiffness[None])[0, j]), force if hinge else "N/m", scale)
+        if m.jnt_actfrclimited[j] and (most := _alike(m.jnt_actfrcrange[j])):
+            of("actuatorfrcrange", most, force, None)
     for a, actuator in enumerate(actuators):
+        if m.actuator_forcelimited[a] and (most := _alike(m.actuator_forcerange[a])):
+            found.append(Setting(f"{actuator}.forcerange", most, "", actuator, "forcerange", a, None))
         gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
         affine = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
         if is_servo(m, a):
@@ -136,15 +144,37 @@ def settings_of(m: Any, joints: Mapping[int, str], actuators: Sequence[str]) -> 
         if m.body_weldid[b] != 0 and m.body_mass[b] > 0:
             body = name_of(m, mujoco.mjtObj.mjOBJ_BODY, b)
             found.append(Setting(f"{body}.mass", float(m.body_mass[b]), "kg", body, "mass", b, None))
-    return found + _tilts(m)
+    return found + _tilts(m, list(joints))
 
 
-def _tilts(m: Any) -> list[Setting]:
-    """The components of gravity across its main one: a base that does not stand level has others."""
+def _alike(limits: Any) -> float | None:
+    """The limit to both sides, where they are alike."""
+    low, high = float(limits[0]), float(limits[1])
+    return high if low == -high and high > 0.0 else None
+
+
+def _tilts(m: Any, joints: Sequence[int]) -> list[Setting]:
+    """The components of gravity across its main one that move a joint: a base that does not stand level has others."""
     gravity = [float(g) for g in m.opt.gravity]
     size = float(np.linalg.norm(gravity))
-    if m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY or size == 0.0:
+    if not joints or m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY or size == 0.0:
         return []
     main = int(np.argmax(np.abs(gravity)))
-    across = [(axis, k) for k, axis in enumerate(AXES) if k != main]
+    across = [(axis, k) for k, axis in enumerate(AXES) if k != main and _pulls(m, joints, k, size)]
     return [Setting(f"gravity.{axis}", gravity[k], "m/s^2", "gravity", axis, k, size) for axis, k in across]
+
+
+def _pulls(m: Any, joints: Sequence[int], component: int, size: float) -> bool:
+    """Whether gravity along an axis pulls at a joint, somewhere."""
+    data, places, dofs = mujoco.MjData(m), m.jnt_qposadr[joints], m.jnt_dofadr[joints]
+    random, kept = np.random.default_rng(0), float(m.opt.gravity[component])
+    forces = []
+    for way in random.uniform(-1.0, 1.0, (3, len(joints))):
+        data.qpos[:] = m.qpos0
+        data.qpos[places] += way
+        for strength in (kept, kept + size):
+            m.opt.gravity[component] = strength
+            mujoco.mj_forward(m, data)
+            forces.append(data.qfrc_bias[dofs].copy())
+    m.opt.gravity[component] = kept
+    return bool(np.abs(np.diff(forces, axis=0)[::2]).max() > 1e-9 * np.abs(forces).max())
