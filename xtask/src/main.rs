@@ -101,18 +101,16 @@ fn format(how: &[&str]) -> Result<(), String> {
     shell::run("rustfmt", edition.chain(how.iter().copied()).chain(effects.iter().map(String::as_str)), &[])
 }
 
-/// Both parts. What the second one needs from the package index comes while the first one compiles; its wheel is built and its tests run beside
-/// the tests of the first one.
+/// Both parts. What the second one needs from the package index comes while the first one compiles. Then its tests run beside those of the first
+/// one, and while the unit tests of the core compile, which keep one core busy.
 fn test() -> Result<(), String> {
     let fetching = std::thread::spawn(python::fetch);
     format(&["--check"])?;
-    cargo_test(&["--tests", "--no-run"], &[])?;
+    cargo_test(&["--exclude", "gpsindy-core", "--tests", "--no-run"], &[])?;
     joined(fetching, "installs Python packages")?;
-    let python = std::thread::spawn(|| {
-        // Both ask for the same lock. Cargo has nothing left to build for the tests, and lets go of it within a second.
-        std::thread::sleep(std::time::Duration::from_secs(5));
-        python::test(&python::environment(CHECKS, &[])?)
-    });
+    // Cargo lets one at a time build: the wheel comes before the rest of the tests.
+    let environment = python::environment(CHECKS, &[])?;
+    let python = std::thread::spawn(move || python::test(&environment));
     // Side by side to their ends: neither alone keeps all cores busy, and who mends one wants to know of the other.
     match (tests(), joined(python, "tests the Python package")) {
         (Err(one), Err(other)) => Err(format!("{one}\n{other}")),
