@@ -24,7 +24,7 @@ from gpsindy.mujoco.corrections import Corrections
 from gpsindy.mujoco.drivers import Driver, Drivers
 from gpsindy.mujoco.loading import load
 from gpsindy.mujoco.locks import Locks
-from gpsindy.mujoco.settings import AXES, Setting, is_servo, joint_of, name_of, settings_of
+from gpsindy.mujoco.settings import AXES, OF_AN_ACTUATOR, Setting, is_servo, joint_of, name_of, settings_of
 from gpsindy.stepper import stepping_model
 
 __all__ = ["Driver", "Setting", "Simulator"]
@@ -178,7 +178,7 @@ class Simulator:
         late = {f"{name}.delay" for name, seconds in zip(self._actuators, self._late) if seconds > 0.0}
         of = {name: [s.name for s in self._settings if s.element == name] for name in {s.element for s in self._settings}}
         # Elements of different kinds may have one name.
-        gains = {"kp", "kv", "kd", "forcerange"}
+        gains = {*OF_AN_ACTUATOR, "kd"}
         actuators: list[_Part] = []
         for a in self._driven:
             actuator = self._actuators[a]
@@ -217,7 +217,7 @@ class Simulator:
     def _free(self, settings: Sequence[Setting]) -> list[Setting]:
         """Numbers that matter where some joints are locked: neither gains of their actuators nor masses that nothing else moves."""
         places = self._locks.places
-        gains = [s.attribute in ("kp", "kv", "forcerange") and s.index in self._locks.actuators for s in settings]
+        gains = [s.attribute in OF_AN_ACTUATOR and s.index in self._locks.actuators for s in settings]
         still = [bool(places) and s.attribute == "mass" and self._moved_by(s.index) == 0 for s in settings]
         # Which way is down is in the logs of a base whose orientation is logged.
         logged = [s.attribute in AXES and bool(self._base.columns) for s in settings]

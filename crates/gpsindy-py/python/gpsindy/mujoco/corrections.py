@@ -11,7 +11,7 @@ from typing import Any
 
 from gpsindy.following import mjcf
 from gpsindy.mujoco._engine import mujoco
-from gpsindy.mujoco.settings import AXES, LIMITS, Setting, settings_of
+from gpsindy.mujoco.settings import AXES, LIMITS, OF_AN_ACTUATOR, Setting, settings_of
 from gpsindy.stepper import seconds_late
 
 #: Actuators whose element says a position servo's gain as ``kp``, a velocity servo's or a damping as ``kv``.
@@ -85,7 +85,7 @@ class Corrections:
         if setting.attribute in AXES:
             self._set_gravity(setting.index, value)
             return True
-        kind = {"kp": "actuator", "kv": "actuator", "forcerange": "actuator", "mass": "body"}.get(setting.attribute, "joint")
+        kind = "actuator" if setting.attribute in OF_AN_ACTUATOR else "body" if setting.attribute == "mass" else "joint"
         number = setting.index - 1 if kind == "body" else setting.index
         if kind == "joint" and self.text.named("freejoint"):
             number = self._joints.index(setting.index)

@@ -102,6 +102,9 @@ AXES = ("x", "y", "z")
 #: Limits of a force, and the fields that have them.
 LIMITS = {"forcerange": "actuator_forcerange", "actuatorfrcrange": "jnt_actfrcrange"}
 
+#: Numbers of an actuator.
+OF_AN_ACTUATOR = ("kp", "kv", "forcerange")
+
 #: Numbers of a degree of freedom.
 OF_A_DOF = ("frictionloss", "damping", "armature")
 
