@@ -170,9 +170,9 @@ fn error_of(known: &Known<'_>, model: &Model, experiment: &Experiment) -> f64 {
     sum / experiment.columns.len() as f64
 }
 
-/// What was measured in a column, log after log.
+/// What was measured in a column, log after log, missing values included.
 fn column(experiment: &Experiment, c: usize) -> Vec<f64> {
-    experiment.logs.iter().flat_map(|log| log.measured[c].iter().copied()).filter(|value| value.is_finite()).collect()
+    experiment.logs.iter().flat_map(|log| log.measured[c].iter().copied()).collect()
 }
 
 /// The logs with wrapped angles unwrapped: columns of states that stay within a turn and jump by one; and which they are.

@@ -3,8 +3,8 @@
 use crate::diagnose::fit::contestant::Contestant;
 use crate::diagnose::limits::weigh::AN_INTEGRATORS;
 
-/// One column of the nominal fit: what it leaves beyond noise, or beyond what the causes leave, its motion, and by how much it moves in a sample, each a root mean
-/// square.
+/// One column of the nominal fit: what it leaves beyond noise, or beyond what the causes leave, its motion, and by how much it moves in a
+/// sample, each a root mean square.
 struct Column {
     gap: f64,
     motion: f64,
@@ -47,7 +47,8 @@ fn column((nominal, best): (&Contestant, &Contestant), c: usize) -> Column {
     let mean = sum / f64::max(count, 1.0);
     let variance = |fit: &Contestant| fit.evidence.colours[c].variance();
     Column {
-        gap: noise * (variance(nominal) - variance(best).min(1.0)).max(0.0).sqrt(),
+        // What is no number is not small.
+        gap: noise * (variance(nominal) - variance(best).min(1.0)).clamp(0.0, f64::INFINITY).sqrt(),
         motion: (squares / f64::max(count, 1.0) - mean * mean).max(0.0).sqrt(),
         step: (moved / f64::max(steps, 1.0)).sqrt(),
     }
